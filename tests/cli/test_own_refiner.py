@@ -14,7 +14,7 @@ from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.settings import Session
-from verefine_viz.recording import replay
+from verefine_viz.recording import rerun_viewer
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.refiners.registry import REFINERS, Identity
 from verefine_viz.session.files import resolve
@@ -128,8 +128,8 @@ def test_the_rerun_viewer_opens_it_and_one_line_says_where(
         def terminate(self) -> None: ...
 
     opened: list[list[str]] = []
-    monkeypatch.setattr(replay, "has_display", lambda: display)
-    monkeypatch.setattr(replay, "start_viewer", lambda arguments, env: opened.append(arguments) or Viewer())
+    monkeypatch.setattr(rerun_viewer, "has_display", lambda: display)
+    monkeypatch.setattr(rerun_viewer, "start_viewer", lambda arguments, env: opened.append(arguments) or Viewer())
     assert cli.main(["replay", str(recording)]) == 0
     ((file, *options),) = opened
     assert file == str(recording)

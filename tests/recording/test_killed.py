@@ -14,7 +14,7 @@ from verefine_viz.recording.entities import CURVES, LOSSLESS
 from verefine_viz.recording.lossless_log import as_recorded, read_journal
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recording_file import chunks_of, journal_path, part_path
-from verefine_viz.recording.replay import completed
+from verefine_viz.recording.rerun_viewer import completed
 from verefine_viz.recording.verify import first_difference
 
 pytestmark = pytest.mark.usefixtures("processes")

@@ -22,7 +22,6 @@ from verefine_viz.recording import recorder
 from verefine_viz.recording.lossless_log import Entry
 from verefine_viz.recording.reader import Recorded, read_recording
 from verefine_viz.recording.recording_file import part_path
-from verefine_viz.recording.rerun_viewer import free_port
 from verefine_viz.recording.verify import Verification, run_again, verify
 from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
@@ -163,10 +162,9 @@ def test_a_recording_that_was_cut_is_said_to_end_early(tmp_path_factory: pytest.
         assert found.in_words.startswith("ended early")
 
 
-@pytest.mark.parametrize("is_live", [False, True])
-def test_a_recording_that_was_cut_where_a_message_ends_is_said_to_end_early(tmp_path: Path, is_live: bool) -> None:
+def test_a_recording_that_was_cut_where_a_message_ends_is_said_to_end_early(tmp_path: Path) -> None:
     s, problem = session(maps=False, iterations=3), box_problem(3, 2)
-    writer = recorder.Recorder(tmp_path / "run.rrd", s, problem, live_port=free_port() if is_live else None, block=3)
+    writer = recorder.Recorder(tmp_path / "run.rrd", s, problem, block=3)
     new_run(s, problem, (writer,)).finish()
     content = (tmp_path / "run.rrd").read_bytes()
     ends = [end for end in ends_of_messages(content) if end < 0.98 * len(content)]

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from verefine_viz.pictures.answers import HEIGHT_PX, WIDTH_PX, Pictures, data_uri
 from verefine_viz.report import failure_cards as gallery
 from verefine_viz.report.failure_cards import ScoreCurve
-from verefine_viz.report.pictures import HEIGHT_PX, WIDTH_PX, Pictures, data_uri
 
 GONE = {"title": "Gone", "scene": {"source": "bop", "dataset": "/nowhere/at/all"}}
 """A session whose data set is not there any more."""

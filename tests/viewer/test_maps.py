@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from tests.fakes import FakeVerifier, box_problem
 from verefine_viz.core.palette import CLASS_COLORS, EMPTY
-from verefine_viz.viewer.commands import MAP_NAMES
-from verefine_viz.viewer.drawing.score_maps import Crop, crop_around, map_image, map_over, png, scale_of
+from verefine_viz.core.scores import MAP_NAMES, MapName
+from verefine_viz.viewer.drawing.score_maps import Crop, crop_around, map_over, png, scales_for
 from verefine_viz.viewer.scene3d.frame_nodes import clicked_pixel, cloud_colors, cloud_of
 from verefine_viz.viewer.snapshot.snapshot import probe
 
@@ -20,36 +20,37 @@ PROBLEM = box_problem()
 TARGET = PROBLEM.targets[0]
 MAPS = FakeVerifier().maps(TARGET, np.asarray(TARGET.instance.T_cam_obj_gt))
 TAU_M = 0.02
+WHOLE = Crop(0, 0, 80, 60)
 V, U = (int(x) for x in np.argwhere(TARGET.instance.mask).mean(axis=0))
 
 
 @pytest.mark.parametrize("name", MAP_NAMES)
-def test_a_part_of_a_map_is_that_part_of_the_whole(name: str) -> None:
-    whole = map_image(name, MAPS, TARGET, TAU_M)  # type: ignore[arg-type]
+def test_a_part_of_a_map_is_that_part_of_the_whole(name: MapName) -> None:
+    whole = WHOLE.images(MAPS, TARGET, TAU_M).rgb(name)
     crop = Crop(10, 5, 50, 45)
     assert whole.shape == (60, 80, 3)
-    assert np.array_equal(map_image(name, MAPS, TARGET, TAU_M, crop), whole[5:45, 10:50])  # type: ignore[arg-type]
+    assert np.array_equal(crop.images(MAPS, TARGET, TAU_M).rgb(name), whole[5:45, 10:50])
 
 
 @pytest.mark.parametrize("name", MAP_NAMES)
-def test_over_a_photo_a_map_hides_what_belongs_to_the_score_and_nothing_else(name: str) -> None:
+def test_over_a_photo_a_map_hides_what_belongs_to_the_score_and_nothing_else(name: MapName) -> None:
     photo = np.random.default_rng(0).integers(0, 256, (60, 80, 3), np.uint8)
     for maps in (MAPS, replace(MAPS, classes=np.zeros_like(MAPS.classes))):
-        whole = map_image(name, maps, TARGET, TAU_M)  # type: ignore[arg-type]
-        shown = map_over(photo, name, maps, TARGET, TAU_M)  # type: ignore[arg-type]
+        whole = WHOLE.images(maps, TARGET, TAU_M).rgb(name)
+        shown = map_over(photo, name, maps, TARGET, TAU_M)
         assert np.array_equal(shown, np.where((maps.classes > 0)[..., None], whole, photo))
 
 
 def test_scales_depend_on_the_frame_only() -> None:
-    for name in MAP_NAMES:
-        assert scale_of(name, TARGET, TAU_M) == scale_of(name, TARGET, TAU_M)
-    difference = scale_of("difference", TARGET, TAU_M)
-    assert difference is not None
+    scales = scales_for(TARGET, TAU_M)
+    assert scales == scales_for(TARGET, TAU_M)
+    assert scales.keys() == set(MAP_NAMES) - {"classes"}
+    difference = scales["difference"]
     assert (difference.low, difference.high, difference.unit) == (-40.0, 40.0, "mm")
 
 
 def test_classes_have_their_own_colours_and_nothing_else() -> None:
-    image = map_image("classes", MAPS, TARGET, TAU_M)
+    image = WHOLE.images(MAPS, TARGET, TAU_M).rgb("classes")
     assert tuple(image[V, U]) == CLASS_COLORS["explained"]
     assert tuple(image[0, 0]) == EMPTY
 

@@ -85,7 +85,7 @@ def _verify(recording: Path) -> int:
 
 
 def _open(recording: Path) -> int:
-    from verefine_viz.recording.replay import open_viewer
+    from verefine_viz.recording.rerun_viewer import open_viewer
 
     viewer = open_viewer(recording)
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ leaves it empty or puts it behind what was observed. protruding: the pose puts s
 outside the mask onto another surface. hidden: something nearer stands in front, outside the mask or known from placed
 objects. unknown: rendered, but nothing was measured there.
 """
+MapName = Literal["observed", "rendered", "difference", "angle", "f_d", "f_n", "classes"]
+"""What is shown of the pixels: the sensor's depth, and what :class:`ScoreMaps` holds."""
+MAP_NAMES: tuple[MapName, ...] = get_args(MapName)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,6 @@ from typing import Any
 import fast_simplification
 import numpy as np
 import rerun as rr
-from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
@@ -21,7 +20,7 @@ from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.palette import ARM_COLORS, OBJECT_COLORS, RGB, STAGE_COLORS
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.recording import entities
-from verefine_viz.recording.layout import Layout, world_from_camera
+from verefine_viz.recording.recorded_layout import Layout, world_from_camera
 from verefine_viz.recording.recording_file import RecordingFile
 
 CLOUD_POINTS, CLOUD_POINTS_WITH_PICTURES = 3_000, 20_000
@@ -36,7 +35,7 @@ GHOST_FACES = 300
 STAGE_ALPHA = {"current": 110, "simulated": 150, "mixed": 90, "refined": 170, "best": 230, "placed": 200}
 STAGE_ALPHA |= {"incumbent": 255}
 GHOST_ALPHA = 35
-TRUTH_ALPHA = 60
+GROUND_TRUTH_ALPHA = 60
 
 
 def log_background(file: RecordingFile, problem: Problem, layout: Layout, pictures: bool) -> None:
@@ -75,17 +74,17 @@ def log_background(file: RecordingFile, problem: Problem, layout: Layout, pictur
 def _log_object(file: RecordingFile, target: Target, branch: str, own: RGB | None) -> None:
     """An object's meshes; ``own`` is its colour in a scene of several."""
     n_faces = DRAWN_FACES if own is None else DRAWN_FACES_IN_SCENE
-    looks = {stage: STAGE_COLORS[stage] for stage in entities.DRAWN_STAGES}
+    colors = {stage: STAGE_COLORS[stage] for stage in entities.DRAWN_STAGES}
     if own is not None:
-        looks |= {"placed": own, "incumbent": own}
-    for stage, color in looks.items():
+        colors |= {"placed": own, "incumbent": own}
+    for stage, color in colors.items():
         mesh = _mesh(target.model, n_faces, color, STAGE_ALPHA[stage])
         file.log(entities.stage(branch, stage), mesh, rr.CoordinateFrame(entities.stage_frame(branch, stage)))
     if target.instance.hypotheses:
         file.log(entities.hypotheses(branch), _ghosts(target))
     T_gt = target.instance.T_cam_obj_gt
     if T_gt is not None:
-        mesh = _mesh(target.model, n_faces, STAGE_COLORS["ground truth"], TRUTH_ALPHA)
+        mesh = _mesh(target.model, n_faces, STAGE_COLORS["ground truth"], GROUND_TRUTH_ALPHA)
         file.log(entities.ground_truth(branch), mesh, _transform(T_gt))
 
 
@@ -94,7 +93,7 @@ def _transform(T: Float) -> rr.Transform3D:
 
 
 def _ghosts(target: Target) -> rr.Mesh3D:
-    """All initial hypotheses as one mesh, each in its arm's colour: an entity for each would cost 6 kB a piece."""
+    """All initial hypotheses as one mesh, each in its arm's colour: an entity for each would cost 6 kB."""
     vertices, faces, normals = _simplified(target.model, GHOST_FACES)
     Ts = np.array([h.T_cam_obj for h in target.instance.hypotheses], np.float32)
     n, turned = len(Ts), Ts[:, :3, :3].transpose(0, 2, 1)
@@ -168,78 +167,38 @@ def _depth_range(depth: NDArray[np.uint16]) -> tuple[float, float]:
 
 
 def _cloud(observation: Observation, near_m: float, n_points: int) -> rr.Points3D:
+    """Of every ``step``-th pixel of the objects, every ``AROUND``-th of those around them, and then of every
+    ``SPARSE_PX``-th of the whole image.
+    """
     mask = observation.object_mask
     if not mask.any():
         mask = np.ones_like(mask)
-    window = _around_objects(mask)
+    top, bottom, left, right = _around_objects(mask)
     step = math.ceil(math.sqrt(np.count_nonzero(mask) / n_points))
-    rgb = _NO_COLORS if observation.rgb is None else observation.rgb
-    # Far background would only shrink what matters when the view is fitted.
-    camera, far_m = observation.camera, np.float32(2.5 * near_m)
-    points, colors = _points(
-        observation.depth_m, rgb, mask, camera.fx, camera.fy, camera.cx, camera.cy, far_m, window, step
-    )
-    return rr.Points3D(points, colors=colors, radii=0.0012)
-
-
-_NO_COLORS = np.zeros((0, 0, 3), np.uint8)
-
-
-@njit(cache=True)
-def _points(
-    depth_m: NDArray[np.float32],
-    rgb: NDArray[np.uint8],
-    mask: Mask,
-    fx: float,
-    fy: float,
-    cx: float,
-    cy: float,
-    far_m: np.float32,
-    window: tuple[int, int, int, int],
-    step: int,
-) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """Points (n, 3) nearer than ``far_m``, and their colours (n,) as rerun keeps them.
-
-    Of every ``step``-th pixel of the objects, every ``AROUND``-th of those in the window (rows, then columns), then of
-    every ``SPARSE_PX``-th of the whole image.
-    """
-    h, w = depth_m.shape
-    v0, v1, u0, u1 = window
     around = AROUND * step
-    sparse = max(SPARSE_PX, around)
-    most = ((v1 - v0) // step + 1) * ((u1 - u0) // step + 1) + (h // sparse + 1) * (w // sparse + 1)
-    points, colors = np.empty((most, 3), np.float32), np.empty(most, np.uint32)
-    n = 0
-    for top, bottom, left, right, every in ((v0, v1, u0, u1, step), (0, h, 0, w, sparse)):
-        for v in range(top, bottom, every):
-            for u in range(left, right, every):
-                if every == step and not mask[v, u] and ((v - v0) % around or (u - u0) % around):
-                    continue
-                z = depth_m[v, u]
-                if not 0 < z < far_m:
-                    continue
-                points[n, 0] = np.float32((u - cx) / fx) * z
-                points[n, 1] = np.float32((v - cy) / fy) * z
-                points[n, 2] = z
-                r, g, b = (rgb[v, u, 0], rgb[v, u, 1], rgb[v, u, 2]) if rgb.size else (150, 150, 150)
-                colors[n] = r << 24 | g << 16 | b << 8 | 255
-                n += 1
-    return points[:n], colors[:n]
+    dense, sparse = np.zeros_like(mask), np.zeros_like(mask)
+    dense[top:bottom:step, left:right:step] = mask[top:bottom:step, left:right:step]
+    dense[top:bottom:around, left:right:around] = True
+    sparse[:: max(SPARSE_PX, around), :: max(SPARSE_PX, around)] = True
+    rows, columns = np.hstack([np.nonzero(dense), np.nonzero(sparse)])
+    z = observation.depth_m[rows, columns]
+    # Far background would only shrink what matters when the view is fitted.
+    is_near = (z > 0) & (z < np.float32(2.5 * near_m))
+    rows, columns, z = rows[is_near], columns[is_near], z[is_near]
+    camera = observation.camera
+    x, y = ((columns - camera.cx) / camera.fx).astype(np.float32), ((rows - camera.cy) / camera.fy).astype(np.float32)
+    grey = np.full((len(z), 3), 150, np.uint8)
+    colors = grey if observation.rgb is None else observation.rgb[rows, columns]
+    return rr.Points3D(np.stack([x * z, y * z, z], axis=1), colors=colors, radii=0.0012)
 
 
 def _around_objects(mask: Mask) -> tuple[int, int, int, int]:
-    """First and last row and column (exclusive) of the objects and half as much around them."""
-    rows, across = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    """First and last row and column (exclusive) of a mask that is not empty, and half as much around it."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     h, w = mask.shape
-    if len(rows) == 0:
-        return 0, h, 0, w
-    margin = int(max(rows[-1] - rows[0], across[-1] - across[0]) // 2) + 8
-    return (
-        max(int(rows[0]) - margin, 0),
-        min(int(rows[-1]) + margin, h),
-        max(int(across[0]) - margin, 0),
-        min(int(across[-1]) + margin, w),
-    )
+    margin = int(max(rows[-1] - rows[0], columns[-1] - columns[0]) // 2) + 8
+    top, bottom = max(int(rows[0]) - margin, 0), min(int(rows[-1]) + margin, h)
+    return top, bottom, max(int(columns[0]) - margin, 0), min(int(columns[-1]) + margin, w)
 
 
 def _depth_m(T_world_cam: Float, point_world: tuple[float, float, float]) -> float:

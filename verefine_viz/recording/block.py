@@ -1,18 +1,17 @@
-"""Iterations that follow one another, and the numbers of all of them as arrays: made at once, they cost a fraction."""
+"""Iterations that follow one another, and the numbers of all of them as arrays."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import cached_property, lru_cache
-from itertools import accumulate
+from functools import cached_property
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.records import Contacts, Iteration, Stage, StageName
+from verefine_viz.core.records import Contacts, Iteration, Stage
 from verefine_viz.recording.lossless_log import NO_CONTACTS, Entry
 
 
@@ -24,23 +23,22 @@ class Block:
         self.entries = entries
         self.iterations = [entry.iteration for entry in entries]
         self.indices = [i.index for i in self.iterations]
-        self.names = [tuple([stage.name for stage in i.stages]) for i in self.iterations]
-        """(n,) of each iteration's poses."""
-        self.n_stages = list(map(len, self.names))
-        self.firsts = list(accumulate(self.n_stages[:-1], initial=0))
+        self.stages = [stage for i in self.iterations for stage in i.stages]
+        """(s,)."""
+        self.n_stages = [len(i.stages) for i in self.iterations]
+        self._firsts = np.cumsum([0, *self.n_stages[:-1]])
         """(n,) where each iteration's poses begin."""
-        poses = np.concatenate([stage.T_cam_obj for i in self.iterations for stage in i.stages])
-        self.Ts_cam_obj: Float = poses.reshape(-1, 4, 4)
+        self.Ts_cam_obj = np.array([stage.T_cam_obj for stage in self.stages])
         """(s, 4, 4) [m]."""
-        self.moved_mm, self.turned_deg = _ways(
-            self.Ts_cam_obj, np.repeat(self.firsts, self.n_stages), np.arange(len(self.Ts_cam_obj))
+        self._moved_mm, self._turned_deg = _motions(
+            self.Ts_cam_obj, np.repeat(self._firsts, self.n_stages), np.arange(len(self.stages))
         )
         """(s,) how far each pose is from the first of its iteration: origins, angle."""
 
-    def ways(self) -> Iterator[tuple[list[float], list[float]]]:
-        """``moved_mm`` and ``turned_deg`` of each iteration."""
-        moved_mm, turned_deg = self.moved_mm.tolist(), self.turned_deg.tolist()
-        for first, n in zip(self.firsts, self.n_stages, strict=True):
+    def motions(self) -> Iterator[tuple[list[float], list[float]]]:
+        """How far the stages of each iteration are from its first: origins [mm], angle [°]."""
+        moved_mm, turned_deg = self._moved_mm.tolist(), self._turned_deg.tolist()
+        for first, n in zip(self._firsts.tolist(), self.n_stages, strict=True):
             yield moved_mm[first : first + n], turned_deg[first : first + n]
 
     def own(self, instance_id: int) -> list[int]:
@@ -56,11 +54,11 @@ class Block:
     @cached_property
     def physics(self) -> Float:
         """(n, 6) moved [mm] and turned [°] by simulation and by refiner, contacts, deepest penetration [mm]."""
-        simulated, mixed, refined = np.array(self.firsts) + np.array([_places(names) for names in self.names]).T
+        simulated, mixed, refined = self._firsts + np.array([_simulator_and_refiner(i) for i in self.iterations]).T
         contacts = [last_contacts(i) for i in self.iterations]
         out = np.empty((len(self.iterations), 6))
-        out[:, 0], out[:, 1] = self.moved_mm[simulated], self.turned_deg[simulated]
-        out[:, 2], out[:, 3] = _ways(self.Ts_cam_obj, mixed, refined)
+        out[:, 0], out[:, 1] = self._moved_mm[simulated], self._turned_deg[simulated]
+        out[:, 2], out[:, 3] = _motions(self.Ts_cam_obj, mixed, refined)
         out[:, 4] = [len(c.depths_m) for c in contacts]
         out[:, 5] = [1e3 * max([0.0, *c.depths_m.tolist()]) for c in contacts]
         return out
@@ -82,12 +80,11 @@ def last_contacts(iteration: Iteration) -> Contacts:
     return path.contacts[-1] if path is not None and path.contacts else NO_CONTACTS
 
 
-@lru_cache(maxsize=64)
-def _places(names: tuple[StageName, ...]) -> tuple[int, int, int]:
+def _simulator_and_refiner(iteration: Iteration) -> tuple[int, int, int]:
     """Which of an iteration's poses the simulation came to, the refiner began with and came to; where one of them did
-    not work, what was there before.
+    not work, the pose before.
     """
-    at = {name: k for k, name in enumerate(names)}
+    at = {stage.name: k for k, stage in enumerate(iteration.stages)}
     mixed = at.get("mixed", 0)
     return at.get("simulated", 0), mixed, at.get("refined", mixed)
 
@@ -99,7 +96,7 @@ def _fits(stage: Stage | None) -> tuple[float, float]:
 
 
 @njit(cache=True)
-def _ways(Ts: Float, starts: NDArray[np.int64], ends: NDArray[np.int64]) -> tuple[Float, Float]:
+def _motions(Ts: Float, starts: NDArray[np.int64], ends: NDArray[np.int64]) -> tuple[Float, Float]:
     """From pose ``starts[k]`` to pose ``ends[k]``: mm between the origins, degrees."""
     moved_mm, turned_deg = np.empty(len(starts)), np.empty(len(starts))
     for k in range(len(starts)):

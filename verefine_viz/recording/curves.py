@@ -8,11 +8,11 @@ import numpy as np
 import rerun as rr
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.palette import ARM_COLORS, OBJECT_COLORS, RGB, STAGE_COLORS
+from verefine_viz.core.palette import ARM_COLORS, RGB, STAGE_COLORS
 from verefine_viz.core.records import Iteration
 from verefine_viz.recording import entities
 from verefine_viz.recording.block import Block
-from verefine_viz.recording.layout import Branch, Layout
+from verefine_viz.recording.recorded_layout import Branch, Layout
 from verefine_viz.recording.recording_file import RecordingFile
 
 _GREY: RGB = (150, 150, 150)
@@ -28,7 +28,7 @@ def log_styles(file: RecordingFile, branch: Branch) -> None:
     colors = [ARM_COLORS[j % len(ARM_COLORS)] for j in range(branch.n_arms)]
     simulated, refined = STAGE_COLORS["simulated"], STAGE_COLORS["refined"]
     pairs = [simulated, _darker(simulated), refined, _darker(refined)]
-    looks: dict[str, tuple[list[str], list[RGB]]] = {
+    styles: dict[str, tuple[list[str], list[RGB]]] = {
         "score": ([*arms, "best"], [*colors, STAGE_COLORS["best"]]),
         "ucb": (arms, colors),
         "pulls": (arms, colors),
@@ -36,9 +36,10 @@ def log_styles(file: RecordingFile, branch: Branch) -> None:
         "physics": (_PHYSICS, [*pairs, _GREY, (220, 50, 47)]),
     }
     if branch.has_truth:
-        names = ["rotation of the kept pose [°]", "translation of the kept pose [mm]", "ADD(-S) of the best pose [mm]"]
-        looks["error"] = (names, [_PURPLE, _GREY, STAGE_COLORS["best"]])
-    for group, (names, colours) in looks.items():
+        names = ["rotation of the accepted pose [°]", "translation of the accepted pose [mm]"]
+        names.append("ADD(-S) of the best pose [mm]")
+        styles["error"] = (names, [_PURPLE, _GREY, STAGE_COLORS["best"]])
+    for group, (names, colours) in styles.items():
         widths = [2.5 if name == "best" else 1.5 for name in names]
         holds = group in ("score", "ucb", "pulls")
         file.log(entities.curve(group, branch.name), _lines(names, colours, widths, holds))
@@ -46,8 +47,8 @@ def log_styles(file: RecordingFile, branch: Branch) -> None:
 
 def log_scene_styles(file: RecordingFile, layout: Layout) -> None:
     """Names and colours of the curves of a scene."""
-    for k, branch in enumerate(layout.branches):
-        own = _lines([branch.name], [OBJECT_COLORS[k % len(OBJECT_COLORS)]], [2.0])
+    for branch in layout.branches:
+        own = _lines([branch.name], [layout.colors[branch.instance_id]], [2.0])
         for group in ("best", "add_s"):
             file.log(entities.curve(group, branch.name), own)
         # Clusters have curves of their own, called after their first object.
@@ -112,7 +113,6 @@ def send_scene_curves(file: RecordingFile, layout: Layout, block: Block) -> None
 
 def _send_per_cluster(file: RecordingFile, group: str, layout: Layout, iterations: Sequence[Iteration]) -> None:
     rows: dict[str, tuple[list[int], list[list[float]]]] = {}
-    names = {b.instance_id: b.name for b in layout.branches}
     for iteration in iterations:
         scene, tree = iteration.scene, iteration.tree
         if group == "scene" and scene is not None:
@@ -123,7 +123,7 @@ def _send_per_cluster(file: RecordingFile, group: str, layout: Layout, iteration
         else:
             continue
         first = min((p.instance_id for p in poses), default=iteration.instance_id)
-        indices, numbers = rows.setdefault(names[first], ([], []))
+        indices, numbers = rows.setdefault(layout.branch(first).name, ([], []))
         indices.append(iteration.index)
         numbers.append(values)
     for name, (indices, numbers) in rows.items():

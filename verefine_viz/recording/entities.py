@@ -1,4 +1,4 @@
-"""Where things are in a recording: entity paths and frame names, each written here once.
+"""Entity paths and frame names of a recording, each written here once.
 
 Everything below :data:`SCENE` is in the camera frame; its parent is the world (+z up). Every object has its own branch,
 named by instance and model, so that a frame with two mugs has ``1_mug`` and ``4_mug``.
@@ -45,11 +45,11 @@ WORKED_ON = ("current", "simulated", "mixed", "refined")
 DRAWN_STAGES = (*WORKED_ON, "best")
 """Poses of an object that are drawn where no other plays a part."""
 IN_SCENE = ("placed", "incumbent")
-"""More in a scene: where it stands while others are worked on, and where it is in the best scene ever seen."""
+"""More in a scene: where it stands while others are worked on, and its pose in the best scene so far."""
 
 
 def branch(instance: Instance, problem: Problem) -> str:
-    """The name of an object's branch: ``3_mug``; letters, digits, ``_`` and ``-`` only, whatever the data say."""
+    """The name of an object's branch: ``3_mug``; letters, digits, ``_`` and ``-`` only."""
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", problem.models[instance.obj_id].name).strip("_")[:40]
     return f"{instance.instance_id}_{name or 'object'}"
 
@@ -75,7 +75,7 @@ def hypotheses(branch_name: str) -> str:
 
 
 def ground_truth(branch_name: str) -> str:
-    """The mesh of an object at its true pose."""
+    """The mesh of an object at its ground truth."""
     return f"{OBJECTS}/{branch_name}/ground_truth"
 
 

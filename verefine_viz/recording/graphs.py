@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 
 import rerun as rr
 
-from verefine_viz.core.palette import OBJECT_COLORS, RGB
+from verefine_viz.core.palette import RGB
 from verefine_viz.core.problem import DependencyGraph, Edge, EdgeKind
-from verefine_viz.core.records import Iteration, TreeStep
+from verefine_viz.core.records import Iteration
+from verefine_viz.pictures.visited_tree import ROOT, GrowingTree, Node
 from verefine_viz.recording import entities
-from verefine_viz.recording.layout import Layout
+from verefine_viz.recording.iteration_text import plain
+from verefine_viz.recording.recorded_layout import Layout
 from verefine_viz.recording.recording_file import RecordingFile
-from verefine_viz.recording.wording import plain
 
 NODE_WIDTH = 210.0
 """What a node with its label takes from left to right."""
-VERBS: Mapping[EdgeKind, str] = {"contact": "may touch", "occlusion": "hides", "support": "carries"}
+VERBS: Mapping[EdgeKind, str] = {"contact": "may touch", "occlusion": "hides", "support": "supports"}
 BESIDE, DEEPER = 34.0, 290.0
 """In a tree: between neighbouring leaves, one below the other, and from a node to its children, to the right."""
 ROOT_COLOR: RGB = (150, 150, 150)
@@ -28,15 +28,14 @@ ON_BRANCH: RGB = (255, 255, 255)
 def log_dependencies(file: RecordingFile, graph: DependencyGraph, layout: Layout) -> None:
     """Nodes, edges and evidence; static."""
     names = {b.instance_id: b.name for b in layout.branches}
-    colors = {b.instance_id: OBJECT_COLORS[k % len(OBJECT_COLORS)] for k, b in enumerate(layout.branches)}
-    place = {i: n for n, i in enumerate(graph.order, start=1)}
+    rank = {i: n for n, i in enumerate(graph.order, start=1)}
     known = [i for i in graph.order if i in names]
     nodes = rr.GraphNodes(
         node_ids=[names[i] for i in known],
-        labels=[f"{place[i]}. {names[i]} (cluster {graph.cluster_of(i) + 1})" for i in known],
-        colors=[colors[i] for i in known],
+        labels=[f"{rank[i]}. {names[i]} (cluster {graph.cluster_of(i) + 1})" for i in known],
+        colors=[layout.colors[i] for i in known],
         radii=[12.0] * len(known),
-        positions=_ring_places([[i for i in cluster if i in names] for cluster in graph.clusters]),
+        positions=_ring_positions([[i for i in cluster if i in names] for cluster in graph.clusters]),
     )
     pairs = [
         pair
@@ -49,22 +48,24 @@ def log_dependencies(file: RecordingFile, graph: DependencyGraph, layout: Layout
     file.log(entities.EVIDENCE, rr.TextDocument(_evidence(graph, names), media_type="text/markdown"))
 
 
-def _ring_places(clusters: Sequence[Sequence[int]]) -> list[tuple[float, float]]:
+def _ring_positions(clusters: Sequence[Sequence[int]]) -> list[tuple[float, float]]:
     """Clusters in rows and columns, each a ring in which the order goes round from the top: no edge of a cluster then
     runs through a third node.
     """
-    across, down = (NODE_WIDTH * max(2.0, math.sqrt(max(map(len, clusters), default=1))) * f for f in (1.0, 0.6))
+    largest = max(map(len, clusters), default=1)
+    across, down = (NODE_WIDTH * max(2.0, math.sqrt(largest)) * f for f in (1.0, 0.6))
     n_columns = math.ceil(math.sqrt(len(clusters)))
-    places: list[tuple[float, float]] = []
+    positions: list[tuple[float, float]] = []
     for k, cluster in enumerate(clusters):
         x, y, n = across * (k % n_columns), down * (k // n_columns), len(cluster)
+        radius = 0.35 * across if n > 1 else 0.0
         for angle in (2 * math.pi * j / n for j in range(n)):
-            places.append((x + (0.35 * across * math.sin(angle) if n > 1 else 0.0), y - 0.35 * down * math.cos(angle)))
-    return places
+            positions.append((x + radius * math.sin(angle), y - 0.35 * down * math.cos(angle)))
+    return positions
 
 
 def _arrows(edge: Edge, names: Mapping[int, str]) -> list[tuple[str, str]]:
-    """From the object that carries or hides to the other; both ways where they only may touch."""
+    """From the object that supports or hides to the other; both ways where they only may touch."""
     first, second = names[edge.first], names[edge.second]
     return [(first, second), (second, first)] if edge.kind == "contact" else [(first, second)]
 
@@ -78,11 +79,11 @@ def _evidence(graph: DependencyGraph, names: Mapping[int, str]) -> str:
     lines = [f"## Order ({graph.source})"]
     for k, cluster in enumerate(graph.clusters, start=1):
         lines.append(f"{k}. {' → '.join(name(i) for i in cluster)}")
-    carried = [c for c in graph.support_lists if len(c) > 1]
-    if carried:
+    stacks = [c for c in graph.support_lists if len(c) > 1]
+    if stacks:
         lines.append("\n## Stacks")
-        lines += [f"- {name(base)} carries {', '.join(name(i) for i in rest)}" for base, *rest in carried]
-    lines.append("\n## Evidence\n| | | | how one can tell | |\n|-|-|-|-|-|")
+        lines += [f"- {name(base)} supports {', '.join(name(i) for i in rest)}" for base, *rest in stacks]
+    lines.append("\n## Evidence\n| | | | evidence | |\n|-|-|-|-|-|")
     for e in graph.edges:
         state = "" if e.state == "used" else f"**{e.state}**"
         lines[-1] += f"\n| {name(e.first)} | {VERBS[e.kind]} | {name(e.second)} | {plain(e.evidence)} | {state} |"
@@ -90,99 +91,64 @@ def _evidence(graph: DependencyGraph, names: Mapping[int, str]) -> str:
     return "\n".join(lines)
 
 
-@dataclass
-class _Node:
-    parent: int
-    instance_id: int
-    arm: int
-    depth: int
-    visits: int = 0
-    cost_px: float = 0.0
-    children: list[int] = field(default_factory=list)
-
-
-class Tree:
-    """Adds up the steps; each iteration is drawn as the whole tree it left."""
+class TreeGraphs:
+    """The search trees as they grow; each iteration is drawn as the whole tree it left."""
 
     def __init__(self, layout: Layout) -> None:
-        self._names = {b.instance_id: b.name for b in layout.branches}
-        self._colors = {b.instance_id: OBJECT_COLORS[k % 10] for k, b in enumerate(layout.branches)}
-        self._clusters: dict[int, dict[int, _Node]] = {}
-
-    def add(self, step: TreeStep) -> None:
-        """Takes the next step."""
-        nodes = self._clusters.setdefault(step.cluster, {0: _Node(-1, -1, -1, 0)})
-        if step.node is not None and step.node.node not in nodes:
-            parent = nodes[step.node.parent]
-            nodes[step.node.node] = _Node(step.node.parent, step.node.instance_id, step.node.arm, parent.depth + 1)
-            parent.children.append(step.node.node)
-        for n in step.branch:
-            nodes[n].visits += 1
-            nodes[n].cost_px += step.cost_px
+        self._layout = layout
+        self._by_cluster: dict[int, GrowingTree] = {}
 
     def send(self, file: RecordingFile, iterations: Sequence[Iteration]) -> None:
-        """The tree after each of the iterations that did something to it."""
-        indices: list[int] = []
-        ids: list[str] = []
+        """The tree after each of the next iterations that did something to it."""
+        steps = [(i.index, i.tree) for i in iterations if i.tree is not None]
+        if not steps:
+            return
         labels: list[str] = []
         positions: list[tuple[float, float]] = []
         colors: list[RGB] = []
         edges: list[tuple[str, str]] = []
         n_nodes: list[int] = []
-        for iteration in iterations:
-            step = iteration.tree
-            if step is None:
-                continue
-            self.add(step)
-            nodes = self._clusters[step.cluster]
-            indices.append(iteration.index)
+        own_colors = {ROOT: ROOT_COLOR} | self._layout.colors
+        for index, step in steps:
+            growing = self._by_cluster.setdefault(step.cluster, GrowingTree(step.cluster))
+            growing.add(index, step)
+            nodes = growing.tree.nodes
             n_nodes.append(len(nodes))
-            ids += [str(n) for n in nodes]
-            labels += [self._label(node) for node in nodes.values()]
-            places = _tree_places(nodes)
-            positions += [places[n] for n in nodes]
-            marked = set(step.branch)
-            colors += [ON_BRANCH if n in marked else self._color(node) for n, node in nodes.items()]
-            edges += [(str(node.parent), str(n)) for n, node in nodes.items() if n]
-        if not indices:
-            return
+            labels += [self._label(node) for node in nodes]
+            positions += _tree_positions(nodes)
+            colors += [ON_BRANCH if n.number in step.branch else own_colors[n.instance_id] for n in nodes]
+            edges += [(str(node.parent), str(node.number)) for node in nodes[1:]]
+        ids = [str(k) for n in n_nodes for k in range(n)]
         graph_nodes = rr.GraphNodes.columns(node_ids=ids, labels=labels, positions=positions, colors=colors)
         graph_edges = rr.GraphEdges.columns(edges=edges) if edges else []
         file.send(
             entities.TREE,
-            indices,
+            [index for index, _ in steps],
             graph_nodes.partition(n_nodes),
             [column.partition([n - 1 for n in n_nodes]) for column in graph_edges],
         )
 
-    def _label(self, node: _Node) -> str:
+    def _label(self, node: Node) -> str:
         if not node.depth:
             return f"nothing placed, {node.visits}×"
-        name = self._names.get(node.instance_id, f"#{node.instance_id}")
-        mean_px = node.cost_px / max(node.visits, 1)
-        return f"{name} h{node.arm + 1}, {node.visits}×, {mean_px:.0f} px"
-
-    def _color(self, node: _Node) -> RGB:
-        return self._colors.get(node.instance_id, ROOT_COLOR)
+        name = self._layout.branch(node.instance_id).name
+        return f"{name} h{node.arm + 1}, {node.visits}×, {node.cost_px / max(node.visits, 1):.0f} px"
 
 
-def _tree_places(nodes: dict[int, _Node]) -> dict[int, tuple[float, float]]:
+def _tree_positions(nodes: Sequence[Node]) -> list[tuple[float, float]]:
     """Leaves one below the other, parents to the left of the middle of their children."""
-    places: dict[int, tuple[float, float]] = {}
-    leaves = 0
-    order: list[int] = []
-    waiting = [0]
+    down = [0.0] * len(nodes)
+    n_leaves = 0
+    parents_first: list[Node] = []
+    waiting = [nodes[0]]
     while waiting:
-        n = waiting.pop()
-        order.append(n)
-        waiting += reversed(nodes[n].children)
-    for n in order:
-        if not nodes[n].children:
-            places[n] = (DEEPER * nodes[n].depth, BESIDE * leaves)
-            leaves += 1
-    for n in reversed(order):
-        children = nodes[n].children
-        if children:
-            middle = (places[children[0]][1] + places[children[-1]][1]) / 2
-            places[n] = (DEEPER * nodes[n].depth, middle)
-    return places
+        node = waiting.pop()
+        parents_first.append(node)
+        waiting += [nodes[k] for k in reversed(node.children)]
+        if not node.children:
+            down[node.number] = BESIDE * n_leaves
+            n_leaves += 1
+    for node in reversed(parents_first):
+        if node.children:
+            down[node.number] = (down[node.children[0]] + down[node.children[-1]]) / 2
+    return [(DEEPER * node.depth, down[node.number]) for node in nodes]

@@ -2,8 +2,8 @@
 
 An iteration is msgpack, field by field as in ``core.records``, after its length and its CRC-32 (4 bytes each,
 little-endian). The journal is a small file that gets one entry per iteration and is never rewritten: drawing waits for
-several iterations, the journal has each of them when the run goes on, and whoever opens a recording whose writer was
-killed has them all. It begins with what the recording is about, and is removed when the recording is complete.
+several iterations, the journal has each of them when the run goes on, so that a recording whose writer was killed has
+all of them. It begins with what the recording is about, and is removed when the recording is complete.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class Entry:
     """What the log holds of an iteration: nothing that is shown has to be computed again."""
 
     iteration: Iteration
-    """Read back, every number is the run's, bit by bit, but for its simulated path: that is there to be drawn, in
-    single precision and with the contacts of the last step alone."""
+    """Read back, every number is the run's, bit by bit, but for its simulated path, which is for drawing: single
+    precision, and the contacts of the last step alone."""
     errors: Float
     """(3,) against ground truth: rotation [deg] and translation [mm] of the accepted pose, ADD(-S) of the best pose
     [mm]; NaN where there is no ground truth."""
@@ -49,7 +49,7 @@ class Entry:
 
     @staticmethod
     def of(iteration: Iteration, errors: Float) -> Entry:
-        """The run waits for this, so as little as possible is made on the way."""
+        """What the recorder does between two iterations: the run waits for it."""
         values = {**vars(iteration), "path": None if iteration.path is None else _drawn_path(iteration.path)}
         packed = ormsgpack.packb((values, errors), np.ndarray.tolist, ormsgpack.OPT_SERIALIZE_NUMPY)
         return Entry(iteration, errors, packed)
@@ -112,7 +112,7 @@ class Journal:
 def read_journal(path: Path) -> tuple[dict[str, Any], tuple[Entry, ...]]:
     """What the journal is about and all its whole entries.
 
-    What was cut off in the middle of the last entry is left out; nothing is known of a file that is no journal.
+    An entry that was truncated is left out; of a file that is no journal nothing is read.
 
     Raises:
         InputError: it cannot be read, is of another version, or holds something else than iterations.

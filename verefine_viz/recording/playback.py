@@ -134,13 +134,13 @@ def _after(before: ObjectState, iteration: Iteration) -> ObjectState:
     accepted, choice, j = iteration.accepted_stage, iteration.choice, iteration.arm
     arms = list(before.arms)
     if choice is not None and len(choice.plays) == len(arms):
-        known = zip(arms, choice.plays.tolist(), choice.mean.tolist(), strict=True)
-        arms = [replace(arm, plays=plays, mean=mean) for arm, plays, mean in known]
+        numbers = zip(arms, choice.plays.tolist(), choice.mean.tolist(), strict=True)
+        arms = [replace(arm, plays=plays, mean=mean) for arm, plays, mean in numbers]
     if j < len(arms):
         score = accepted.score or arms[j].current.score
         arm = arms[j].advanced(Entry(accepted.T_cam_obj, score, accepted.name, iteration.index))
-        judged = [s.score.score for s in iteration.stages[1:] if s.score is not None]
-        arms[j] = arm.rewarded(max(judged)) if judged else arm
+        scores = [s.score.score for s in iteration.stages[1:] if s.score is not None]
+        arms[j] = arm.rewarded(max(scores)) if scores else arm
     return replace(
         before, arms=tuple(arms), best=iteration.best, n_done=before.n_done + 1, last_arm=min(j, len(arms) - 1)
     )

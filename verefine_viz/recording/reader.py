@@ -1,4 +1,4 @@
-"""Reads recordings back: finished ones, ones whose writer was killed, and ones that were cut in the middle."""
+"""Reads recordings back: finished ones, ones whose writer was killed, and truncated ones."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from verefine_viz.core.paths import open_input
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.recording import entities
-from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.lossless_log import ENTRY, Entry, read_journal, unframed
+from verefine_viz.recording.recorded_layout import Layout
 from verefine_viz.recording.recorder import SCHEMA
 from verefine_viz.recording.recording_file import COMPLETE, journal_path, part_path, saved_chunks
 
@@ -28,7 +28,7 @@ _MAGIC = b"RRF2"
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """What a recording says, exactly."""
+    """The content of a recording, exactly."""
 
     path: Path
     title: str
@@ -43,7 +43,7 @@ class Recorded:
     entries: tuple[Entry, ...]
     """Iterations 1, 2, …, without a gap."""
     is_complete: bool
-    """Whether the writer finished the file, and nothing was cut off since."""
+    """Whether the writer finished the file, and nothing is missing since."""
     properties: Mapping[str, Any]
     """All of the above that is not iterations, as it is written."""
 
@@ -68,7 +68,7 @@ class _Properties(BaseModel):
 def read_recording(path: Path) -> Recorded:
     """The recording at ``path``; that of a run still going on or killed is found by its final name as well.
 
-    Whatever it says is checked here, so that everything that is drawn or run from it can rely on it.
+    Its content is checked here; what draws it or runs it again relies on that.
 
     Raises:
         InputError: there is no such file, it is not a recording of this program, or it is damaged.
@@ -154,7 +154,7 @@ def is_part(path: Path) -> bool:
 
 
 def final_path(path: Path) -> Path:
-    """The name that an unfinished recording would have got."""
+    """The name that an unfinished recording gets when it is finished."""
     return path.with_name(path.name.removesuffix(".part")) if is_part(path) else path
 
 
@@ -164,7 +164,7 @@ def has_content(path: Path) -> bool:
 
 
 def _read(path: Path) -> tuple[dict[str, Any], tuple[Entry, ...], bool]:
-    """Properties, iterations, and whether nothing was cut off; nothing at all of a part that was just begun.
+    """Properties, iterations, and whether nothing is missing; nothing at all of a part that was just begun.
 
     Raises:
         InputError: there is something in it that cannot be read.
@@ -176,7 +176,7 @@ def _read(path: Path) -> tuple[dict[str, Any], tuple[Entry, ...], bool]:
         properties, entries = _content(chunks, path)
         return properties, entries, is_whole and properties.get(COMPLETE) == str(len(entries))
     except InputError:
-        # Somebody writes it right now. The journal beside it has every iteration.
+        # It is being written right now. The journal beside it has every iteration.
         if is_part(path) and _is_file(journal_path(final_path(path))):
             return {}, (), False
         raise

@@ -21,11 +21,11 @@ from verefine_viz.core.records import Best, Iteration, PlacedPose
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.recording.background import log_background
-from verefine_viz.recording.drawing import Drawing
+from verefine_viz.recording.drawn_iterations import Drawing
 from verefine_viz.recording.graphs import log_dependencies
-from verefine_viz.recording.layout import Layout, layout_of
 from verefine_viz.recording.lossless_log import Entry, Journal
 from verefine_viz.recording.maps import SCENE_TILE_PX, Maps, PendingMaps, log_colors
+from verefine_viz.recording.recorded_layout import Layout, layout_of
 from verefine_viz.recording.recording_file import RecordingFile, journal_path, part_path
 from verefine_viz.recording.views import blueprint_of
 from verefine_viz.session.files import session_toml
@@ -35,7 +35,7 @@ SCHEMA = 4
 BLOCK = 200
 """Iterations that are drawn together; the journal holds them until then."""
 BLOCK_WITH_MAPS = 10
-"""The same where score maps are recorded, which are large: a file that is cut later keeps what lies before the cut."""
+"""The same where score maps are recorded, which are large: of a file that is truncated, what lies before is saved."""
 PACKAGES = ("verefine-viz", "numpy", "numba", "scipy", "pybullet", "open3d", "coacd", "trimesh", "rerun-sdk")
 
 
@@ -52,7 +52,6 @@ class Recorder:
         session: Session,
         problem: Problem,
         verifier_of: Callable[[int], Verifier] | None = None,
-        live_port: int | None = None,
         block: int = BLOCK,
     ) -> None:
         """Nothing is written before :meth:`on_start`.
@@ -61,27 +60,20 @@ class Recorder:
             path: the recording, ``….rrd``; its folder is made if needed.
             session: what is being run; written into the recording.
             problem: the frame.
-            verifier_of: what judged iteration k, to make its score maps; None = no maps, whatever the session says.
-            live_port: also serve the recording to rerun viewers on this port of 127.0.0.1.
-            block: iterations drawn together, with score maps at most 10; with a live viewer every iteration is drawn
-                at once.
+            verifier_of: what scored iteration k, to make its score maps; None = no maps, whatever the session says.
+            block: iterations drawn together, with score maps at most 10.
         """
         self._path = path
         self._session = session
         self._problem = problem
         self._verifier_of = verifier_of if session.recording.maps else None
-        self._live_port = live_port
-        self._block = block
-        if self._verifier_of is not None:
-            self._block = min(block, BLOCK_WITH_MAPS)
-        if live_port is not None:
-            self._block = 1
+        self._block = block if self._verifier_of is None else min(block, BLOCK_WITH_MAPS)
         self._file: RecordingFile | None = None
         self._pending: list[Entry] = []
         self._pending_maps = PendingMaps()
         self._n_drawn = 0
         self._maps: tuple[int, Verifier, Maps] | None = None
-        self._truth = _AgainstTruth()
+        self._errors = _GroundTruthErrors()
 
     def on_start(self, state: RunState) -> None:
         """Opens the file and logs the frame, the hypotheses and their scores.
@@ -102,11 +94,9 @@ class Recorder:
             part_path(self._path).unlink(missing_ok=True)
         except OSError as error:
             raise InputError(f"cannot write the recording {self._path}: {error}") from None
-        file = self._file = RecordingFile(part_path(self._path), self._live_port)
+        file = self._file = RecordingFile(part_path(self._path))
         # What makes the iterations readable comes first.
         file.send_properties(about, f"{about['title']} {about['frame']} {about['method']}".strip())
-        if self._live_port is not None:
-            file.send_blueprint(blueprint_of(self._layout, has_maps))
         self._drawing.start(file)
         if self._problem.dependencies is not None and self._layout.is_scene:
             log_dependencies(file, self._problem.dependencies, self._layout)
@@ -122,7 +112,7 @@ class Recorder:
             InputError: the file cannot be written any more.
         """
         assert self._file is not None, "on_start comes first"
-        errors = self._truth.errors(self._targets[iteration.instance_id], iteration)
+        errors = self._errors.errors(self._targets[iteration.instance_id], iteration)
         entry = Entry.of(iteration, errors)
         self._journal.append(entry)
         self._pending.append(entry)
@@ -147,9 +137,8 @@ class Recorder:
         file, self._file = self._file, None
         try:
             self._draw(file)
-            if self._live_port is None:
-                # Last: where a file is cut, its iterations matter more.
-                file.send_blueprint(blueprint_of(self._layout, self._verifier_of is not None))
+            # Last: where a file is truncated, its iterations matter more.
+            file.send_blueprint(blueprint_of(self._layout, self._verifier_of is not None))
             file.close(self._n_drawn)
             # The journal is not needed any more.
             part_path(self._path).replace(self._path)
@@ -187,14 +176,14 @@ class Recorder:
         return [Placed(p.instance_id, self._targets[p.instance_id].model, p.T_cam_obj) for p in poses]
 
 
-class _AgainstTruth:
-    """Judges iterations one after another; remembers each object's best pose, which seldom changes."""
+class _GroundTruthErrors:
+    """Errors of iterations, one after another; remembers those of each object's best pose, which seldom changes."""
 
     def __init__(self) -> None:
         self._best: dict[int, tuple[Best, float]] = {}
 
     def errors(self, target: Target, iteration: Iteration) -> Float:
-        """What ``Entry.errors`` says. ADD(-S) goes over all points, so only when the best pose changed."""
+        """``Entry.errors``. ADD(-S) goes over all points, so only when the best pose changed."""
         T_gt = target.instance.T_cam_obj_gt
         if T_gt is None:
             return _UNKNOWN

@@ -1,4 +1,4 @@
-"""The file of a recording: what it is called while it is written, writing it through rerun, and what rerun can read.
+"""The file of a recording: its name while it is written, writing it through rerun, and what rerun can read of it.
 
 Rerun encodes what is sent; the bytes are written here and not by rerun's own file sink, which waits for ever where a
 disk is full (0.41: its writing thread ends, and the flush that follows is never answered).
@@ -6,6 +6,7 @@ disk is full (0.41: its writing thread ends, and the flush that follows is never
 
 from __future__ import annotations
 
+import os
 import struct
 import subprocess
 import tempfile
@@ -16,11 +17,11 @@ from pathlib import Path
 
 import rerun as rr
 import rerun.blueprint as rrb
+import rerun_cli
 from rerun.chunk import Chunk, RrdReader
 
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.recording import entities
-from verefine_viz.recording.rerun_viewer import LOOPBACK, executable
 
 COMPLETE = "complete"
 """The last property of a finished recording: how many iterations it holds."""
@@ -37,29 +38,22 @@ def journal_path(path: Path) -> Path:
 
 
 class RecordingFile:
-    """Writes a recording to a file, and serves it to rerun viewers if asked to."""
+    """Writes a recording to a file."""
 
-    def __init__(self, path: Path, live_port: int | None = None) -> None:
-        """Creates the file.
-
-        Args:
-            path: the file; what is there is replaced.
-            live_port: also serve it on this port of 127.0.0.1.
+    def __init__(self, path: Path) -> None:
+        """Creates the file; what is there is replaced.
 
         Raises:
-            InputError: the file cannot be written, or the port is taken.
+            InputError: it cannot be written.
         """
         self._path = path
         self._error: OSError | None = None
         self._stream = rr.RecordingStream(entities.APPLICATION, send_properties=False)
         self._encoded = self._stream.binary_stream()
         try:
-            if live_port is not None:
-                self._stream.set_sinks(self._encoded, rr.GrpcServerSink(bind_ip=LOOPBACK, port=live_port))
             self._file = path.open("wb", buffering=0)
-        except (OSError, RuntimeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else str(error).splitlines()[0]
-            raise InputError(f"cannot write the recording {path}: {reason}") from None
+        except OSError as error:
+            raise InputError(f"cannot write the recording {path}: {error.strerror}") from None
 
     def send_properties(self, values: Mapping[str, str], name: str = "") -> None:
         """What the recording is about, and what viewers call it; in the file when this returns."""
@@ -149,7 +143,7 @@ def chunks_of(path: Path) -> list[Chunk]:
 
 
 def saved_chunks(path: Path) -> tuple[list[Chunk], bool]:
-    """The same of any file: what is left of one that is damaged or was cut off; and whether all of it could be read.
+    """The same of any file: what is left of one that is damaged or truncated; and whether all of it could be read.
 
     Raises:
         InputError: nothing in it can be saved, or it ends before the message that says whose recording it is.
@@ -174,7 +168,7 @@ def _is_sound(path: Path) -> bool:
 
 def _repaired(path: Path, folder: Path) -> Path:
     # The merge takes files by their suffix.
-    source, fixed = folder / "cut.rrd", folder / "fixed.rrd"
+    source, fixed = folder / "truncated.rrd", folder / "fixed.rrd"
     source.symlink_to(path.resolve())
     done = _rerun("merge", "--continue-on-error", str(source), "-o", str(fixed))
     if done.returncode != 0 or not fixed.is_file() or not _is_sound(fixed):
@@ -184,3 +178,16 @@ def _repaired(path: Path, folder: Path) -> Path:
 
 def _rerun(*arguments: str) -> subprocess.CompletedProcess[bytes]:
     return subprocess.run([str(executable()), "rrd", *arguments], capture_output=True, check=False)
+
+
+def executable() -> Path:
+    """The viewer that the rerun package brings along.
+
+    Raises:
+        UnavailableError: it is not there.
+    """
+    # The console script only starts this one as a child, which would outlive it.
+    path = Path(rerun_cli.__file__).parent / ("rerun.exe" if os.name == "nt" else "rerun")
+    if not path.exists():
+        raise UnavailableError(f"the rerun viewer is not installed ({path} is missing); pip install rerun-sdk")
+    return path

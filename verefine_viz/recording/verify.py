@@ -36,7 +36,7 @@ def first_difference(a: Any, b: Any, path: str = "") -> str | None:
 
     Arrays are compared bit by bit (NaN equals NaN), floats by equality; fields marked as timing are left out.
     """
-    return next((found.words for found in differences(a, b, path)), None)
+    return next((difference.words for difference in differences(a, b, path)), None)
 
 
 def differences(a: Any, b: Any, path: str = "") -> Iterator[Difference]:
@@ -70,10 +70,10 @@ def _of_arrays(a: np.ndarray, b: np.ndarray, path: str) -> Difference:
     differing = np.flatnonzero((bits_a != bits_b).any(axis=1)).tolist()
     sizes = {k: _size(values_a[k], values_b[k]) for k in differing}
     k = max(differing, key=lambda k: sizes[k])
-    place = ", ".join(str(i) for i in np.unravel_index(k, a.shape))
-    found = _of_values(values_a[k], values_b[k], f"{path}[{place}]")
+    at = ", ".join(str(i) for i in np.unravel_index(k, a.shape))
+    largest = _of_values(values_a[k], values_b[k], f"{path}[{at}]")
     more = f", the largest of {len(differing)} differences in it" if len(differing) > 1 else ""
-    return Difference(found.words + more, found.size)
+    return Difference(largest.words + more, largest.size)
 
 
 def _of_values(a: Any, b: Any, path: str) -> Difference:
@@ -115,7 +115,7 @@ class Verification:
 
     @property
     def ends_early(self) -> bool:
-        """Nothing differs, but the end of the recording is missing: it was stopped, or cut off."""
+        """Nothing differs, but the end of the recording is missing: it was stopped, or truncated."""
         return self.difference is None and not self.is_complete
 
     @property
@@ -193,7 +193,7 @@ def _differences(iteration: Iteration, run: Run) -> list[Difference]:
 
 
 def _in_words(first_and_real: list[tuple[int, Difference]], largest: float, n: int, recorded: Mapping[str, str]) -> str:
-    """What a person should know about the first difference and, where it is of another kind, the first real one."""
+    """The first difference and, where that is rounding and more follows, the first that is not."""
     (index, first), changed = first_and_real[0], _changed(recorded)
     text = f"iteration {index}: {first.words}"
     if first.size > ROUNDING:

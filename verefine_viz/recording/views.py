@@ -1,20 +1,15 @@
-"""How a recording looks when it is opened: its views, where they stand, and where the 3D views look from.
-
-What a person needs first is largest.
-"""
+"""How a recording looks when it is opened: its views, where they stand, and where the 3D views look from."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import rerun.blueprint as rrb
 
-from verefine_viz.methods.registry import method_of
 from verefine_viz.recording import entities
-from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.maps import OBSERVED
+from verefine_viz.recording.recorded_layout import Layout
 
 LEGEND_ARMS = 12
 """With more hypotheses a legend would hide the curves."""
@@ -41,83 +36,49 @@ CURVE_TITLES = {
     "cost": "Cost of the scene",
 }
 PER_OBJECT = ("score", "ucb", "error", "physics")
-"""Curves of a scene that are drawn object by object: those of several in one view could not be told apart."""
+"""Curves of a scene that are drawn object by object: those of several would run into each other in one view."""
 DARK = (24, 26, 30)
-
-
-@dataclass(frozen=True)
-class ViewSpec:
-    """What there is to be shown in a recording, on which its views depend."""
-
-    layout: Layout
-    has_maps: bool
-
-    @property
-    def branches(self) -> tuple[str, ...]:
-        return tuple(b.name for b in self.layout.branches)
-
-    @property
-    def worked_on(self) -> tuple[str, ...]:
-        """The branches that have hypotheses."""
-        return tuple(b.name for b in self.layout.branches if b.n_arms)
-
-    @property
-    def has_truth(self) -> bool:
-        return any(b.has_truth for b in self.layout.branches)
-
-    @property
-    def has_graph(self) -> bool:
-        return self.layout.has_graph and self.layout.is_scene
-
-    @property
-    def has_choice(self) -> bool:
-        return method_of(self.layout.method).chooses
-
-    @property
-    def has_legend(self) -> bool:
-        return all(b.n_arms <= LEGEND_ARMS for b in self.layout.branches)
 
 
 def blueprint_of(layout: Layout, has_maps: bool) -> rrb.Blueprint:
     """The whole window: an overview, and a tab for each thing that only several objects have."""
-    spec = ViewSpec(layout, has_maps)
-    below = _curves(spec)
+    below = _curves(layout)
     overview = rrb.Vertical(
         rrb.Horizontal(
-            _pictures(spec),
-            *([_maps(spec)] if has_maps else []),
-            _why(spec),
+            _pictures(layout, has_maps),
+            *([_maps(layout)] if has_maps else []),
+            _why(layout),
             column_shares=[5, 4, 3] if has_maps else [6, 3],
         ),
         rrb.Horizontal(*below, _events(), column_shares=[*([8 / len(below)] * len(below)), 5]),
         row_shares=[3, 2],
         name="Scene" if layout.is_scene else "Object",
     )
-    tabs = [overview, *_scene_tabs(spec)]
+    tabs = [overview, *_scene_tabs(layout)]
     return rrb.Blueprint(
         rrb.Tabs(*tabs) if len(tabs) > 1 else overview,
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        # The result is seen first; from there a person goes back.
+        # The result is seen first; from there the user goes back.
         rrb.TimePanel(timeline=entities.TIMELINE, state="collapsed", play_state="following"),
         auto_views=False,
     )
 
 
-def _scene_tabs(spec: ViewSpec) -> list[rrb.Container]:
+def _scene_tabs(layout: Layout) -> list[rrb.Container]:
     """What only several objects have, a tab of the whole window each."""
     tabs: list[rrb.Container] = []
-    if spec.layout.is_scene:
-        tabs.append(rrb.Tabs(*_curves_by_object(spec), name="Objects"))
-    if spec.has_graph:
+    if layout.is_scene:
+        tabs.append(rrb.Tabs(*_curves_by_object(layout), name="Objects"))
+    if layout.has_graph and layout.is_scene:
         graph = _graph(entities.GRAPH_OBJECTS, "Which object has to do with which")
         evidence = rrb.TextDocumentView(origin=entities.EVIDENCE, name="Evidence and order")
         tabs.append(rrb.Horizontal(graph, evidence, column_shares=[3, 2], name="Dependencies"))
-    if spec.layout.has_tree:
+    if layout.has_tree:
         tree = _graph(entities.TREE, "Search tree: hypothesis, visits, mean cost; white: this iteration")
         why = rrb.TextDocumentView(origin=entities.CHOICE, name="This iteration")
         tabs.append(
-            rrb.Horizontal(tree, rrb.Vertical(_series("cost", spec), why), column_shares=[3, 2], name="Search tree")
+            rrb.Horizontal(tree, rrb.Vertical(_series("cost", layout), why), column_shares=[3, 2], name="Search tree")
         )
     return tabs
 
@@ -134,23 +95,20 @@ def _graph(origin: str, name: str) -> rrb.GraphView:
     )
 
 
-def _pictures(spec: ViewSpec) -> rrb.Container:
-    views: list[rrb.View] = [_scene(spec)]
-    if spec.layout.is_scene:
-        views.append(_answer(spec))
-    if spec.has_maps:
-        views.append(
-            rrb.Spatial2DView(
-                origin=entities.CAMERA, contents=[f"+ {entities.IMAGE}", f"+ {entities.MASKS}"], name="Camera"
-            )
-        )
+def _pictures(layout: Layout, has_maps: bool) -> rrb.Container:
+    views: list[rrb.View] = [_scene(layout)]
+    if layout.is_scene:
+        views.append(_answer(layout))
+    if has_maps:
+        on_photo = [f"+ {entities.IMAGE}", f"+ {entities.MASKS}"]
+        views.append(rrb.Spatial2DView(origin=entities.CAMERA, contents=on_photo, name="Camera"))
         views.append(rrb.Spatial2DView(origin=entities.DEPTH, name="Depth"))
     return rrb.Tabs(*views)
 
 
-def _scene(spec: ViewSpec) -> rrb.Spatial3DView:
+def _scene(layout: Layout) -> rrb.Spatial3DView:
     # The mixed pose only starts the refiner, and what is best for the scene has a view of its own.
-    hidden = [entities.stage(b, s) for b in spec.branches for s in ("mixed", "incumbent")]
+    hidden = [entities.stage(b, s) for b in layout.names for s in ("mixed", "incumbent")]
     overrides: dict[Any, Any] = {stage: rrb.EntityBehavior(visible=False) for stage in hidden}
     return rrb.Spatial3DView(
         origin="/",
@@ -165,24 +123,24 @@ def _scene(spec: ViewSpec) -> rrb.Spatial3DView:
         name="Scene",
         background=DARK,
         overrides=overrides,
-        eye_controls=_eye(spec.layout),
+        eye_controls=_eye(layout),
     )
 
 
-def _answer(spec: ViewSpec) -> rrb.Spatial3DView:
+def _answer(layout: Layout) -> rrb.Spatial3DView:
     """The objects where the method says they are, so far: as the best scene, or each at its best."""
-    stage = "incumbent" if spec.layout.has_passes or spec.layout.has_tree else "best"
+    stage = "incumbent" if layout.has_passes or layout.has_tree else "best"
     return rrb.Spatial3DView(
         origin="/",
         contents=[
             f"+ {entities.CLOUD}",
             f"+ {entities.SUPPORT}/**",
-            *(f"+ {entities.stage(b, stage)}" for b in spec.branches),
-            *(f"+ {entities.poses(b)}" for b in spec.branches),
+            *(f"+ {entities.stage(b, stage)}" for b in layout.names),
+            *(f"+ {entities.poses(b)}" for b in layout.names),
         ],
         name="Answer so far",
         background=DARK,
-        eye_controls=_eye(spec.layout),
+        eye_controls=_eye(layout),
     )
 
 
@@ -191,13 +149,13 @@ def _eye(layout: Layout) -> rrb.EyeControls3D:
     return rrb.EyeControls3D(position=layout.eye_world, look_target=layout.center_world, eye_up=(0.0, 0.0, 1.0))
 
 
-def _maps(spec: ViewSpec) -> rrb.Container:
+def _maps(layout: Layout) -> rrb.Container:
     views = [rrb.Spatial2DView(origin=f"{entities.MAPS}/{name}", name=title) for name, title in MAP_TITLES.items()]
     tabs: list[rrb.Container | rrb.View] = [
         rrb.Grid(*views[:6], grid_columns=2, name="Maps: simulated | refined"),
         *views[6:],
     ]
-    if spec.layout.has_passes:
+    if layout.has_passes:
         scene = [
             rrb.Spatial2DView(origin=f"{entities.SCENE_MAPS}/{name}", name=title)
             for name, title in SCENE_MAP_TITLES.items()
@@ -209,14 +167,14 @@ def _maps(spec: ViewSpec) -> rrb.Container:
 def _events() -> rrb.Container:
     columns = rrb.archetypes.TextLogColumns(text_log_columns=["LogLevel", "Body"])
     return rrb.Vertical(
-        rrb.StateTimelineView(origin=entities.LANE, name="Object, hypothesis, kept stage, event"),
+        rrb.StateTimelineView(origin=entities.LANE, name="Object, hypothesis, accepted stage, event"),
         rrb.TextLogView(origin=entities.LOG, name="Events", columns=columns),
     )
 
 
-def _why(spec: ViewSpec) -> rrb.Container | rrb.View:
+def _why(layout: Layout) -> rrb.Container | rrb.View:
     text = rrb.TextDocumentView(origin=entities.CHOICE, name="This iteration")
-    if not spec.has_choice:
+    if not layout.has_choice:
         return text
     bandit = rrb.BarChartView(
         origin=entities.BANDIT, name="UCB by hypothesis, above the lowest", plot_legend=rrb.PlotLegend(visible=False)
@@ -224,43 +182,42 @@ def _why(spec: ViewSpec) -> rrb.Container | rrb.View:
     return rrb.Vertical(text, bandit, row_shares=[3, 1])
 
 
-def _curves(spec: ViewSpec) -> list[rrb.Container]:
+def _curves(layout: Layout) -> list[rrb.Container]:
     """What stands below the scene: tabs of curves, one or two groups of them."""
-    if spec.layout.is_scene:
-        left, right = ["best"], ["add_s"] if spec.has_truth else []
-        if spec.layout.has_passes:
+    if layout.is_scene:
+        left, right = ["best"], ["add_s"] if layout.has_ground_truth else []
+        if layout.has_passes:
             left.insert(0, "scene")
-        if spec.layout.has_tree:
+        if layout.has_tree:
             left.insert(0, "cost")
         groups = [left, right] if right else [[name] for name in left]
     else:
-        left = ["score", "ucb", "pulls"] if spec.has_choice else ["score"]
-        right = ["error", "physics", "fit"] if spec.has_truth else ["physics", "fit"]
+        left = ["score", "ucb", "pulls"] if layout.has_choice else ["score"]
+        right = ["error", "physics", "fit"] if layout.has_ground_truth else ["physics", "fit"]
         groups = [left, right]
-    return [rrb.Tabs(*(_series(name, spec) for name in names)) for names in groups]
+    return [rrb.Tabs(*(_series(name, layout) for name in names)) for names in groups]
 
 
-def _curves_by_object(spec: ViewSpec) -> Iterator[rrb.Grid]:
-    """A tab per group of curves, in it a view per object."""
+def _curves_by_object(layout: Layout) -> Iterator[rrb.Grid]:
+    """A tab per group of curves, in it a view per object that has hypotheses."""
+    names = [b.name for b in layout.branches if b.n_arms]
     for group in PER_OBJECT:
-        if (group == "ucb" and not spec.has_choice) or (group == "error" and not spec.has_truth):
+        if (group == "ucb" and not layout.has_choice) or (group == "error" and not layout.has_ground_truth):
             continue
-        views = (
-            rrb.TimeSeriesView(origin=entities.curve(group, branch), name=branch, plot_legend=_legend(group, spec))
-            for branch in spec.worked_on
-        )
+        legend = _legend(group, layout)
+        views = (rrb.TimeSeriesView(origin=entities.curve(group, n), name=n, plot_legend=legend) for n in names)
         yield rrb.Grid(*views, name=CURVE_TITLES[group])
 
 
-def _series(name: str, spec: ViewSpec) -> rrb.View:
+def _series(name: str, layout: Layout) -> rrb.View:
     """One of the kinds of curves."""
     return rrb.TimeSeriesView(
-        origin=f"{entities.CURVES}/{name}", name=CURVE_TITLES[name], plot_legend=_legend(name, spec)
+        origin=f"{entities.CURVES}/{name}", name=CURVE_TITLES[name], plot_legend=_legend(name, layout)
     )
 
 
-def _legend(name: str, spec: ViewSpec) -> rrb.PlotLegend:
+def _legend(name: str, layout: Layout) -> rrb.PlotLegend:
     per_arm = name in ("score", "ucb", "pulls")
     # Where the curves of a good run are not at its end: scores rise, errors fall.
     corner = rrb.Corner2D.RightTop if name in ("error", "add_s", "physics", "cost") else rrb.Corner2D.RightBottom
-    return rrb.PlotLegend(corner, visible=spec.has_legend or not per_arm)
+    return rrb.PlotLegend(corner, visible=not per_arm or all(b.n_arms <= LEGEND_ARMS for b in layout.branches))

@@ -12,12 +12,12 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.diagnosis.causes import cause_title
+from verefine_viz.pictures.answers import Pictures, picture_source, pictures
 from verefine_viz.recording.lossless_log import Entry
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.report.groups import Group, Progress, seed_words
-from verefine_viz.report.pictures import Pictures, pictures
 from verefine_viz.report.run_results import Key, LoadedRun, key
-from verefine_viz.scenes.source import SceneSource, open_scene
+from verefine_viz.scenes.source import SceneSource
 
 ONLY_A, ONLY_B, BOTH = "only A wrong", "only B wrong", "both wrong"
 """Groups of failures where two runs are compared."""
@@ -129,12 +129,8 @@ def _answers(pick: Pick, frame: str) -> list[tuple[LoadedRun, Mapping[int, Float
 
 
 def _opened(run: LoadedRun, frames: Sequence[str], notes: list[str]) -> SceneSource | None:
-    session = run.index.session
     try:
-        # Pictures need no initial poses, whose files may be gone.
-        hypotheses = session.hypotheses.model_copy(update={"source": "perturb", "estimate": ()})
-        scene = session.scene.model_copy(update={"frames": tuple(frames)})
-        return open_scene(scene, hypotheses)
+        return picture_source(run.index.session, frames)
     except VerefineError as error:
         notes.append(f"No pictures: {error}.")
         return None

@@ -7,7 +7,7 @@ The debugger carries them out in order, on one thread (:mod:`verefine_viz.viewer
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, dataclass_transform, get_args
+from typing import Any, ClassVar, Literal, dataclass_transform
 
 from verefine_viz.batch.index import Order
 
@@ -15,8 +15,6 @@ Changes = tuple[tuple[str, Any], ...]
 """Settings to change: (("method.exploration", 0.2), …)."""
 Goal = Literal["end", "event", "breakpoint"]
 CloudColors = Literal["colour", "residual", "class"]
-MapName = Literal["observed", "rendered", "difference", "angle", "f_d", "f_n", "classes"]
-MAP_NAMES: tuple[MapName, ...] = get_args(MapName)
 BatchFilter = Literal["result", "cause", "object", "method", "run"]
 Pose = tuple[float, ...]
 """The 16 numbers of a T_cam_obj, row by row."""

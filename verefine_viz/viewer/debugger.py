@@ -15,6 +15,7 @@ from typing import Any, get_args
 
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.records import Iteration
+from verefine_viz.core.scores import MAP_NAMES
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.handlers import comparison_handlers, edit_handlers, gallery_handlers, navigation, open_handlers
@@ -233,8 +234,8 @@ def _compare(options: ViewOptions, command: c.Compare) -> ViewOptions:
 
 
 def _show_map(options: ViewOptions, command: c.ShowMap) -> ViewOptions:
-    if command.name not in c.MAP_NAMES:
-        raise InputError(unknown("map", command.name, c.MAP_NAMES))
+    if command.name not in MAP_NAMES:
+        raise InputError(unknown("map", command.name, MAP_NAMES))
     return replace(options, map=command.name)
 
 

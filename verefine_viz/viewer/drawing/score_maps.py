@@ -1,4 +1,4 @@
-"""Score maps as pictures: which quantities, which part of the image, in which colours; one by one or on a sheet."""
+"""Score maps on the page: which part of the image, with which labels, as PNGs; all of them on a sheet to save."""
 
 from __future__ import annotations
 
@@ -12,20 +12,10 @@ from numpy.typing import NDArray
 from PIL import Image as PilImage
 from PIL import ImageDraw, ImageFont
 
-from verefine_viz.core.palette import (
-    ANGLE,
-    CLASS_COLORS,
-    CLASS_PALETTE,
-    FIT,
-    Image,
-    Scale,
-    depth_scale,
-    difference_scale,
-    rgb,
-)
+from verefine_viz.core.palette import CLASS_COLORS, Image, Scale, depth_scale
 from verefine_viz.core.problem import Target
-from verefine_viz.core.scores import ScoreMaps
-from verefine_viz.viewer.commands import MAP_NAMES, MapName
+from verefine_viz.core.scores import MAP_NAMES, MapName, ScoreMaps
+from verefine_viz.pictures.map_images import MapImages, scales_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.display_names import method_name
 
@@ -38,6 +28,8 @@ LABELS: dict[MapName, tuple[str, str]] = {
     "f_n": ("f_n", "normal fit of Eq. 1: 1 = same direction, 0 = beyond the cut-off angle"),
     "classes": ("classes", "why each pixel counts as it does"),
 }
+ASPECT = 0.95
+"""Width / height of a map on the page."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +58,11 @@ class Crop:
             out[v0 - self.v0 : v1 - self.v0, u0 - self.u0 : u1 - self.u0] = image[v0:v1, u0:u1]
         return out
 
-    def part(self, image: NDArray[Any]) -> NDArray[Any]:
-        """The same without a copy, of an image that holds all of it."""
-        return image[self.v0 : self.v1, self.u0 : self.u1]
+    def images(self, maps: ScoreMaps, target: Target, tau_m: float) -> MapImages:
+        """The cut-out of the maps of a pose (H, W)."""
+        without_value = {"depth_difference_m": np.nan, "angle_rad": np.nan}
+        part = ScoreMaps(**{name: self.of(image, without_value.get(name, 0)) for name, image in vars(maps).items()})
+        return MapImages(part, self.of(target.observation.depth_m), scales_for(target, tau_m))
 
 
 def bounds(mask: NDArray[np.bool_]) -> Crop:
@@ -84,88 +78,19 @@ def crop_around(mask: NDArray[np.bool_], aspect: float, margin: float = 0.25, st
 
     Sizes go in steps, so that the picture does not jitter from iteration to iteration. An empty mask gives all of it.
     """
-    found = bounds(mask)
-    if found.height == 0:
-        found, margin = Crop(0, 0, mask.shape[1], mask.shape[0]), 0.0
-    height, width = float(found.height), float(found.width)
+    own = bounds(mask)
+    if own.height == 0:
+        own, margin = Crop(0, 0, mask.shape[1], mask.shape[0]), 0.0
+    height, width = float(own.height), float(own.width)
     moved = step // 2 + 3  # The middle is rounded below: a small object must still be inside.
     height, width = max(height * (1 + 2 * margin), height + moved), max(width * (1 + 2 * margin), width + moved)
     height = max(height, width / aspect, step)
     height = int(np.ceil(height / step) * step)
     width = round(height * aspect)
-    v, u = (found.v0 + found.v1) // 2, (found.u0 + found.u1) // 2
+    v, u = (own.v0 + own.v1) // 2, (own.u0 + own.u1) // 2
     half = step // 2
     v, u = round(v / half) * half, round(u / half) * half
     return Crop(u - width // 2, v - height // 2, u - width // 2 + width, v - height // 2 + height)
-
-
-def scale_of(name: MapName, target: Target, tau_m: float) -> Scale | None:
-    """The fixed scale of a map for one object in one frame; None for classes, which have colours of their own."""
-    if name in ("observed", "rendered"):
-        depth = target.observation.depth_m[target.instance.mask]
-        depth = depth[depth > 0]
-        centre = float(np.median(depth)) if len(depth) else 1.0
-        half = max(target.model.diameter_m, 0.05)
-        return depth_scale(round(centre - half, 2), round(centre + half, 2))
-    if name == "difference":
-        return difference_scale(tau_m)
-    if name == "angle":
-        return ANGLE
-    return FIT if name in ("f_d", "f_n") else None
-
-
-def map_image(name: MapName, maps: ScoreMaps, target: Target, tau_m: float, crop: Crop | None = None) -> Image:
-    """One map as RGB (H, W, 3): of the whole image, or of a part of it."""
-    return rgb(*map_shades(name, maps, target, tau_m, crop))
-
-
-def map_over(photo: Image, name: MapName, maps: ScoreMaps, target: Target, tau_m: float) -> Image:
-    """One map where it belongs to the score, a photo (H, W, 3) elsewhere."""
-    image = photo.copy()
-    says = maps.classes > 0
-    part = bounds(says)
-    np.copyto(part.part(image), map_image(name, maps, target, tau_m, part), where=part.part(says)[..., None])
-    return image
-
-
-def map_shades(
-    name: MapName, maps: ScoreMaps, target: Target, tau_m: float, crop: Crop | None = None
-) -> tuple[NDArray[np.uint8], bytes]:
-    """One map as places (H, W) in a palette, and the palette."""
-    crop = crop or Crop(0, 0, target.observation.camera.width, target.observation.camera.height)
-    scale = scale_of(name, target, tau_m)
-    if scale is None:
-        return crop.of(maps.classes), CLASS_PALETTE
-    return scale.shades(map_values(name, maps, target, crop)), scale.palette
-
-
-def map_values(name: MapName, maps: ScoreMaps, target: Target, crop: Crop) -> NDArray[np.floating]:
-    """One map's numbers in its scale's unit; NaN where it says nothing."""
-    observed, rendered = crop.of(target.observation.depth_m), crop.of(maps.rendered_m)
-    if name == "observed":
-        return np.where(observed > 0, observed, np.nan)
-    if name == "rendered":
-        return np.where(rendered > 0, rendered, np.nan)
-    if name == "difference":
-        return np.where((observed > 0) & (rendered > 0), (observed - rendered) * 1000, np.nan)
-    if name == "angle":
-        return np.where(rendered > 0, np.rad2deg(crop.of(maps.angle_rad, np.nan)), np.nan)
-    return np.where(crop.of(maps.counted), crop.of(maps.f_d if name == "f_d" else maps.f_n), np.nan)
-
-
-def png(image: Image) -> bytes:
-    """An image as PNG."""
-    out = io.BytesIO()
-    PilImage.fromarray(image).save(out, format="PNG", compress_level=1)
-    return out.getvalue()
-
-
-def data_uri(content: bytes) -> str:
-    """A PNG as something an ``<img>`` can show without a further request."""
-    return "data:image/png;base64," + base64.b64encode(content).decode("ascii")
-
-
-ASPECT = 0.95
 
 
 def shared_crop(view: Snapshot) -> Crop:
@@ -177,7 +102,45 @@ def shared_crop(view: Snapshot) -> Crop:
     return crop_around(relevant, ASPECT)
 
 
-# All score maps of both stages as one picture, with names and colour bars, to be kept.
+def scales_for(target: Target, tau_m: float) -> dict[MapName, Scale]:
+    """The scales of the maps of one object in one frame, the same for every pose; classes have none."""
+    depth = target.observation.depth_m[target.instance.mask]
+    depth = depth[depth > 0]
+    centre = float(np.median(depth)) if len(depth) else 1.0
+    half = max(target.model.diameter_m, 0.05)
+    return scales_of(depth_scale(round(centre - half, 2), round(centre + half, 2)), tau_m)
+
+
+def map_over(photo: Image, name: MapName, maps: ScoreMaps, target: Target, tau_m: float) -> Image:
+    """One map where it belongs to the score, a photo (H, W, 3) elsewhere."""
+    image, part = photo.copy(), bounds(maps.classes > 0)
+    shown = part.images(maps, target, tau_m)
+    np.copyto(image[part.v0 : part.v1, part.u0 : part.u1], shown.rgb(name), where=shown.maps.classes[..., None] > 0)
+    return image
+
+
+def png(image: Image) -> bytes:
+    """An image (H, W, 3) as PNG."""
+    out = io.BytesIO()
+    PilImage.fromarray(image).save(out, format="PNG", compress_level=1)
+    return out.getvalue()
+
+
+def indexed_png(image: NDArray[np.uint8], palette: bytes) -> bytes:
+    """A PNG of (H, W) indices into an RGB ``palette`` (768 bytes)."""
+    picture, out = PilImage.fromarray(image), io.BytesIO()
+    picture.putpalette(palette)
+    # Higher levels take longer and gain next to nothing.
+    picture.save(out, "png", compress_level=4)
+    return out.getvalue()
+
+
+def data_uri(content: bytes) -> str:
+    """A PNG as something an ``<img>`` can show without a further request."""
+    return "data:image/png;base64," + base64.b64encode(content).decode("ascii")
+
+
+# All score maps of both stages as one picture, with names and colour bars, to be saved.
 
 _TILE_W, _TILE_H, _LEFT, _TITLE, _HEAD, _BAR, _GAP = 240, 192, 150, 30, 34, 46, 8
 _TOP = _TITLE + _HEAD
@@ -192,14 +155,15 @@ def maps_sheet(view: Snapshot) -> Image:
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
     draw.text((8, 8), sheet_title(view), (20, 20, 20), font=font)
     crop, tau_m = shared_crop(view), view.session.score.tau_m
+    scales = scales_for(view.map_target, tau_m)
     for row, side in enumerate(sides):
         assert side.maps is not None
         top = _TOP + row * (_TILE_H + _GAP)
         score = f"\nscore {side.pose.score.score:.3f}" if side.pose.score else ""
         draw.text((8, top + 8), f"{side.pose.label}{score}", (20, 20, 20), font=font)
+        images = crop.images(side.maps, view.map_target, tau_m)
         for column, name in enumerate(MAP_NAMES):
-            image = PilImage.fromarray(map_image(name, side.maps, view.map_target, tau_m, crop))
-            tile = image.resize((_TILE_W, _TILE_H), PilImage.Resampling.NEAREST)
+            tile = PilImage.fromarray(images.rgb(name)).resize((_TILE_W, _TILE_H), PilImage.Resampling.NEAREST)
             sheet.paste(tile, (_LEFT + column * (_TILE_W + _GAP), top))
     if not sides:
         draw.text((8, _TOP + 8), "no pose to show here", (20, 20, 20), font=font)
@@ -207,7 +171,7 @@ def maps_sheet(view: Snapshot) -> Image:
     for column, name in enumerate(MAP_NAMES):
         left = _LEFT + column * (_TILE_W + _GAP)
         draw.text((left, _TITLE + 8), _heading(name), (20, 20, 20), font=font)
-        scale = scale_of(name, view.map_target, tau_m)
+        scale = scales.get(name)
         if scale is None:
             _legend(draw, left, bottom)
             continue

@@ -1,25 +1,22 @@
-"""Small pictures of answers, made one after another on a thread of their own while somebody looks at them."""
+"""Small pictures of answers, made one after another on a thread of their own while they are on the page."""
 
 from __future__ import annotations
 
 import logging
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
-from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
-from verefine_viz.core.palette import STAGE_COLORS
-from verefine_viz.core.problem import Problem, Target
-from verefine_viz.rendering.contours import background, data_uri, outline, window_around
-from verefine_viz.scenes.segments import silhouette
-from verefine_viz.scenes.source import SceneSource, open_scene
+from verefine_viz.core.problem import Problem
+from verefine_viz.pictures.answers import picture_source, thumbnail
+from verefine_viz.scenes.source import SceneSource
 from verefine_viz.viewer.state.batch_gallery import Entry, Gallery
 
 _LOG = logging.getLogger(__name__)
 WIDTH_PX = 176
 """Twice the width on the page, for sharp screens; 2 to 4 kB each."""
-MOST_KEPT = 2000
+_MOST_PICTURES = 2000
 _MOST_FRAMES = 6
 
 
@@ -28,14 +25,14 @@ class Thumbnails:
 
     Args:
         draw: makes one, as a data URI; empty where it cannot.
-        arrived: is called with the entry of each new one, on the thread of this object.
+        arrived: called with the entry of each new one, on the thread of this object.
     """
 
     def __init__(self, draw: Callable[[Entry], str], arrived: Callable[[Entry], None]) -> None:
         self._draw, self._arrived = draw, arrived
         self._made: OrderedDict[Entry, str] = OrderedDict()
         self._wanted: list[Entry] = []
-        self._at_hand: Entry | None = None
+        self._current: Entry | None = None
         self._wake = threading.Condition()
         self._stopping = False
         self._thread: threading.Thread | None = None
@@ -46,16 +43,16 @@ class Thumbnails:
             return self._made.get(entry)
 
     def want(self, entries: Sequence[Entry]) -> None:
-        """What is looked at now, in order; what was wanted before and is not made yet is let go."""
+        """What is on the page now, in order; what was wanted before and is not made yet is dropped."""
         with self._wake:
-            self._wanted = [e for e in entries if e not in self._made and e is not self._at_hand]
+            self._wanted = [e for e in entries if e not in self._made and e is not self._current]
             if self._wanted and self._thread is None:
                 self._thread = threading.Thread(target=self._work, name="verefine-thumbnails", daemon=True)
                 self._thread.start()
             self._wake.notify_all()
 
     def stop(self) -> None:
-        """Ends after the picture at hand."""
+        """Ends after the current picture."""
         with self._wake:
             self._stopping = True
             self._wake.notify_all()
@@ -68,11 +65,11 @@ class Thumbnails:
                 self._wake.wait_for(lambda: self._wanted or self._stopping)
                 if self._stopping:
                     return
-                entry = self._at_hand = self._wanted.pop(0)
+                entry = self._current = self._wanted.pop(0)
             picture = self._picture(entry)
             with self._wake:
                 self._made[entry] = picture
-                while len(self._made) > MOST_KEPT:
+                while len(self._made) > _MOST_PICTURES:
                     self._made.popitem(last=False)
             self._arrived(entry)
 
@@ -105,34 +102,17 @@ class Painter:
             return ""
         answer = self._gallery.runs[entry.run].answers(row.frame).get(row.instance_id)
         target = self._problem(entry).target(row.instance_id)
-        poses = {"ground truth": target.instance.T_cam_obj_gt, "accepted": answer}
-        return _drawn(target, {name: T for name, T in poses.items() if T is not None})
+        return thumbnail(target, answer, WIDTH_PX)
 
     def _problem(self, entry: Entry) -> Problem:
-        scene = self._gallery.runs[entry.run].session.scene.model_copy(update={"frames": ()})
-        place = scene.model_dump_json()
-        if (place, entry.row.frame) not in self._problems:
-            problem = self._source(place, entry).problem(entry.row.frame)
-            self._problems[(place, entry.row.frame)] = problem
+        index = self._gallery.runs[entry.run]
+        # Runs on the same data share it.
+        data = index.session.scene.model_copy(update={"frames": ()}).model_dump_json()
+        if data not in self._sources:
+            frames = index.frames if index.session.scene.source == "bop" else ()
+            self._sources[data] = picture_source(index.session, frames)
+        if (data, entry.row.frame) not in self._problems:
+            self._problems[(data, entry.row.frame)] = self._sources[data].problem(entry.row.frame)
             while len(self._problems) > _MOST_FRAMES:
                 self._problems.popitem(last=False)
-        return self._problems[(place, entry.row.frame)]
-
-    def _source(self, place: str, entry: Entry) -> SceneSource:
-        """Runs on the same data share it: initial poses, in which they may differ, are not drawn."""
-        if place not in self._sources:
-            index = self._gallery.runs[entry.run]
-            hypotheses = index.session.hypotheses.model_copy(update={"source": "perturb", "estimate": ()})
-            frames = index.frames if index.session.scene.source == "bop" else ()
-            scene = index.session.scene.model_copy(update={"frames": frames})
-            self._sources[place] = open_scene(scene, hypotheses)
-        return self._sources[place]
-
-
-def _drawn(target: Target, poses: Mapping[str, Float]) -> str:
-    window = window_around(target, list(poses.values()))
-    camera = window.camera(target.observation.camera, WIDTH_PX)
-    image = background(target, window, WIDTH_PX)
-    for name, T_cam_obj in poses.items():
-        outline(image, silhouette(target.model, T_cam_obj, camera), STAGE_COLORS[name])
-    return data_uri(image)
+        return self._problems[(data, entry.row.frame)]

@@ -10,15 +10,15 @@ from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.core.records import Iteration
 from verefine_viz.methods.bandit import Ucb, next_choice
 from verefine_viz.methods.registry import method_of
+from verefine_viz.pictures.visited_tree import Tree, tree_of
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.bandit_tables import arm_history, arms_table, scene_arms_table
 from verefine_viz.viewer.drawing.markup import focus_label, link, sentence, swatch, text
 from verefine_viz.viewer.drawing.pose_tables import other_scale_sign
-from verefine_viz.viewer.drawing.search_tree import tree_html
+from verefine_viz.viewer.drawing.tree_layers import tree_html
 from verefine_viz.viewer.panels.widgets import Block, Chart, Line
 from verefine_viz.viewer.snapshot.scene_state import ObjectState
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.snapshot.tree_snapshot import Tree, tree_of
 from verefine_viz.viewer.text.display_names import arm_color
 from verefine_viz.viewer.text.headline import cheapest_scene
 from verefine_viz.viewer.text.pose_words import beside_answer

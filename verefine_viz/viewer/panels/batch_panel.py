@@ -56,7 +56,7 @@ class BatchPanel:
             for k in range(PAGE):
                 self._show_card(k)
             self._pages.show(pages(page, len(entries)))
-        # While a run is on, every core is its own.
+        # A run gets all cores.
         b_runs = view.comparison is not None and view.comparison.running
         self.thumbnails.want(() if view.progress.running or b_runs else self._shown)
 
@@ -76,26 +76,26 @@ class BatchPanel:
 
 def summary(gallery: Gallery, entries: Sequence[Entry]) -> str:
     """How the batch went, and what is shown of it."""
-    said = gallery.outcome
+    outcome = gallery.outcome
     if gallery.n_unfinished:
-        said += f"; unfinished and left out: {gallery.n_unfinished}"
+        outcome += f"; unfinished and left out: {gallery.n_unfinished}"
     if not entries:
-        return f"{said}. None passes all filters: choose others."
+        return f"{outcome}. None passes all filters: choose others."
     n = sum(entry.can_be_opened for entry in entries)
     if not n:
-        return f"{said}. None of those below can be opened."
-    return f"{said}. {f'Click one of {n}' if n > 1 else 'One can be opened: click it'}, or press J, K."
+        return f"{outcome}. None of those below can be opened."
+    return f"{outcome}. {f'Click one of {n}' if n > 1 else 'One can be opened: click it'}, or press J, K."
 
 
 def choices(gallery: Gallery, order: Order, only: Mapping[str, str]) -> str:
     """The filters and the order, side by side."""
-    found = [choice("Sort by", [(f"by {o}", c.SortBatch(o)) for o in ORDERS], c.SortBatch(order))]
+    dropdowns = [choice("Sort by", [(f"by {o}", c.SortBatch(o)) for o in ORDERS], c.SortBatch(order))]
     for by in get_args(BatchFilter):
         options = [(_label(by, value), c.FilterBatch(by, value)) for value in gallery.choices.get(by, ())]
         if options:
             now = only.get(by, gallery.first_result if by == "result" else ALL)
-            found.append(choice(TITLES[by], options, c.FilterBatch(by, now)))
-    return f'<div class="choices">{"".join(found)}</div>'
+            dropdowns.append(choice(TITLES[by], options, c.FilterBatch(by, now)))
+    return f'<div class="choices">{"".join(dropdowns)}</div>'
 
 
 def _label(by: BatchFilter, value: str) -> str:
@@ -112,8 +112,8 @@ def card(entry: Entry, command: Command, picture: str | None, is_open: bool, wit
     if row.status == "ok":
         why = cause_title(row.cause) if row.cause else row.events.replace("_", " ")
         off = f"{number(row.add_s_mm, 1, ' mm')} · score {number(row.score, 2)}"
-    # Whole, what there may be no room for.
-    whole = (f"{row.name or 'all objects'} · {row.frame} · {made_by}{f': {why}' if why else ''}.", row.evidence)
+    # In full, what the card may have no space for.
+    in_full = (f"{row.name or 'all objects'} · {row.frame} · {made_by}{f': {why}' if why else ''}.", row.evidence)
     error, color = _error(entry)
     return filled(
         "card.html",
@@ -127,7 +127,7 @@ def card(entry: Entry, command: Command, picture: str | None, is_open: bool, wit
         red=LIGHTS["red"],
         picture=picture,
         is_open=is_open,
-        tip=" ".join(filter(None, (*whole, _opens_at(entry) if entry.can_be_opened else ""))),
+        tip=" ".join(filter(None, (*in_full, _opens_at(entry) if entry.can_be_opened else ""))),
         attributes=ready(carries(command)) if entry.can_be_opened else "",
     )
 

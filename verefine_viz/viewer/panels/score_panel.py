@@ -8,14 +8,14 @@ from math import acos, degrees
 import numpy as np
 import viser
 
-from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS, rgb
-from verefine_viz.rendering.png import indexed_png
+from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS, Scale
+from verefine_viz.core.scores import MAP_NAMES, MapName
+from verefine_viz.pictures.map_images import MapImages, palette_of
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.commands import MAP_NAMES, MapName
 from verefine_viz.viewer.drawing.bandit_tables import passes_table
 from verefine_viz.viewer.drawing.markup import carries, focus_label, sentence, swatch, text
 from verefine_viz.viewer.drawing.pose_tables import CLASS_MEANING, probe_table, score_table
-from verefine_viz.viewer.drawing.score_maps import LABELS, Crop, data_uri, map_shades, png, scale_of, shared_crop
+from verefine_viz.viewer.drawing.score_maps import LABELS, Crop, data_uri, indexed_png, png, scales_for, shared_crop
 from verefine_viz.viewer.panels.widgets import Block, Send, add_style, by_user
 from verefine_viz.viewer.snapshot.snapshot import ComparedPose, Snapshot
 from verefine_viz.viewer.state.view_options import STAGES
@@ -99,7 +99,8 @@ def maps_html(snapshot: Snapshot) -> str:
     crop = shared_crop(snapshot)
     head = "".join(f'<th title="{text(LABELS[m][1])}">{text(LABELS[m][0])}</th>' for m in MAP_NAMES)
     rows = "".join(_row(snapshot, side, crop, letter) for side, letter in zip(sides, "AB", strict=False))
-    bars = "".join(f"<td>{_bar(snapshot, m)}</td>" for m in MAP_NAMES)
+    scales = scales_for(snapshot.map_target, snapshot.session.score.tau_m)
+    bars = "".join(f"<td>{_bar(scales.get(m))}</td>" for m in MAP_NAMES)
     whose = focus_label(snapshot, 52)
     return f'<table><tr><th class="whose">{whose}</th>{head}</tr>{rows}<tr><td></td>{bars}</tr></table>'
 
@@ -109,18 +110,18 @@ def _row(snapshot: Snapshot, side: ComparedPose, crop: Crop, letter: str) -> str
     score = f"{side.pose.score.score:.{digits}f}" if side.pose.score else ""
     color = STAGE_COLORS.get(side.pose.name, STAGE_COLORS["current"])
     name = f"{swatch(color)}<b>{letter}</b> {text(side.pose.label)}<br>{score}"
-    cells = [f"<td>{_picture(snapshot, side, m, crop)}</td>" for m in MAP_NAMES]
+    assert side.maps is not None
+    images = crop.images(side.maps, snapshot.map_target, snapshot.session.score.tau_m)
+    cells = [f"<td>{_picture(snapshot, side, m, images, crop)}</td>" for m in MAP_NAMES]
     return f"<tr><td>{name}</td>{''.join(cells)}</tr>"
 
 
-def _picture(snapshot: Snapshot, side: ComparedPose, name: MapName, crop: Crop) -> str:
-    assert side.maps is not None
-    shades, palette = map_shades(name, side.maps, snapshot.map_target, snapshot.session.score.tau_m, crop)
+def _picture(snapshot: Snapshot, side: ComparedPose, name: MapName, images: MapImages, crop: Crop) -> str:
     if snapshot.options.pixel is None:
-        picture = indexed_png(shades, palette)
+        picture = indexed_png(images.indices(name), palette_of(name, images.scales))
     else:
         u, v = snapshot.options.pixel
-        picture = png(_with_cross(rgb(shades, palette), u - crop.u0, v - crop.v0))
+        picture = png(_with_cross(images.rgb(name), u - crop.u0, v - crop.v0))
     area = json.dumps([crop.u0, crop.v0, crop.width, crop.height])
     return (
         f'<img src="{data_uri(picture)}" {carries(c.ProbePixel(0, 0))} data-crop="{area}" '
@@ -138,8 +139,8 @@ def _with_cross(image: np.ndarray, u: int, v: int) -> np.ndarray:
     return image
 
 
-def _bar(snapshot: Snapshot, name: MapName) -> str:
-    scale = scale_of(name, snapshot.map_target, snapshot.session.score.tau_m)
+def _bar(scale: Scale | None) -> str:
+    """The colour bar of a scale; of the classes, which have none, their colours."""
     if scale is None:
         return "".join(swatch(color, f"{k}: {CLASS_MEANING[k]}") for k, color in CLASS_COLORS.items())
     ticks = "".join(f"<span>{text(t)}</span>" for t in (scale.ticks[0], scale.ticks[2]))

@@ -51,7 +51,7 @@ class Entry:
 
     @property
     def iteration(self) -> int:
-        """Where to look first: where it went wrong, else where the answer was made; 0 = before iteration 1."""
+        """What is opened: where it went wrong, else where the answer was made; 0 = before iteration 1."""
         row = self.row
         return (row.best_iteration if row.worst_iteration is None else row.worst_iteration) or 0
 
@@ -121,10 +121,10 @@ class Gallery:
             only: chosen values by filter: result, cause (its title), object, method, run; none = all, of results
                 :attr:`first_result`.
         """
-        asked = order, dict(only)
-        if self._shown[0] != asked:
+        choice = order, dict(only)
+        if self._shown[0] != choice:
             passed = set(self.matching(only))
-            self._shown = asked, tuple(entry for entry in self.sorted_by(order) if entry in passed)
+            self._shown = choice, tuple(entry for entry in self.sorted_by(order) if entry in passed)
         return self._shown[1]
 
     def matching(self, only: Mapping[str, str]) -> tuple[Entry, ...]:
@@ -140,7 +140,7 @@ class Gallery:
 
     @cached_property
     def first_result(self) -> str:
-        """Which results are shown before anyone chooses: wrong ones, if any are known to be."""
+        """Which results are shown until the user chooses: wrong ones, if any are known to be."""
         return WRONG if any(entry.is_wrong for entry in self.entries) else ALL
 
     @cached_property
@@ -177,7 +177,7 @@ class Gallery:
 
 
 class Browsing:
-    """The gallery and the place in it.
+    """The gallery and what is open of it.
 
     Args:
         gallery: None = no batch was opened.
@@ -201,7 +201,7 @@ class Browsing:
         return run.iteration.stages[-1].name
 
     def entry(self, instance_id: int) -> Entry | None:
-        """What the batch says about an object of the open frame; None where something else is open."""
+        """The batch's answer for an object of the open frame; None where something else is open."""
         gallery = self.gallery
         if gallery is None or not self._is_open(gallery.session(self.run)):
             return None
@@ -218,7 +218,7 @@ _FILTERS = ("cause", "object", "method", "run")
 
 
 def value_of(entry: Entry, by: str) -> str:
-    """What a filter looks at."""
+    """What a filter compares."""
     if by == "cause":
         return cause_title(entry.row.cause)
     return entry.run if by == "run" else entry.row.name if by == "object" else entry.row.method

@@ -10,9 +10,9 @@ import numpy as np
 from verefine_viz.batch.index import Order
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import Iteration
+from verefine_viz.core.scores import MapName
 from verefine_viz.session.engine import Run
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.commands import MapName
 
 STAGES: tuple[str, ...] = (
     "initial", "current", "simulated", "mixed", "refined", "accepted", "best", "edited", "ground truth",

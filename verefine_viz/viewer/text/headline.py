@@ -13,9 +13,9 @@ from verefine_viz.core.settings import Edit
 from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.methods.registry import method_of
+from verefine_viz.pictures.visited_tree import Tree, tree_of
 from verefine_viz.viewer.snapshot.scene_state import ClosedPass, SceneState, labels_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.snapshot.tree_snapshot import Tree, tree_of
 from verefine_viz.viewer.state.timeline_marks import FALL
 from verefine_viz.viewer.text.display_names import (
     TERMS,

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from verefine_viz.core.palette import RGB, lookup_table
+from verefine_viz.pictures.visited_tree import Node, Tree
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import Row, carries, swatch, table, text
-from verefine_viz.viewer.snapshot.tree_snapshot import Node, Tree
 
-# Which nodes of a big search tree are drawn, and what the others are folded into.
-#
-# The way to the best scene and the branch of this iteration are always drawn, then what was visited most, as long as
-# every box stays wide enough to be read and clicked. Of the rest one box per parent remains.
+# Which nodes of a big search tree are drawn, and what the others are folded into. The way to the best scene and the
+# branch of this iteration are always drawn, then what was visited most, as long as every box stays wide enough to be
+# read and clicked. Of the rest one box per parent remains.
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,7 @@ class Drawn:
 
     @property
     def leaves(self) -> tuple[Drawn, ...]:
-        """What stands side by side at its lower end."""
+        """Its lower end, from left to right."""
         return tuple(leaf for child in self.below for leaf in child.leaves) or (self,)
 
 
@@ -120,8 +119,8 @@ def _first_most_visited(node: Node) -> tuple[float, float, int]:
 
 
 WIDTH, LAYER, GAP, STRIP = 340, 26, 2, 8
-NARROWEST, ROOM_PX = 30, 56
-"""A box that "+97" fits into, and one that has room for its visits as well [px]."""
+NARROWEST, WITH_VISITS_PX = 30, 56
+"""Width of a box that "+97" fits into, and of one that its visits fit into as well [px]."""
 CHEAP, DEAR = (53, 183, 121), (68, 40, 90)
 """Ends of the colours of cost per visit: cheap is good."""
 BRANCH_COLOR: RGB = (255, 255, 255)
@@ -163,7 +162,7 @@ def layers_svg(tree: Tree, labels: Mapping[int, str], colors: Mapping[int, RGB])
 
 def _node(box: Box, node: Node, y: float, labels: Mapping[int, str], color: str) -> str:
     title = f"{_name(node, labels)}: {_numbers(node)}; added in iteration {node.iteration}"
-    caption = f"h{node.arm + 1}" + (f" · {node.visits}×" if box.width >= ROOM_PX else "")
+    caption = f"h{node.arm + 1}" + (f" · {node.visits}×" if box.width >= WITH_VISITS_PX else "")
     return _box(box, y, c.Seek(node.iteration), f'fill="{color}"', caption, title)
 
 
@@ -234,8 +233,8 @@ def _not_listed(nodes: Sequence[Node]) -> str:
     if not nodes:
         return ""
     once = "" if any(map(_worth_reading, nodes)) else ", visited once and without any below,"
-    said = f"{len(nodes)} more nodes{once} are" if len(nodes) > 1 else f"1 more node{once} is"
-    return f'<p class="dim">{said} not listed.</p>'
+    what = f"{len(nodes)} more nodes{once} are" if len(nodes) > 1 else f"1 more node{once} is"
+    return f'<p class="dim">{what} not listed.</p>'
 
 
 def _worth_reading(node: Node) -> bool:

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from verefine_viz.core.records import Best, Iteration, PlacedPose, Stage, TreeNode, TreeStep
 from verefine_viz.core.scores import ZERO_SCORE
+from verefine_viz.pictures.visited_tree import Node, Tree, tree_of
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import carries
-from verefine_viz.viewer.drawing.search_tree import (
+from verefine_viz.viewer.drawing.tree_layers import (
     MOST_ROWS,
     NARROWEST,
     WIDTH,
@@ -25,7 +26,6 @@ from verefine_viz.viewer.drawing.search_tree import (
     nodes_table,
     tree_html,
 )
-from verefine_viz.viewer.snapshot.tree_snapshot import Node, Tree, tree_of
 
 T = np.eye(4)
 LABELS = {0: "box", 1: "can", 2: "duck"}

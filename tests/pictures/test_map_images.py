@@ -1,4 +1,4 @@
-"""Score maps have the same colours in a recording as on the page."""
+"""Score maps have the colours of their scales."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from verefine_viz.core.palette import ANGLE, FIT, Scale, depth_scale, difference_scale
-from verefine_viz.recording.maps import _indices
+from verefine_viz.pictures.map_images import scaled_indices
 
 SCALES = (ANGLE, FIT, depth_scale(0.31, 0.94), difference_scale(0.02))
 
 
 @pytest.mark.parametrize("scale", SCALES)
 @given(st.data())
-def test_compiled_for_recordings_they_are_the_same(scale: Scale, data: st.DataObject) -> None:
+def test_compiled_they_are_the_same(scale: Scale, data: st.DataObject) -> None:
     reach = scale.high - scale.low
     ends = [float(np.float32(end)) for end in (scale.low - reach, scale.high + reach)]
     some = st.floats(*ends, width=32) | st.sampled_from([np.nan, np.inf, -np.inf])
     values = data.draw(arrays(np.float32, (3, 4), elements=some))
-    known = np.ones(values.shape, bool)
-    assert np.array_equal(_indices(values, known, 1.0, scale.low, scale.high), scale.shades(values.astype(np.float64)))
+    assert np.array_equal(scaled_indices(values, 1.0, scale.low, scale.high), scale.shades(values.astype(np.float64)))

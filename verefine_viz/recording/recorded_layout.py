@@ -12,15 +12,16 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.observation import Observation
+from verefine_viz.core.palette import OBJECT_COLORS, RGB
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import RunState
-from verefine_viz.core.records import Iteration, PlacedPose
+from verefine_viz.core.records import Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.methods.registry import method_of
 from verefine_viz.recording.entities import branch
 
 SUBSAMPLE = 16
-"""Every so many-th point tells where the objects are."""
+"""Every so many-th point gives the middle and the reach of the objects."""
 
 
 @dataclass(frozen=True)
@@ -62,15 +63,15 @@ class Layout:
 
     branches: tuple[Branch, ...]
     center_world: tuple[float, float, float]
-    """What the 3D view looks at, the middle of the objects [m]."""
+    """What the 3D view looks at: the middle of the objects [m]."""
     eye_world: tuple[float, float, float]
     """From where: near the camera, a little to the side [m]."""
     width_m: float
     """How far apart the objects reach on the table, along the world's x or y."""
-    method: str = ""
-    has_graph: bool = False
-    """Whether it was looked at which objects depend on which."""
-    has_clusters: bool = True
+    method: str
+    has_graph: bool
+    """Whether it has a dependency graph."""
+    has_clusters: bool
     """Whether some objects are solved together."""
 
     def __post_init__(self) -> None:
@@ -86,13 +87,33 @@ class Layout:
 
     @property
     def has_passes(self) -> bool:
-        """Whether iterations of several objects are judged together."""
+        """Whether iterations of several objects are scored together."""
         return method_of(self.method).has_passes and self.is_scene and self.has_clusters
 
     @property
     def has_tree(self) -> bool:
         """Whether the iterations grow a search tree."""
         return method_of(self.method).has_tree
+
+    @property
+    def has_choice(self) -> bool:
+        """Whether the method chooses between hypotheses."""
+        return method_of(self.method).chooses
+
+    @property
+    def has_ground_truth(self) -> bool:
+        """Whether that of any object is known."""
+        return any(b.has_truth for b in self.branches)
+
+    @property
+    def names(self) -> list[str]:
+        """Of the branches."""
+        return [b.name for b in self.branches]
+
+    @property
+    def colors(self) -> dict[int, RGB]:
+        """Each object's colour, by instance."""
+        return {b.instance_id: OBJECT_COLORS[k % len(OBJECT_COLORS)] for k, b in enumerate(self.branches)}
 
     def branch(self, instance_id: int) -> Branch:
         return next(b for b in self.branches if b.instance_id == instance_id)
@@ -103,7 +124,7 @@ class Layout:
             ValueError: an iteration cannot be one of a run with these objects and hypotheses.
         """
         arms = {b.instance_id: b.n_arms for b in self.branches}
-        nodes: dict[int, set[int]] = {}
+        n_nodes: dict[int, int] = {}
         """Of each cluster's search tree, so far."""
         for i in iterations:
             n_arms = arms.get(i.instance_id, 0)
@@ -117,21 +138,24 @@ class Layout:
                 raise ValueError(f"iteration {i.index} chose from another number of hypotheses than {n_arms}")
             if i.path is not None and not len(i.path.Ts_cam_obj):
                 raise ValueError(f"the simulation of iteration {i.index} has no pose")
-            unknown = {p.instance_id for p in _placed(i)} - arms.keys()
+            unknown = set(_other_instances(i)) - arms.keys()
             if unknown:
                 raise ValueError(f"iteration {i.index} places instance {min(unknown)}, which is not recorded")
             if i.tree is not None:
-                known = nodes.setdefault(i.tree.cluster, {0})
-                if i.tree.node is not None and i.tree.node.parent in known:
-                    known.add(i.tree.node.node)
-                if not known.issuperset(i.tree.branch):
+                n, node = n_nodes.get(i.tree.cluster, 1), i.tree.node
+                if node is not None:
+                    if node.node != n or node.parent not in range(n):
+                        raise ValueError(f"iteration {i.index} adds node {node.node} to a search tree of {n} nodes")
+                    n += 1
+                if not all(number in range(n) for number in i.tree.branch):
                     raise ValueError(f"iteration {i.index} visits a node of the search tree that was never added")
+                n_nodes[i.tree.cluster] = n
 
     def to_json(self) -> str:
         return json.dumps({**vars(self), "branches": [vars(b) for b in self.branches]}, separators=(",", ":"))
 
 
-def layout_of(problem: Problem, state: RunState, method: str = "") -> Layout:
+def layout_of(problem: Problem, state: RunState, method: str) -> Layout:
     """The layout of a problem, given the state before the first iteration and the name of the method."""
     branches: list[Branch] = []
     for instance, scores in zip(problem.instances, state.initial, strict=True):
@@ -145,14 +169,17 @@ def layout_of(problem: Problem, state: RunState, method: str = "") -> Layout:
     return Layout(tuple(branches), *_view(problem), method, problem.dependencies is not None, has_clusters)
 
 
-def _placed(iteration: Iteration) -> Iterator[PlacedPose]:
-    """All poses of other objects that the iteration names."""
+def _other_instances(iteration: Iteration) -> Iterator[int]:
+    """Of all poses beside its stages that the iteration names."""
     scene, tree = iteration.scene, iteration.tree
-    yield from iteration.placed
+    poses = [*iteration.placed]
     if scene is not None:
-        yield from (*scene.poses, *scene.incumbent)
+        poses += [*scene.poses, *scene.incumbent]
     if tree is not None:
-        yield from (*tree.rollout, *tree.incumbent)
+        poses += [*tree.rollout, *tree.incumbent]
+        if tree.node is not None:
+            yield tree.node.instance_id
+    yield from (pose.instance_id for pose in poses)
 
 
 _UNKNOWN = (0.0,) * 10
@@ -167,7 +194,6 @@ def _rows(scores: Scores) -> list[tuple[float, ...]]:
 def _view(problem: Problem) -> tuple[tuple[float, float, float], tuple[float, float, float], float]:
     """Center, eye and width of :class:`Layout`."""
     T_world_cam = world_from_camera(problem.observation)
-    # A part of the points is enough to tell.
     clouds = [i.points_cam[::SUBSAMPLE] for i in problem.instances if len(i.points_cam)]
     points = apply(T_world_cam, np.concatenate(clouds or [[[0.0, 0.0, 1.0]]]))
     # Masks leak: a few points far behind must not decide where to look.

@@ -3,33 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
-from itertools import accumulate
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import rerun as rr
-from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, OBJECT_COLORS, STAGE_COLORS
+from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, STAGE_COLORS
 from verefine_viz.core.records import EventKind, Iteration
 from verefine_viz.recording import curves, entities
 from verefine_viz.recording.block import Block, last_contacts
-from verefine_viz.recording.graphs import Tree
-from verefine_viz.recording.layout import Branch, Layout
+from verefine_viz.recording.drawn_poses import Poses
+from verefine_viz.recording.graphs import TreeGraphs
+from verefine_viz.recording.iteration_text import describe
 from verefine_viz.recording.lossless_log import ENTRY, NO_CONTACTS, Entry, framed
-from verefine_viz.recording.poses import Poses
+from verefine_viz.recording.recorded_layout import Branch, Layout
 from verefine_viz.recording.recording_file import RecordingFile
-from verefine_viz.recording.wording import describe
 
 ARROW_M_PER_N = 0.002
 """Length of a contact's arrow; 1 kg at rest presses with 9.81 N."""
-CONTACT_COLOR = 0xFFE650FF
-COLLISION_COLOR = 0xFF5A3CFF
-"""Of a contact with another object."""
-PATH_COLOR = STAGE_COLORS["simulated"]
+CONTACT_COLOR, COLLISION_COLOR = 0xFFE650FF, 0xFF5A3CFF
+"""With the support plane, and with another object."""
+_NO_PATH = np.zeros((0, 4, 4))
 
 
 class Drawing:
@@ -38,7 +33,7 @@ class Drawing:
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
         self._poses = Poses(layout)
-        self._tree = Tree(layout)
+        self._trees = TreeGraphs(layout)
         self._last_scores = {b.instance_id: np.array(b.initial_scores) for b in layout.branches}
         self._worked_on: int | None = None
         self._started: set[int] = set()
@@ -50,11 +45,10 @@ class Drawing:
             curves.log_styles(file, branch)
             contact_style = rr.Arrows3D.from_fields(colors=[CONTACT_COLOR], radii=[0.0008])
             file.log(entities.contacts(branch.name), contact_style)
-            path_style = rr.LineStrips3D.from_fields(colors=[PATH_COLOR], radii=[0.0008])
+            path_style = rr.LineStrips3D.from_fields(colors=[STAGE_COLORS["simulated"]], radii=[0.0008])
             file.log(entities.simulated_path(branch.name), path_style)
         self._poses.start(file)
-        names = [b.name for b in branches]
-        file.log(entities.LANE, _lane_style(names, max((b.n_arms for b in branches), default=0) + 1))
+        file.log(entities.LANE, _lane_style(self._layout))
         file.log(entities.CHOICE, rr.TextDocument.from_fields(media_type="text/markdown"))
         if self._layout.is_scene or self._layout.has_tree:
             curves.log_scene_styles(file, self._layout)
@@ -66,7 +60,7 @@ class Drawing:
         """The iterations, which follow the ones before without a gap."""
         block = Block(entries)
         turns = self._turns(block.iterations)
-        # First: where a file is cut, all else can be drawn again.
+        # First: where a file is truncated, all else can be drawn again.
         _send_lossless(file, block)
         for iteration in block.iterations:
             self._poses.add(iteration)
@@ -82,7 +76,7 @@ class Drawing:
                 curves.send_curves(file, branch, block, own, self._last_scores[branch.instance_id])
         if self._layout.is_scene or self._layout.has_tree:
             curves.send_scene_curves(file, self._layout, block)
-        self._tree.send(file, block.iterations)
+        self._trees.send(file, block.iterations)
         _send_events(file, self._layout, block)
         _send_choices(file, block)
 
@@ -97,10 +91,10 @@ class Drawing:
 
 
 def _send_lossless(file: RecordingFile, block: Block) -> None:
-    """Every iteration bit by bit: the poses by their stages (float64, row by row) for whoever looks at recordings with
-    other tools, and everything as :class:`Entry`.
+    """Every iteration bit by bit: the poses by their stages (float64, row by row) for other tools, and everything as
+    :class:`Entry`.
     """
-    stages = rr.components.TextBatch([name for names in block.names for name in names])
+    stages = rr.components.TextBatch([stage.name for stage in block.stages])
     poses = rr.AnyBatchValue(_named("Ts_cam_obj"), block.Ts_cam_obj.ravel())
     entries = rr.components.BlobBatch([framed(entry.packed) for entry in block.entries])
     file.send(
@@ -140,31 +134,19 @@ def _send_contacts(file: RecordingFile, branch: Branch, iterations: Sequence[Ite
     file.send(entities.simulated_path(branch.name), indices, lines.partition([min(len(path), 1) for path in paths]))
 
 
-_NO_PATH = np.zeros((0, 4, 4))
-
-
 def _send_events(file: RecordingFile, layout: Layout, block: Block) -> None:
-    names = {b.instance_id: b.name for b in layout.branches}
-    lane = [
-        (
-            names[i.instance_id],
-            f"hypothesis {i.arm + 1}",
-            i.accepted,
-            _notable(tuple([event.kind for event in i.events])),
-        )
-        for i in block.iterations
-    ]
-    states = rr.StateChange.columns(state=[state for row in lane for state in row])
-    file.send(entities.LANE, block.indices, states.partition([4] * len(lane)))
+    lane: list[str] = []
+    for i in block.iterations:
+        notable = _notable([event.kind for event in i.events])
+        lane += [layout.branch(i.instance_id).name, f"hypothesis {i.arm + 1}", i.accepted, notable]
+    file.send(entities.LANE, block.indices, rr.StateChange.columns(state=lane).partition([4] * len(block.indices)))
     events = [(i.index, event) for i in block.iterations for event in i.events]
     if events:
-        texts = rr.TextLog.columns(
-            text=[event.text for _, event in events],
-            level=[_LEVELS.get(event.kind, "INFO") for _, event in events],
-        )
-        file.send(entities.LOG, [k for k, _ in events], texts)
-    described = [describe(entry, layout, *ways) for entry, ways in zip(block.entries, block.ways(), strict=True)]
-    file.send(entities.CHOICE, block.indices, rr.TextDocument.columns(text=described))
+        levels = [_LEVELS.get(event.kind, "INFO") for _, event in events]
+        log = rr.TextLog.columns(text=[event.text for _, event in events], level=levels)
+        file.send(entities.LOG, [k for k, _ in events], log)
+    texts = [describe(entry, layout, *motions) for entry, motions in zip(block.entries, block.motions(), strict=True)]
+    file.send(entities.CHOICE, block.indices, rr.TextDocument.columns(text=texts))
 
 
 def _send_choices(file: RecordingFile, block: Block) -> None:
@@ -172,40 +154,28 @@ def _send_choices(file: RecordingFile, block: Block) -> None:
     choices = [(i.index, i.choice.ucb) for i in block.iterations if i.choice is not None]
     if not choices:
         return
-    lengths = [len(ucb) for _, ucb in choices]
-    heights = _above_lowest(np.concatenate([ucb for _, ucb in choices]), lengths)
-    bars = [_tensor(row) for row in np.split(heights, list(accumulate(lengths[:-1])))]
+    # A bar begins at its number: half before the hypothesis's, so that it stands over it.
+    rows = [(_above_lowest(ucb), np.arange(len(ucb)) + 0.5) for _, ucb in choices]
+    descriptors = (rr.BarChart.descriptor_values(), rr.BarChart.descriptor_abscissa())
     # What rr.BarChart.columns does not make: a tensor for each row.
     columns = [
-        rr.ComponentColumn(descriptor, rr.components.TensorDataBatch(pa.concat_arrays(tensors)))
-        for descriptor, tensors in (
-            (rr.BarChart.descriptor_values(), bars),
-            (rr.BarChart.descriptor_abscissa(), [_numbers_of_bars(n) for n in lengths]),
-        )
+        rr.ComponentColumn(descriptor, rr.components.TensorDataBatch(pa.concat_arrays(map(_tensor, tensors))))
+        for descriptor, tensors in zip(descriptors, zip(*rows, strict=True), strict=True)
     ]
     file.send(entities.BANDIT, [k for k, _ in choices], columns)
 
 
-def _tensor(values: NDArray[Any]) -> pa.Array:
-    return rr.components.TensorDataBatch(np.ascontiguousarray(values)).as_arrow_array()
+def _tensor(values: Float) -> pa.Array:
+    return rr.components.TensorDataBatch(values).as_arrow_array()
 
 
-@lru_cache(maxsize=64)
-def _numbers_of_bars(n: int) -> pa.Array:
-    """A bar begins at its number: half before the hypothesis's, so that it stands over it."""
-    return _tensor(np.arange(n) + 0.5)
-
-
-def _above_lowest(ucb: Float, lengths: Sequence[int]) -> Float:
+def _above_lowest(ucb: Float) -> Float:
     """Bars begin at 0, where scores around 0.7 would all look alike; what was never played has no number and is as high
     as the highest.
     """
-    firsts, known = list(accumulate(lengths[:-1], initial=0)), np.isfinite(ucb)
-    lowest = np.minimum.reduceat(np.where(known, ucb, np.inf), firsts)
-    highest = np.maximum.reduceat(np.where(known, ucb, -np.inf), firsts)
-    none = lowest > highest
-    lowest[none], highest[none] = 0.0, 0.0
-    return np.where(known, ucb, np.repeat(highest, lengths)) - np.repeat(lowest, lengths)
+    known = ucb[np.isfinite(ucb)]
+    lowest, highest = (known.min(), known.max()) if len(known) else (0.0, 0.0)
+    return np.where(np.isfinite(ucb), ucb, highest) - lowest
 
 
 _LEVELS = {"score_fell": "WARN", "unstable": "WARN", "empty_render": "ERROR", "nan_score": "ERROR"}
@@ -222,19 +192,18 @@ _NOTABLE = {
     "new_best": "best",
 }
 """What the lane shows where several things happened, most important first, and how it is written where there is little
-room."""
+space."""
 
 
-@lru_cache(maxsize=256)
-def _notable(kinds: tuple[EventKind, ...]) -> str:
+def _notable(kinds: Sequence[EventKind]) -> str:
     """Of an iteration's events the one for the lane; empty where nothing stands out."""
     return next((kind.replace("_", " ") for kind in _NOTABLE if kind in kinds), "")
 
 
-def _lane_style(branch_names: Sequence[str], n_arms: int) -> rr.StateConfiguration:
-    colors = {name: OBJECT_COLORS[k % len(OBJECT_COLORS)] for k, name in enumerate(branch_names)}
-    labels = {name: name for name in branch_names}
-    for j in range(n_arms):
+def _lane_style(layout: Layout) -> rr.StateConfiguration:
+    colors = dict(zip(layout.names, layout.colors.values(), strict=True))
+    labels = {name: name for name in layout.names}
+    for j in range(max((b.n_arms for b in layout.branches), default=0) + 1):
         colors[f"hypothesis {j + 1}"], labels[f"hypothesis {j + 1}"] = ARM_COLORS[j % len(ARM_COLORS)], f"h{j + 1}"
     for stage, short in _SHORT_STAGES.items():
         colors[stage], labels[stage] = STAGE_COLORS[stage], short

@@ -10,7 +10,7 @@ import pytest
 
 from tests.recording.runs import recorded_run
 from verefine_viz.core.errors import InputError
-from verefine_viz.recording.replay import open_viewer
+from verefine_viz.recording.rerun_viewer import open_viewer
 
 
 @pytest.mark.usefixtures("processes")

@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from PIL import Image
 
-from verefine_viz.rendering.png import indexed_png
+from verefine_viz.viewer.drawing.score_maps import indexed_png
 
 IMAGES = arrays(np.uint8, st.tuples(st.integers(1, 40), st.integers(1, 40)))
 PALETTES = st.binary(min_size=768, max_size=768)

@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterator, Sequence
 
 from verefine_viz.core.records import Iteration, PlacedPose, SceneRecord, TreeStep
-from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.lossless_log import Entry
+from verefine_viz.recording.recorded_layout import Layout
 
 
 def describe(entry: Entry, layout: Layout, moved_mm: Sequence[float], turned_deg: Sequence[float]) -> str:
@@ -21,8 +21,8 @@ def describe(entry: Entry, layout: Layout, moved_mm: Sequence[float], turned_deg
     """
     i = entry.iteration
     branch = layout.branch(i.instance_id)
-    source = plain(branch.sources[i.arm]) if i.arm < branch.n_arms else ""
     in_pass = "" if i.scene_pass is None else f", pass {i.scene_pass}"
+    source = plain(branch.sources[i.arm])
     lines = [
         f"## Iteration {i.index}: {branch.name}{in_pass}",
         f"**Hypothesis {i.arm + 1} of {branch.n_arms}** ({source}), its iteration {i.arm_iteration}.",
@@ -36,7 +36,7 @@ def describe(entry: Entry, layout: Layout, moved_mm: Sequence[float], turned_deg
     if branch.has_truth:
         rotation_deg, translation_mm, add_mm = entry.errors.tolist()
         lines.append(
-            f"Against ground truth: kept pose {rotation_deg:.1f}° and {translation_mm:.1f} mm off;"
+            f"Against ground truth: accepted pose {rotation_deg:.1f}° and {translation_mm:.1f} mm off;"
             f" best pose ADD(-S) {add_mm:.1f} mm."
         )
     lines += _scene(i, layout)
@@ -50,17 +50,17 @@ def _stages(iteration: Iteration, moved_mm: Sequence[float], turned_deg: Sequenc
     lines = ["| stage | score | f_d | f_n | N | moved | turned |\n|-|-:|-:|-:|-:|-:|-:|"]
     for stage, mm, deg in zip(iteration.stages, moved_mm, turned_deg, strict=True):
         s = stage.score
-        judged = "– | – | – | –"
+        scores = "– | – | – | –"
         if s is not None:
-            judged = f"{s.score:.3f} | {s.depth_fit:.3f} | {s.normal_fit:.3f} | {s.n_pixels}"
+            scores = f"{s.score:.3f} | {s.depth_fit:.3f} | {s.normal_fit:.3f} | {s.n_pixels}"
         name = f"**{stage.name} ✔**" if stage.name == iteration.accepted else stage.name
-        lines.append(f"| {name} | {judged} | {mm:.1f} mm | {deg:.1f}° |")
+        lines.append(f"| {name} | {scores} | {mm:.1f} mm | {deg:.1f}° |")
     return "\n".join(lines)
 
 
 def _scene(iteration: Iteration, layout: Layout) -> Iterator[str]:
     if iteration.placed:
-        yield f"Already placed: {_names(iteration.placed, layout)}."
+        yield f"Already placed: {', '.join(_name(pose, layout) for pose in iteration.placed)}."
     if iteration.scene is not None:
         yield _scene_record(iteration.scene)
     if iteration.tree is not None:
@@ -89,23 +89,12 @@ def _tree_step(step: TreeStep, layout: Layout) -> Iterator[str]:
     yield f"Not explained: {step.cost_px:.0f} px; best scene so far {step.incumbent_cost_px:.0f} px."
 
 
-def _names(poses: Sequence[PlacedPose], layout: Layout) -> str:
-    return ", ".join(_name(pose, layout) for pose in poses)
-
-
 def _name(pose: PlacedPose, layout: Layout) -> str:
-    known = (b.name for b in layout.branches if b.instance_id == pose.instance_id)
-    return plain(next(known, f"#{pose.instance_id}"))
+    return plain(layout.branch(pose.instance_id).name)
 
 
 def plain(text: str) -> str:
     """Text from data, so that markdown shows it as it is."""
     # The backslash, which the others bring along, comes first.
     text = " ".join(text.split()).replace("\\", "\\\\")
-    # A few of them in a text; half the time of ``translate`` or of a regular expression that replaces them.
-    for sign in set(_SIGN.findall(text)):
-        text = text.replace(sign, f"\\{sign}")
-    return text
-
-
-_SIGN = re.compile(r"[`*_{}\[\]<>|#!&~]")
+    return re.sub(r"([`*_{}\[\]<>|#!&~])", r"\\\1", text)

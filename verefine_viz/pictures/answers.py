@@ -1,0 +1,206 @@
+"""Pictures of an answer: the camera's image with contours, and the depth that the answer leaves unexplained.
+
+For the report's cards, and smaller for the page's gallery. The cards around them are two: they share no markup.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as PilImage
+from scipy import ndimage
+
+from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.geometry import apply
+from verefine_viz.core.palette import (
+    CLASS_COLORS,
+    RGB,
+    SIDE_COLORS,
+    STAGE_COLORS,
+    Image,
+    depth_scale,
+    difference_scale,
+)
+from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.settings import Session
+from verefine_viz.scenes.segments import draw_placed
+from verefine_viz.scenes.source import SceneSource, open_scene
+
+WIDTH_PX, HEIGHT_PX = 360, 270
+"""Size of the report's pictures; smaller ones have the same shape."""
+MARGIN = 0.25
+"""Shown around the object, as a share of its size."""
+SMALLEST_PX = 48
+"""Least width of what is shown of the camera's image."""
+QUALITY = 72
+"""Of WebP: a picture of this size takes 5 to 15 kB."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """The part of the camera's image that is shown, in its pixels; it lies inside the image."""
+
+    u0: float
+    v0: float
+    width: float
+    height: float
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """For resizing."""
+        return self.u0, self.v0, self.u0 + self.width, self.v0 + self.height
+
+    def camera(self, camera: Camera, width_px: int = WIDTH_PX) -> Camera:
+        """The camera that sees this part in a picture of this width."""
+        height_px = height_of(width_px)
+        scale_x, scale_y = width_px / self.width, height_px / self.height
+        # Pixel centres are at integers: the window's edge at u0 is half a pixel before that of pixel u0.
+        K = np.array(
+            [
+                [camera.fx * scale_x, 0.0, (camera.cx + 0.5 - self.u0) * scale_x - 0.5],
+                [0.0, camera.fy * scale_y, (camera.cy + 0.5 - self.v0) * scale_y - 0.5],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+        return Camera(K, width_px, height_px)
+
+
+def height_of(width_px: int) -> int:
+    """Height of a picture of this width [px]."""
+    return round(width_px * HEIGHT_PX / WIDTH_PX)
+
+
+def window_around(target: Target, poses: Sequence[Float]) -> Window:
+    """What to show: the object's mask and its model at all poses, as far as they are in the image."""
+    camera = target.observation.camera
+    rows, columns = np.nonzero(target.instance.mask)
+    corners = [np.stack([columns, rows], axis=1).astype(float)]
+    for T in poses:
+        points_cam = apply(T, target.model.points)
+        corners.append(camera.project(points_cam[points_cam[:, 2] > 0.01]))
+    pixels = np.concatenate(corners)
+    limits = np.array([camera.width, camera.height], float)
+    pixels = np.clip(pixels, 0, limits) if len(pixels) else np.array([[0.0, 0.0], limits])
+    low, high = pixels.min(axis=0), pixels.max(axis=0)
+    width, height = np.maximum((high - low) * (1 + 2 * MARGIN), SMALLEST_PX)
+    width = max(width, height * WIDTH_PX / HEIGHT_PX)
+    # Never larger than the image, always of the picture's shape.
+    width = min(width, camera.width, camera.height * WIDTH_PX / HEIGHT_PX)
+    size = np.array([width, width * HEIGHT_PX / WIDTH_PX])
+    u0, v0 = np.clip((low + high) / 2 - size / 2, 0, limits - size)
+    return Window(float(u0), float(v0), float(size[0]), float(size[1]))
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Two images as data URIs."""
+
+    camera: str
+    """With the contours of the answers and of the ground truth."""
+    depth: str
+    """Observed − rendered depth of the first answer over the grey image."""
+
+
+def pictures(target: Target, answers: Sequence[tuple[Float, str]], tau_m: float) -> Pictures:
+    """The pictures of one object.
+
+    Args:
+        target: with ground truth or without.
+        answers: T_cam_obj (4, 4) and what it is: "best" where one run is shown, else its side "A" or "B".
+        tau_m: depth tolerance of the score, which sets the scale of the depth picture [m].
+    """
+    drawn = _Drawn(target, answers, WIDTH_PX)
+    return Pictures(data_uri(drawn.contours()), data_uri(drawn.depth_difference(tau_m)))
+
+
+def thumbnail(target: Target, T_cam_obj: Float | None, width_px: int) -> str:
+    """The camera's image with the contours of an answer, if there is one, and of the ground truth, as a data URI."""
+    answers = [] if T_cam_obj is None else [(T_cam_obj, "best")]
+    return data_uri(_Drawn(target, answers, width_px).contours())
+
+
+def picture_source(session: Session, frames: Sequence[str]) -> SceneSource:
+    """The data of a run, opened without its initial poses: they are not drawn, and their files may be gone.
+
+    Raises:
+        VerefineError: the data cannot be read.
+    """
+    hypotheses = session.hypotheses.model_copy(update={"source": "perturb", "estimate": ()})
+    return open_scene(session.scene.model_copy(update={"frames": tuple(frames)}), hypotheses)
+
+
+def color_of(kind: str) -> RGB:
+    """The contour's colour of an answer."""
+    return SIDE_COLORS[kind] if kind in SIDE_COLORS else STAGE_COLORS["accepted"]
+
+
+def data_uri(image: Image) -> str:
+    """An image (H, W, 3) as a small WebP that a page can hold."""
+    out = io.BytesIO()
+    PilImage.fromarray(image).save(out, format="WEBP", quality=QUALITY, method=4)
+    return "data:image/webp;base64," + base64.b64encode(out.getvalue()).decode("ascii")
+
+
+class _Drawn:
+    """The part of the image that is shown, and the models in it."""
+
+    def __init__(self, target: Target, answers: Sequence[tuple[Float, str]], width_px: int) -> None:
+        T_gt = target.instance.T_cam_obj_gt
+        T_gts = [] if T_gt is None else [T_gt]
+        self._observation, self._model = target.observation, target.model
+        self._size = width_px, height_of(width_px)
+        self._window = window_around(target, [*T_gts, *(T for T, _ in answers)])
+        self._background = self._camera_image()
+        self._ground_truth = [(self._depth_m(T), STAGE_COLORS["ground truth"]) for T in T_gts]
+        self._answers = [(self._depth_m(T), color_of(kind)) for T, kind in answers]
+
+    def contours(self) -> Image:
+        image = self._background.copy()
+        for depth_m, color in (*self._ground_truth, *self._answers):
+            _outline(image, depth_m > 0, color)
+        return image
+
+    def depth_difference(self, tau_m: float) -> Image:
+        """Of the first answer."""
+        grey = self._background.mean(axis=2, keepdims=True) * 0.35 + 20
+        out = np.repeat(grey, 3, axis=2).astype(np.uint8)
+        if not self._answers:
+            return out
+        depth = PilImage.fromarray(np.ascontiguousarray(self._observation.depth_m, np.float32))
+        observed_m = np.asarray(depth.resize(self._size, PilImage.Resampling.NEAREST, self._window.box))
+        rendered_m, _ = self._answers[0]
+        covered = rendered_m > 0
+        both = covered & (observed_m > 0)
+        difference_mm = np.where(both, (observed_m - rendered_m) * 1e3, np.nan)
+        out[both] = difference_scale(tau_m).colors(difference_mm)[both]
+        out[covered & ~both] = CLASS_COLORS["unknown"]
+        return out
+
+    def _depth_m(self, T_cam_obj: Float) -> NDArray[np.float32]:
+        camera = self._window.camera(self._observation.camera, self._size[0])
+        return draw_placed([Placed(0, self._model, T_cam_obj)], camera)[0]
+
+    def _camera_image(self) -> Image:
+        """The window of the camera's image, or of the depth image where there is none."""
+        image = self._observation.rgb
+        if image is None:
+            depth_m = self._observation.depth_m
+            known = depth_m[depth_m > 0]
+            low, high = (float(known.min()), float(known.max()) + 1e-6) if len(known) else (0.0, 1.0)
+            image = depth_scale(low, high).colors(np.where(depth_m > 0, depth_m, np.nan))
+        resized = PilImage.fromarray(image).resize(self._size, PilImage.Resampling.BICUBIC, self._window.box)
+        return np.array(resized)
+
+
+def _outline(image: Image, mask: Mask, color: RGB) -> None:
+    """Draws the contour of a mask, two pixels wide with a dark rim, so that it shows on any ground."""
+    line = mask & ~np.asarray(ndimage.binary_erosion(mask, iterations=2), bool)
+    rim = np.asarray(ndimage.binary_dilation(line), bool) & ~line
+    image[rim] = (image[rim] * 0.35).astype(np.uint8)
+    image[line] = color

@@ -1,0 +1,120 @@
+"""The search tree that the records of PHYSIM-MCTS add up to, with the visits and costs that page and recordings show.
+
+Their pictures are different: the page folds it into layers of boxes, a recording shows every node in a graph view.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from verefine_viz.core.records import Iteration, TreeStep
+
+ROOT = -1
+"""``instance_id`` of the root, which places nothing."""
+
+
+@dataclass(frozen=True)
+class Node:
+    """One node: an object placed from one of its hypotheses, after those of the nodes above."""
+
+    number: int
+    """0 is the root, in which nothing is placed."""
+    parent: int
+    depth: int
+    """Objects placed, this one included."""
+    instance_id: int
+    arm: int
+    lcp: float
+    iteration: int
+    """Of the run, in which it was added; 0 for the root."""
+    visits: int = 0
+    cost_px: float = 0.0
+    """Sum over the visits."""
+    children: tuple[int, ...] = ()
+    """As they came about."""
+
+    @property
+    def mean_px(self) -> float:
+        """Cost per visit."""
+        return self.cost_px / self.visits if self.visits else float("inf")
+
+
+@dataclass(frozen=True)
+class Tree:
+    """The tree of one cluster."""
+
+    cluster: int
+    """From 0."""
+    nodes: tuple[Node, ...]
+    """By number."""
+    branch: tuple[int, ...]
+    """Nodes from the root to the one visited last."""
+    incumbent: tuple[int, ...]
+    """Nodes from the root to where the best complete scene comes from; what lies below is its roll-out."""
+    incumbent_px: float
+    incumbent_iteration: int
+    costs: tuple[tuple[int, float, float], ...]
+    """(iteration, its cost, cost of the incumbent), one per iteration."""
+    choices: tuple[str, ...]
+    """Why each node of the branch after the root was chosen."""
+
+    def below(self, number: int = 0) -> Iterator[Node]:
+        """The nodes below one, parents first, the most visited sibling first and the cheaper one on ties."""
+        children = (self.nodes[k] for k in self.nodes[number].children)
+        for child in sorted(children, key=lambda n: (-n.visits, n.mean_px, n.number)):
+            yield child
+            yield from self.below(child.number)
+
+
+class GrowingTree:
+    """The tree of one cluster, step by step; without any it has the root alone."""
+
+    def __init__(self, cluster: int) -> None:
+        self._cluster = cluster
+        self._nodes = [Node(0, -1, 0, ROOT, -1, 0.0, 0)]
+        self._incumbent: tuple[tuple[int, ...], float, int] = ((0,), float("inf"), 0)
+        self._costs: list[tuple[int, float, float]] = []
+        self._branch: tuple[int, ...] = (0,)
+        self._choices: tuple[str, ...] = ()
+
+    def add(self, index: int, step: TreeStep) -> None:
+        """Takes the next step, which was iteration ``index``."""
+        nodes, added = self._nodes, step.node
+        if added is not None:
+            parent = nodes[added.parent]
+            nodes[added.parent] = replace(parent, children=(*parent.children, added.node))
+            depth = parent.depth + 1
+            nodes.append(Node(added.node, added.parent, depth, added.instance_id, added.arm, added.lcp, index))
+        for number in step.branch:
+            node = nodes[number]
+            nodes[number] = replace(node, visits=node.visits + 1, cost_px=node.cost_px + step.cost_px)
+        if step.incumbent_cost_px < self._incumbent[1]:
+            self._incumbent = step.branch, step.incumbent_cost_px, index
+        self._costs.append((index, step.cost_px, step.incumbent_cost_px))
+        self._branch, self._choices = step.branch, step.choices
+
+    @property
+    def tree(self) -> Tree:
+        """As it is now."""
+        nodes, costs = tuple(self._nodes), tuple(self._costs)
+        return Tree(self._cluster, nodes, self._branch, *self._incumbent, costs, self._choices)
+
+
+def tree_of(iterations: Sequence[Iteration], cluster: int | None = None) -> Tree | None:
+    """The tree after these iterations; None where none of them searched.
+
+    Args:
+        iterations: of a run, in order; others than those of a tree search are passed over.
+        cluster: whose tree; None = the one that was searched last.
+    """
+    steps = [(i.index, i.tree) for i in iterations if i.tree is not None]
+    if cluster is None and steps:
+        cluster = steps[-1][1].cluster
+    own = [(index, step) for index, step in steps if step.cluster == cluster]
+    if not own:
+        return None
+    growing = GrowingTree(own[-1][1].cluster)
+    for index, step in own:
+        growing.add(index, step)
+    return growing.tree
