@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from tests.browser.conftest import SESSIONS, Look, Screen
-from verefine_viz.viewer.web.viser_internals import SAID
+from verefine_viz.viewer.web.viser_internals import SMALL_WINDOW
 
 
 def test_a_zoomed_page_says_what_to_do_and_keeps_its_right_column_free(look: Look) -> None:
     screen = look(SESSIONS / "mug.toml")
-    said = screen.page.get_by_text(SAID)
+    said = screen.page.get_by_text(SMALL_WINDOW)
     assert not said.is_visible()
     screen.page.set_viewport_size({"width": 1024, "height": 640})  # 1280 × 800 at 125 %
     said.wait_for()

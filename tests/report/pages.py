@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from verefine_viz.pictures.answers import HEIGHT_PX, WIDTH_PX, Pictures, data_uri
+from verefine_viz.pictures.answer_pictures import HEIGHT_PX, WIDTH_PX, Pictures, data_uri
 from verefine_viz.report import failure_cards as gallery
 from verefine_viz.report.failure_cards import ScoreCurve
 

@@ -12,7 +12,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.diagnosis.causes import cause_title
-from verefine_viz.pictures.answers import Pictures, picture_source, pictures
+from verefine_viz.pictures.answer_pictures import Pictures, picture_source, pictures
 from verefine_viz.recording.lossless_log import Entry
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.report.groups import Group, Progress, seed_words

@@ -15,7 +15,7 @@ from plotly.offline import get_plotlyjs
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS, difference_scale
 from verefine_viz.diagnosis.causes import cause_title
-from verefine_viz.pictures.answers import color_of
+from verefine_viz.pictures.answer_pictures import color_of
 from verefine_viz.report import charts
 from verefine_viz.report import run_sentences as words
 from verefine_viz.report.failure_cards import Failure, Gallery

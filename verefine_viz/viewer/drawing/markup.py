@@ -101,10 +101,10 @@ def with_hints(content: str, hints: Mapping[str, str]) -> str:
     """Words that are escaped here, the first of each of the ``hints`` with its tooltip."""
     shown = text(content)
     for word, hint in hints.items():
-        found = re.search(rf"\b{re.escape(text(word))}\b", shown, re.IGNORECASE)
-        if found:
-            term = f'<span class="term" title="{text(hint)}">{found[0]}</span>'
-            shown = shown[: found.start()] + term + shown[found.end() :]
+        match = re.search(rf"\b{re.escape(text(word))}\b", shown, re.IGNORECASE)
+        if match:
+            term = f'<span class="term" title="{text(hint)}">{match[0]}</span>'
+            shown = shown[: match.start()] + term + shown[match.end() :]
     return shown
 
 

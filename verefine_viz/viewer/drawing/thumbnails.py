@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
-from verefine_viz.pictures.answers import picture_source, thumbnail
+from verefine_viz.pictures.answer_pictures import picture_source, thumbnail
 from verefine_viz.scenes.source import SceneSource
 from verefine_viz.viewer.state.batch_gallery import Entry, Gallery
 

@@ -241,8 +241,8 @@ LEGEND_CHARACTERS = 24
 
 
 def _object_line(snapshot: Snapshot, o: ObjectState, values: list[float], dashed: bool = False) -> Line:
-    has_room = sum(len(p.label) for p in snapshot.scene.objects) <= LEGEND_CHARACTERS
-    return Line(o.label, o.color, values, 1.2 if dashed else 2.0, in_legend=has_room, dashed=dashed)
+    fits = sum(len(p.label) for p in snapshot.scene.objects) <= LEGEND_CHARACTERS
+    return Line(o.label, o.color, values, 1.2 if dashed else 2.0, in_legend=fits, dashed=dashed)
 
 
 def _best_line(snapshot: Snapshot, o: ObjectState, known: Mapping[int, float], dashed: bool = False) -> Line:

@@ -174,8 +174,8 @@ def _object(graph: DependencyGraph, instance_id: int, node: Node, y: float) -> s
     """Place, colour, name, and what moves it."""
     place = graph.order.index(instance_id) + 1
     x = SWATCH_X + INDENT_PX * min(_level(graph, instance_id), 3)
-    room = int((ARC_X - MOVERS_PX - x - 15) / (BOLD_PX if node.in_focus else CHARACTER_PX))
-    name = node.label if len(node.label) <= room else f"{node.label[: room - 1]}…"
+    n_characters = int((ARC_X - MOVERS_PX - x - 15) / (BOLD_PX if node.in_focus else CHARACTER_PX))
+    name = node.label if len(node.label) <= n_characters else f"{node.label[: n_characters - 1]}…"
     weight = ' font-weight="700"' if node.in_focus else ""
     return (
         f'<text x="6" y="{y + 4:.1f}" font-size="11" fill="currentColor" opacity="0.65">{place}</text>'

@@ -204,7 +204,7 @@ def _runs(snapshot: Snapshot, cell: float) -> list[str]:
 
 
 def _objects(snapshot: Snapshot, cell: float) -> list[str]:
-    """Where the run goes on to another object: a line, and where there is room the object's name below."""
+    """Where the run goes on to another object: a line, and where it fits the object's name below."""
     if len(snapshot.scene.objects) < 2 or not snapshot.iterations:
         return []
     starts = [
@@ -215,27 +215,27 @@ def _objects(snapshot: Snapshot, cell: float) -> list[str]:
     parts, passes = [], {closed.iteration for closed in snapshot.scene.closed}
     for k, end in zip(starts, [*starts[1:], snapshot.progress.total], strict=True):
         # The number of a pass stands at the right end of its last object.
-        room = (end - k) * cell - (_PASS_PX if end in passes else 0.0)
-        if room < _NAME_PX:
+        width_px = (end - k) * cell - (_PASS_PX if end in passes else 0.0)
+        if width_px < _NAME_PX:
             continue
         x, name = k * cell, snapshot.scene.object(snapshot.iterations[k].instance_id).label
         parts.append(
             f'<line x1="{x:.1f}" x2="{x:.1f}" y1="12" y2="39" stroke="currentColor" stroke-width="1.5"/>'
-            f'<text x="{x + 3:.1f}" y="39" font-size="10" fill="currentColor">{text(shortened(name, room))}'
+            f'<text x="{x + 3:.1f}" y="39" font-size="10" fill="currentColor">{text(shortened(name, width_px))}'
             f"<title>{text(name)}</title></text>"
         )
     return parts
 
 
 def _passes(snapshot: Snapshot, cell: float) -> list[str]:
-    """Where passes were closed: a tick each, and numbers as far as there is room."""
+    """Where passes were closed: a tick each, and numbers as far as they fit."""
     parts, free = [], 0.0
     for closed in snapshot.scene.closed:
         x = closed.iteration * cell
         parts.append(f'<path d="M{x:.1f} 30v3" stroke="currentColor" opacity="0.6"/>')
         if x >= free:
             label = f"pass {closed.number}" if closed.number == 1 else f"{closed.number}"
-            # The first stands at the left end, where a long run leaves it no room.
+            # The first stands at the left end, where a long run leaves it no space.
             at = max(x, _PASS_PX)
             parts.append(
                 f'<text x="{at:.1f}" y="40" font-size="9" text-anchor="end" fill="currentColor">{label}</text>'

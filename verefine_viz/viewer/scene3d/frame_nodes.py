@@ -111,7 +111,7 @@ def cloud_of(observation: Observation) -> Cloud:
     if observation.rgb is not None:
         natural = observation.rgb[rows, columns]
     else:
-        # As if lit from the camera: shapes can be told apart, wherever they are.
+        # As if lit from the camera: shapes can be distinguished, wherever they are.
         shade = 40 + 150 * np.abs(observation.normals_cam[rows, columns, 2])
         natural = np.repeat(shade[:, None], 3, axis=1).astype(np.uint8)
     return Cloud(rows, columns, points, natural, step)

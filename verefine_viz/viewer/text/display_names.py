@@ -97,9 +97,9 @@ def verdict_mark(errors: PoseErrors | None) -> str:
 _CHARACTER_PX = 6.2
 
 
-def shortened(name: str, room_px: float) -> str:
+def shortened(name: str, width_px: float) -> str:
     """As much of a name as there is room for, in plain text; a number that tells twins apart stays."""
-    n = int((room_px - 5) / _CHARACTER_PX)
+    n = int((width_px - 5) / _CHARACTER_PX)
     if len(name) <= n:
         return name
     number = stem_and_number(name)[1]

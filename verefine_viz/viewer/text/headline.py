@@ -279,7 +279,7 @@ WORTH_MM = 1.0
 def _outcome(snapshot: Snapshot) -> str:
     if len(snapshot.scene.objects) == 1:
         return f"Run finished: {_answer(snapshot)}"
-    words = _scene_outcome(snapshot.scene) + _found_by(snapshot)
+    words = _scene_outcome(snapshot.scene) + _iteration_of_answer(snapshot)
     if snapshot.options.focus is None:
         return words
     return f"{words} {_capital(snapshot.name)}: {_answer(snapshot)}"
@@ -296,7 +296,7 @@ def _scene_outcome(scene: SceneState) -> str:
     return f"{words}."
 
 
-def _found_by(snapshot: Snapshot) -> str:
+def _iteration_of_answer(snapshot: Snapshot) -> str:
     """Which iteration found a finished search's answer; empty where objects were solved one by one."""
     if snapshot.scene.n_clusters > 1 or not snapshot.iterations:
         return ""

@@ -105,7 +105,7 @@ WIDTH_PX, HEIGHT_PX = 1280, 800
 """What the panels are placed for."""
 _SLACK_PX = 40
 """How much smaller a window may be: so little is covered then that no line is needed."""
-SAID = (
+SMALL_WINDOW = (
     f"The window is too small for all panels (they need {WIDTH_PX} × {HEIGHT_PX}): make it larger, zoom out with "
     "Ctrl and −, or fold panels with the − at their corner."
 )
@@ -122,5 +122,5 @@ def small_window(right_px: int) -> str:
     return (
         f"<style>.small-window{{display:none}}@media {narrow},{low}{{.small-window{{display:block}}}}"
         f"@media {narrow}{{[data-floating-window]{{max-width:calc(100vw - {right_px + 12}px)}}}}</style>"
-        f'<div class="vz small-window"><p class="warn">{SAID}</p></div>'
+        f'<div class="vz small-window"><p class="warn">{SMALL_WINDOW}</p></div>'
     )

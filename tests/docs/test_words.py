@@ -1,0 +1,59 @@
+"""The words of CONTRIBUTING.md, "Words": names and texts use the field's terms."""
+
+from __future__ import annotations
+
+import ast
+import io
+import re
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from verefine_viz.session.files import CAPTURE_HEAD
+
+ROOT = Path(__file__).resolve().parents[2]
+PRODUCT = sorted((ROOT / "verefine_viz").rglob("*.py"))
+NAMES = {"found", "said", "told", "kept", "anew", "nobody", "whoever", "somebody", "desk", "room", "patience"}
+"""No name of the product is made of these."""
+TEXTS = re.compile(
+    r"\b(first poses|nobody|whoever|somebody|anew|told|moved by hand|under the hand|can be kept nowhere)\b",
+    re.IGNORECASE,
+)
+
+
+def names_in(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Line and name of all that is defined or assigned."""
+    for node in ast.walk(tree):
+        match node:
+            case ast.FunctionDef() | ast.ClassDef():
+                yield node.lineno, node.name
+            case ast.arg():
+                yield node.lineno, node.arg
+            case ast.Name(ctx=ast.Store()):
+                yield node.lineno, node.id
+            case _:
+                pass
+
+
+def texts_in(source: str) -> Iterator[tuple[int, str]]:
+    """Line and text of comments and strings, but for the line by which folders of captured frames are recognised."""
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type in (tokenize.COMMENT, tokenize.STRING):
+            yield token.start[0], token.string.replace(CAPTURE_HEAD.removesuffix("\n"), "")
+
+
+@pytest.mark.parametrize("path", PRODUCT, ids=lambda p: str(p.relative_to(ROOT / "verefine_viz")))
+def test_names_and_texts_of_the_product_use_the_fields_words(path: Path) -> None:
+    source = path.read_text(encoding="utf-8")
+    names = [f"{line}: {name}" for line, name in names_in(ast.parse(source)) if NAMES & set(name.lower().split("_"))]
+    texts = [f"{line}: {hit.group()}" for line, text in texts_in(source) for hit in TEXTS.finditer(text)]
+    assert names == []
+    assert texts == []
+
+
+def test_module_names_are_unique() -> None:
+    """A name that occurs twice would mean two things. Each registry is its package's table of what plugs in."""
+    names = [path.name for path in PRODUCT if path.name not in ("__init__.py", "registry.py")]
+    assert sorted({name for name in names if names.count(name) > 1}) == []
