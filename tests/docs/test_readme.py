@@ -76,7 +76,7 @@ def test_its_frame_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     arrays = {"K": seen.camera.K, "depth_m": seen.depth_m, "rgb": seen.rgb, "mask": instance.mask}
     monkeypatch.chdir(tmp_path)
     exec(code, arrays | {"T_cam_obj": instance.hypotheses[0].T_cam_obj})
-    (kept,) = Toolbox(load_session(tmp_path / "kept" / "session.toml")).problem("1/1").instances
+    (kept,) = Toolbox(load_session(tmp_path / "frames" / "session.toml")).problem("1/1").instances
     np.testing.assert_allclose(kept.hypotheses[0].T_cam_obj, instance.hypotheses[0].T_cam_obj, atol=1e-12)
 
 

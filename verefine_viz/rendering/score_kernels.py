@@ -33,7 +33,7 @@ N_SUMS = 9
 
 
 @njit(cache=True)
-def classify(observed, rendered, other, is_own, is_any, tau):
+def classify(observed, rendered, other, is_own, any_own, tau):
     """The class of a pixel on which a model shows (docs/methods.md 1.9).
 
     Args:
@@ -41,7 +41,7 @@ def classify(observed, rendered, other, is_own, is_any, tau):
         rendered: z of the model > 0 [m].
         other: z of the objects placed before, 0 = none [m].
         is_own: the pixel is in the mask of the instance whose model shows.
-        is_any: the pixel is in the mask of any instance that is scored.
+        any_own: the pixel is in the mask of any instance that is scored.
         tau: depth tolerance [m].
     """
     if observed == 0.0:
@@ -55,7 +55,7 @@ def classify(observed, rendered, other, is_own, is_any, tau):
         return HIDDEN
     if near:
         return PROTRUDING
-    if is_any:
+    if any_own:
         return MISSED
     return HIDDEN
 
@@ -117,18 +117,18 @@ def _sum(inv_z, face_of, x0, y0, facing, face_starts, far, seen, rule, sums):
             while f >= face_starts[k + 1]:
                 k += 1
             d = np.float64(observed[v, u, 3])
-            is_any = (flag & OWN) != 0
+            any_own = (flag & OWN) != 0
             other = np.float64(placed[v, u]) if placed.shape[0] > 0 else 0.0
-            kind = classify(d, z, other, (own[k, v, u] & OWN) != 0, is_any, tau)
+            kind = classify(d, z, other, (own[k, v, u] & OWN) != 0, any_own, tau)
             counts[kind] += 1
-            if is_any:
+            if any_own:
                 n_covered += 1
             if (flag & OBJECTS) == 0:
                 n_stray += 1
             if pixels == PUBLISHED:
                 fits = (flag & OBJECTS) != 0
             elif pixels == OBSERVED:
-                fits = is_any
+                fits = any_own
             else:
                 fits = kind == EXPLAINED
             if fits:
@@ -267,10 +267,10 @@ def fill_maps(Ts, meshes, rows, columns, depth, faces, camera, seen, rule, maps)
         for x in range(len(columns)):
             u = columns[x]
             z, flag = np.float64(depth[y, x]), flags[v, u]
-            drawn, is_own, is_any = z > 0.0, (flag & OWN) != 0, (flag & OBJECTS) != 0
-            counted[y, x] = (drawn or is_any) if pixels == PUBLISHED else is_own
+            drawn, any_own, objects = z > 0.0, (flag & OWN) != 0, (flag & OBJECTS) != 0
+            counted[y, x] = (drawn or objects) if pixels == PUBLISHED else any_own
             if not drawn:
-                if is_own:
+                if any_own:
                     classes[y, x] = MISSED + 1
                 continue
             f, k = faces[y, x], 0
@@ -284,12 +284,12 @@ def fill_maps(Ts, meshes, rows, columns, depth, faces, camera, seen, rule, maps)
             normals[y, x, 0], normals[y, x, 1], normals[y, x, 2] = side * a, side * b, side * c
             d = np.float64(observed[v, u, 3])
             other = np.float64(placed[v, u]) if placed.shape[0] > 0 else 0.0
-            kind = classify(d, z, other, (own[k, v, u] & OWN) != 0, is_own, tau)
+            kind = classify(d, z, other, (own[k, v, u] & OWN) != 0, any_own, tau)
             classes[y, x] = kind + 1
             if pixels == PUBLISHED:
-                fits = is_any
+                fits = objects
             elif pixels == OBSERVED:
-                fits = is_own
+                fits = any_own
             else:
                 fits = kind == EXPLAINED
                 counted[y, x] = fits or kind in (MISSED, PROTRUDING)
@@ -300,9 +300,9 @@ def fill_maps(Ts, meshes, rows, columns, depth, faces, camera, seen, rule, maps)
             f_d[y, x] = depth_fit
             dot, has_normal = 0.0, False
             for i in range(3):
-                seen = np.float64(observed[v, u, i])
-                dot += seen * np.float64(normals[y, x, i])
-                has_normal = has_normal or seen != 0.0
+                n_obs = np.float64(observed[v, u, i])
+                dot += n_obs * np.float64(normals[y, x, i])
+                has_normal = has_normal or n_obs != 0.0
             dot = min(max(dot, 0.0), 1.0)
             if has_normal:
                 angle[y, x] = math.acos(dot)

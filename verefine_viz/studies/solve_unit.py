@@ -9,7 +9,6 @@ from time import perf_counter
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from verefine_viz.core.algorithm_settings import IcpSettings, TricpSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed, Problem, Target
@@ -103,7 +102,7 @@ class Solver:
     def __init__(self, sessions: Mapping[str, Session], panels: Sequence[Panel]) -> None:
         self._toolboxes = {name: Toolbox(session) for name, session in sessions.items()}
         self._panels = {panel.name: panel for panel in panels}
-        self._refiners: dict[tuple[str, IcpSettings, TricpSettings], Refiner] = {}
+        self._refiners: dict[tuple[str, str], Refiner] = {}
         self._last: tuple[tuple[str, str], Problem] | None = None
 
     def solve(self, unit: Unit) -> tuple[Outcome, ...]:
@@ -123,8 +122,9 @@ class Solver:
 
     def _refiner(self, toolbox: Toolbox) -> Refiner:
         """The toolbox's, shared by all curves with the same settings: its index of each model takes long to build."""
-        s = toolbox.session
-        return self._refiners.setdefault((s.method.refiner, s.icp, s.tricp), toolbox.refiner)
+        # A refiner reads the section of its own, whatever that is called; curves differ in these three besides.
+        settings = toolbox.session.model_dump_json(exclude={"method", "score", "physics"})
+        return self._refiners.setdefault((toolbox.session.method.refiner, settings), toolbox.refiner)
 
     def _frame(self, scene: str, frame: str) -> Problem:
         if self._last is None or self._last[0] != (scene, frame):

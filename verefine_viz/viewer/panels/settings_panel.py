@@ -49,7 +49,7 @@ class SettingsPanel:
             "method.name": gui.add_dropdown("Method", ALL_METHOD_NAMES, hint="the algorithm"),
             "method.refiner": gui.add_dropdown("Refiner", tuple(REFINERS), hint="what improves a pose"),
             "method.iterations": gui.add_number("K", 5, step=1, hint="refiner calls per hypothesis"),
-            "method.exploration": gui.add_number("c", 0.1, step=0.01, hint="weight of UCB's bonus"),
+            "method.exploration": gui.add_number("c", 0.7, step=0.01, hint="weight of UCB's bonus"),
             "method.discount": gui.add_number(
                 "γ", 0.99, step=0.01, hint="vf_depth: what a play of the pass before still counts"
             ),
