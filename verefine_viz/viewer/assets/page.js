@@ -64,6 +64,11 @@ addEventListener("unhandledrejection", event => {
     send(command);
   }, true);
 
+  document.addEventListener("dblclick", event => {
+    const twice = event.target.closest(".vz [data-double]");
+    if (twice) send(JSON.parse(twice.dataset.double));
+  }, true);
+
   // A list of commands to choose from.
   document.addEventListener("change", event => {
     if (event.target.matches(".vz select")) send(JSON.parse(event.target.value));

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from math import acos, degrees
 
 import numpy as np
@@ -78,6 +79,11 @@ def score_html(snapshot: Snapshot) -> str:
 # The strip of score maps: both stages, every quantity, cut to the object, with colour bars.
 
 
+SHOWN_MAPS = tuple(name for name in MAP_NAMES if name != "observed")
+IN_FRONT, BEHIND = "in front", "behind"
+"""Where the model lies, against what was observed."""
+
+
 class MapsPanel:
     """Two rows of pictures."""
 
@@ -91,29 +97,41 @@ class MapsPanel:
 
 
 def maps_html(snapshot: Snapshot) -> str:
-    """The strip as HTML with the pictures inside."""
+    """The strip as HTML with the pictures inside: a column per map, A above B. What was observed is the same for both:
+    it stands once, beside their names.
+    """
     sides = [s for s in (snapshot.a, snapshot.b) if s is not None and s.maps is not None]
     if not sides:
         missing = snapshot.options.a if snapshot.a is None else snapshot.options.b
         return f'<p class="dim">No {text(missing)} pose here yet: press Step (N), or choose other stages in Score.</p>'
-    crop = shared_crop(snapshot)
-    head = "".join(f'<th title="{text(LABELS[m][1])}">{text(LABELS[m][0])}</th>' for m in MAP_NAMES)
-    rows = "".join(_row(snapshot, side, crop, letter) for side, letter in zip(sides, "AB", strict=False))
-    scales = scales_for(snapshot.map_target, snapshot.session.score.tau_m)
-    bars = "".join(f"<td>{_bar(scales.get(m))}</td>" for m in MAP_NAMES)
-    whose = focus_label(snapshot, 52)
-    return f'<table><tr><th class="whose">{whose}</th>{head}</tr>{rows}<tr><td></td>{bars}</tr></table>'
+    crop, tau_m = shared_crop(snapshot), snapshot.session.score.tau_m
+    images = [crop.images(side.maps, snapshot.map_target, tau_m) for side in sides if side.maps is not None]
+    scales = scales_for(snapshot.map_target, tau_m)
+    names = [_name(snapshot, side, letter) for side, letter in zip(sides, "AB", strict=False)]
+    observed = _tile(snapshot, sides[0], "observed", images[0], crop)
+    columns = [_column("observed", [observed], scales, "observed")]
+    for name in SHOWN_MAPS:
+        tiles = [_tile(snapshot, side, name, of_side, crop) for side, of_side in zip(sides, images, strict=True)]
+        columns.append(_column(name, tiles, scales))
+    who = f'<div class="who"><b>{focus_label(snapshot, 60)}</b>{names[0]}{observed}{"".join(names[1:])}</div>'
+    return f'<div class="maps">{who}{"".join(columns)}</div>'
 
 
-def _row(snapshot: Snapshot, side: ComparedPose, crop: Crop, letter: str) -> str:
+def _column(name: MapName, tiles: Sequence[str], scales: Mapping[MapName, Scale], css_class: str = "") -> str:
+    label, tip = LABELS[name]
+    head = f'<div class="name" title="{text(tip)}">{text(label)}</div>'
+    return f'<div class="map {css_class}">{head}{"".join(tiles)}{_bar(name, scales.get(name))}</div>'
+
+
+def _name(snapshot: Snapshot, side: ComparedPose, letter: str) -> str:
     digits = score_digits([s.pose.score for s in (snapshot.a, snapshot.b) if s is not None])
     score = f"{side.pose.score.score:.{digits}f}" if side.pose.score else ""
     color = STAGE_COLORS.get(side.pose.name, STAGE_COLORS["current"])
-    name = f"{swatch(color)}<b>{letter}</b> {text(side.pose.label)}<br>{score}"
-    assert side.maps is not None
-    images = crop.images(side.maps, snapshot.map_target, snapshot.session.score.tau_m)
-    cells = [f"<td>{_picture(snapshot, side, m, images, crop)}</td>" for m in MAP_NAMES]
-    return f"<tr><td>{name}</td>{''.join(cells)}</tr>"
+    return f'<div class="side">{swatch(color)}<b>{letter}</b> {text(side.pose.label)} <span>{score}</span></div>'
+
+
+def _tile(snapshot: Snapshot, side: ComparedPose, name: MapName, images: MapImages, crop: Crop) -> str:
+    return f'<div class="tile">{_picture(snapshot, side, name, images, crop)}</div>'
 
 
 def _picture(snapshot: Snapshot, side: ComparedPose, name: MapName, images: MapImages, crop: Crop) -> str:
@@ -139,9 +157,18 @@ def _with_cross(image: np.ndarray, u: int, v: int) -> np.ndarray:
     return image
 
 
-def _bar(scale: Scale | None) -> str:
-    """The colour bar of a scale; of the classes, which have none, their colours."""
+def _bar(name: MapName, scale: Scale | None) -> str:
+    """The colour bar of a scale; of the classes, which have none, their colours with their names."""
     if scale is None:
-        return "".join(swatch(color, f"{k}: {CLASS_MEANING[k]}") for k, color in CLASS_COLORS.items())
-    ticks = "".join(f"<span>{text(t)}</span>" for t in (scale.ticks[0], scale.ticks[2]))
-    return f'<div class="cb" style="background:{scale.gradient()}"></div><div class="ticks">{ticks}</div>'
+        return (
+            '<div class="classes">'
+            + "".join(
+                f'<span title="{text(CLASS_MEANING[k])}">{swatch(color)}{k}</span>' for k, color in CLASS_COLORS.items()
+            )
+            + "</div>"
+        )
+    ends = [scale.ticks[0], scale.ticks[2]]
+    if name == "difference":  # Observed − rendered: negative where the model lies behind what was observed.
+        ends = [f"{ends[0]} {BEHIND}", f"{IN_FRONT} {ends[1]}"]
+    ticks = "".join(f"<span>{text(t)}</span>" for t in ends)
+    return f'<div><div class="cb" style="background:{scale.gradient()}"></div><div class="ticks">{ticks}</div></div>'
