@@ -49,7 +49,7 @@ def carries(command: Command) -> str:
 
 
 def double_click(command: Command) -> str:
-    """Attributes that make an element send ``command`` when it is clicked twice."""
+    """Attributes with which a pane sends ``command`` when its head is clicked twice."""
     return f'data-double="{text(to_json(command))}"'
 
 

@@ -11,7 +11,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.assets import asset
 from verefine_viz.viewer.command_json import from_json
-from verefine_viz.viewer.drawing.markup import carries, double_click, link, text
+from verefine_viz.viewer.drawing.markup import carries, double_click, text
 from verefine_viz.viewer.panels.bandit_panel import BanditPanel, CurvesPanel
 from verefine_viz.viewer.panels.batch_panel import BatchPanel
 from verefine_viz.viewer.panels.compare_panel import ComparePanel
@@ -105,6 +105,7 @@ class Layout:
         set_theme(gui)
         add_style(gui, asset("layout.css"))
         gui.add_html(small_window())
+        self.verdict = VerdictPanel(gui, send)
         self._preset = Block(gui, "tight")
         self.run = RunPanel(gui, send)
         self.link = gui.add_text(LINK_LABEL, "")
@@ -137,13 +138,11 @@ class Layout:
         with tabs.add_tab("Session"):
             self.session = SessionPanel(gui, send, lambda: self.settings.waiting)
         tabs.dock_below(main)
-        with _pane(gui, "Verdict"):
-            self.verdict = VerdictPanel(gui, send)
         with _pane(gui, "Image"):
-            Block(gui, "pane-head").show(pane_head("Image", "image"))
+            Block(gui, "pane").show(enlarges("image"))
             self.image = ImagePanel(gui, send)
         with _pane(gui, "3D"):
-            Block(gui, "pane-head scene-head").show(pane_head("3D", "3D"))
+            Block(gui, "pane scene-pane").show(enlarges("3D"))
         with _pane(gui, "Score maps"):
             self.maps = MapsPanel(gui)
         with _pane(gui, "Timeline"):
@@ -183,7 +182,7 @@ class Layout:
 
     def show(self, snapshot: Snapshot, slider_is_ahead: bool = False) -> None:
         """All panels, each on its own."""
-        self._preset.show(preset_row(snapshot.options))
+        self._preset.show(preset_row(snapshot.options, len(snapshot.scene.objects)))
         self.verdict.show(snapshot)
         self.image.show(snapshot)
         self.run.show(snapshot)
@@ -233,21 +232,20 @@ def _pane(gui: viser.GuiApi, label: str) -> viser.GuiTabHandle:
     return tab
 
 
-def pane_head(label: str, pane: c.Pane) -> str:
-    """The line above a picture; a double click on it has the picture alone in the middle, as has the sign."""
-    command = c.Enlarge(pane)
-    return (
-        f'<div class="pane-name" {double_click(command)} title="double click: alone in the middle, and back (Z)">'
-        f"{text(label)}</div>{link('⤢', command, 'alone in the middle, and back (Z)')}"
-    )
+def enlarges(pane: c.Pane) -> str:
+    """What `assets/page.js` sends when the head of a pane is clicked twice."""
+    return f"<i {double_click(c.Enlarge(pane))}></i>"
 
 
-def preset_row(options: ViewOptions) -> str:
-    """A button per layout, the one in use marked; its classes are what `assets/layout.css` goes by."""
+def preset_row(options: ViewOptions, n_objects: int) -> str:
+    """A button per layout, the one in use marked; its classes are what `assets/layout.css` goes by, and the number of
+    objects.
+    """
     enlarged = f"enlarged enlarged-{options.enlarged}" if options.enlarged else ""
     buttons = "".join(
         f'<button class="{"on" if options.preset == name else ""}" {carries(c.ShowLayout(name))} title="{text(hint)}">'
         f"{name.capitalize()}</button>"
         for name, hint in PRESETS.items()
     )
-    return f'<div class="presets preset {options.preset} {enlarged}">{buttons}</div>'
+    row = f'<div class="presets preset-{options.preset} {enlarged}">{buttons}</div>'
+    return f"<style>:root{{--objects:{n_objects}}}</style>{row}"

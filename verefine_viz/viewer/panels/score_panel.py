@@ -22,10 +22,10 @@ from verefine_viz.viewer.snapshot.snapshot import ComparedPose, Snapshot
 from verefine_viz.viewer.state.view_options import STAGES
 from verefine_viz.viewer.text.display_names import TERMS
 from verefine_viz.viewer.text.pose_words import compared, score_digits
-from verefine_viz.viewer.web.viser_internals import compact
+from verefine_viz.viewer.web.viser_internals import compact, side_by_side
 
-ROW_PX = 26
-"""So that both stages in numbers fit into the panel."""
+ROW_PX, SECOND_FROM_PX, LETTER_PX = 26, 158, 12
+"""Height of a row, where the second stage begins, and width of the letter before each [px]."""
 
 
 class ScorePanel:
@@ -42,7 +42,10 @@ class ScorePanel:
         labels = {LABELS[m][0]: m for m in MAP_NAMES}
         self.map = gui.add_dropdown("On image", tuple(labels), hint="the map of B that lies on the camera image in 3D")
         self.map.on_update(by_user(lambda v: send(c.ShowMap(labels[v]))))
-        add_style(gui, *(compact(row, ROW_PX) for row in (self.a, self.b, self.map)))
+        add_style(
+            gui, *(compact(row, ROW_PX) for row in (self.a, self.b, self.map)),
+            side_by_side(self.a, self.b, ROW_PX, SECOND_FROM_PX, LETTER_PX),
+        )  # fmt: skip
 
     def show(self, snapshot: Snapshot) -> None:
         """Numbers of both stages and of the probed pixel."""
@@ -79,7 +82,8 @@ def score_html(snapshot: Snapshot) -> str:
 # The strip of score maps: both stages, every quantity, cut to the object, with colour bars.
 
 
-SHOWN_MAPS = tuple(name for name in MAP_NAMES if name != "observed")
+PER_POSE: tuple[MapName, ...] = ("rendered", "difference", "angle", "f_d", "f_n", "classes")
+"""What differs from pose to pose."""
 IN_FRONT, BEHIND = "in front", "behind"
 """Where the model lies, against what was observed."""
 
@@ -109,18 +113,18 @@ def maps_html(snapshot: Snapshot) -> str:
     scales = scales_for(snapshot.map_target, tau_m)
     names = [_name(snapshot, side, letter) for side, letter in zip(sides, "AB", strict=False)]
     observed = _tile(snapshot, sides[0], "observed", images[0], crop)
-    columns = [_column("observed", [observed], scales, "observed")]
-    for name in SHOWN_MAPS:
+    columns = [_column("observed", [observed], scales)]
+    for name in PER_POSE:
         tiles = [_tile(snapshot, side, name, of_side, crop) for side, of_side in zip(sides, images, strict=True)]
         columns.append(_column(name, tiles, scales))
     who = f'<div class="who"><b>{focus_label(snapshot, 60)}</b>{names[0]}{observed}{"".join(names[1:])}</div>'
     return f'<div class="maps">{who}{"".join(columns)}</div>'
 
 
-def _column(name: MapName, tiles: Sequence[str], scales: Mapping[MapName, Scale], css_class: str = "") -> str:
+def _column(name: MapName, tiles: Sequence[str], scales: Mapping[MapName, Scale]) -> str:
     label, tip = LABELS[name]
     head = f'<div class="name" title="{text(tip)}">{text(label)}</div>'
-    return f'<div class="map {css_class}">{head}{"".join(tiles)}{_bar(name, scales.get(name))}</div>'
+    return f'<div class="map {name}">{head}{"".join(tiles)}{_bar(name, scales.get(name))}</div>'
 
 
 def _name(snapshot: Snapshot, side: ComparedPose, letter: str) -> str:
@@ -161,7 +165,7 @@ def _bar(name: MapName, scale: Scale | None) -> str:
     """The colour bar of a scale; of the classes, which have none, their colours with their names."""
     if scale is None:
         return (
-            '<div class="classes">'
+            '<div class="key">'
             + "".join(
                 f'<span title="{text(CLASS_MEANING[k])}">{swatch(color)}{k}</span>' for k, color in CLASS_COLORS.items()
             )
