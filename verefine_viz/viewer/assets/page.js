@@ -79,12 +79,17 @@ addEventListener("unhandledrejection", event => {
   // Nor is it dragged away: its place is that of the layout.
   document.addEventListener("pointerdown", event => head(event) && event.stopPropagation(), true);
 
-  // A layout that needs a tab opens it; the mark is animated when it appears, and only then.
-  document.addEventListener("animationstart", event => {
-    if (event.animationName !== "opens-tab") return;
-    const tab = [...document.querySelectorAll("[data-dock-tab]")].find(tab => tab.innerText === event.target.dataset.tab);
+  // A layout that needs a tab of the right column opens it; the mark is animated when it appears, and only then. A click
+  // on a score map opens the tab with the numbers of its pixel.
+  const openTab = name => {
+    const tabs = [...document.querySelectorAll("[data-dock-region=right] [data-dock-tab]")];
+    const tab = tabs.find(tab => tab.textContent === name);
     tab?.dispatchEvent(new KeyboardEvent("keydown", {key: "Enter", bubbles: true}));
+  };
+  document.addEventListener("animationstart", event => {
+    if (event.animationName === "opens-tab") openTab(event.target.dataset.tab);
   }, true);
+  document.addEventListener("click", event => event.target.closest(".vz .maps img") && openTab("Score"), true);
 
   // A list of commands to choose from.
   document.addEventListener("change", event => {

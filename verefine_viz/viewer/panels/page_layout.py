@@ -106,7 +106,7 @@ class Layout:
         add_style(gui, asset("layout.css"))
         gui.add_html(small_window())
         self.verdict = VerdictPanel(gui, send)
-        self._preset = Block(gui, "tight")
+        self._preset, self._opened = Block(gui, "tight"), Block(gui)
         self.run = RunPanel(gui, send)
         self.link = gui.add_text(LINK_LABEL, "")
         add_style(gui, hidden(self.link))
@@ -183,6 +183,8 @@ class Layout:
     def show(self, snapshot: Snapshot, slider_is_ahead: bool = False) -> None:
         """All panels, each on its own."""
         self._preset.show(preset_row(snapshot.options, len(snapshot.scene.objects)))
+        compares = snapshot.options.preset == "compare"
+        self._opened.show('<i class="opens-tab" data-tab="A/B"></i>' if compares else "")
         self.verdict.show(snapshot)
         self.image.show(snapshot)
         self.run.show(snapshot)

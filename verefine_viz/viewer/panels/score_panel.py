@@ -84,8 +84,8 @@ def score_html(snapshot: Snapshot) -> str:
 
 PER_POSE: tuple[MapName, ...] = ("rendered", "difference", "angle", "f_d", "f_n", "classes")
 """What differs from pose to pose."""
-IN_FRONT, BEHIND = "in front", "behind"
-"""Where the model lies, against what was observed."""
+WORDS_ON_BAR: dict[MapName, tuple[str, str]] = {"difference": ("behind", "in front")}
+"""At the ends of a colour bar: where the model lies, against what was observed."""
 
 
 class MapsPanel:
@@ -117,7 +117,8 @@ def maps_html(snapshot: Snapshot) -> str:
     for name in PER_POSE:
         tiles = [_tile(snapshot, side, name, of_side, crop) for side, of_side in zip(sides, images, strict=True)]
         columns.append(_column(name, tiles, scales))
-    who = f'<div class="who"><b>{focus_label(snapshot, 60)}</b>{names[0]}{observed}{"".join(names[1:])}</div>'
+    whose = f'<b class="whose">{focus_label(snapshot, 56)}</b>'
+    who = f'<div class="who">{whose}{names[0]}{observed}{"".join(names[1:])}</div>'
     return f'<div class="maps">{who}{"".join(columns)}</div>'
 
 
@@ -171,8 +172,7 @@ def _bar(name: MapName, scale: Scale | None) -> str:
             )
             + "</div>"
         )
-    ends = [scale.ticks[0], scale.ticks[2]]
-    if name == "difference":  # Observed − rendered: negative where the model lies behind what was observed.
-        ends = [f"{ends[0]} {BEHIND}", f"{IN_FRONT} {ends[1]}"]
-    ticks = "".join(f"<span>{text(t)}</span>" for t in ends)
-    return f'<div><div class="cb" style="background:{scale.gradient()}"></div><div class="ticks">{ticks}</div></div>'
+    ticks = "".join(f"<span>{text(t)}</span>" for t in (scale.ticks[0], scale.ticks[2]))
+    words = "".join(f"<span>{text(word)}</span>" for word in WORDS_ON_BAR.get(name, ()))
+    bar = f'<div class="cb" style="background:{scale.gradient()}">{words}</div>'
+    return f'<div>{bar}<div class="ticks">{ticks}</div></div>'
