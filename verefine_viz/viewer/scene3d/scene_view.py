@@ -39,7 +39,7 @@ def aim(server: viser.ViserServer, snapshot: Snapshot, T_world_cam: Float) -> No
     points = measured_points(snapshot.problem)
     middle = points.mean(axis=0)
     extent = 2 * float(np.percentile(np.linalg.norm(points - middle, axis=1), 90))
-    distance = max(0.22, 1.25 * extent)
+    distance = max(0.17, 1.0 * extent)
     towards_sensor = -middle / np.linalg.norm(middle)
     beside = np.array([0.75, -0.35, 0.0])
     direction = towards_sensor + beside
