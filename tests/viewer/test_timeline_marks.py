@@ -48,7 +48,7 @@ def test_marks_of_one_iteration_lie_beside_each_other() -> None:
     def tips(*kinds: str) -> list[float]:
         """Where the marks of iteration 3 point to [px]."""
         html = strip(replace(view, marks=tuple(Mark(3, kind, kind, MARKED[kind]) for kind in kinds)))
-        return [float(found) for found in re.findall(r'points="[^"]* ([\d.]+),12"', html)]
+        return [float(found) for found in re.findall(r'points="[^"]* ([-\d.]+),12"', html)]
 
     (middle,) = tips("edited")
     red, by_hand = sorted(tips("score_fell", "edited"))

@@ -15,6 +15,8 @@ Changes = tuple[tuple[str, Any], ...]
 """Settings to change: (("method.exploration", 0.2), …)."""
 Goal = Literal["end", "event", "breakpoint"]
 CloudColors = Literal["colour", "residual", "class"]
+Preset = Literal["inspect", "maps", "compare"]
+Pane = Literal["image", "3D"]
 BatchFilter = Literal["result", "cause", "object", "method", "run"]
 Pose = tuple[float, ...]
 """The 16 numbers of a T_cam_obj, row by row."""
@@ -275,6 +277,18 @@ class ShowLayer(ViewCommand):
 
     name: str
     visible: bool | None = None
+
+
+class ShowLayout(ViewCommand):
+    """Which pictures the middle of the page holds."""
+
+    preset: Preset
+
+
+class Enlarge(ViewCommand):
+    """The image or the 3D view alone in the middle; the one that is enlarged goes back; None = the next of both."""
+
+    pane: Pane | None = None
 
 
 class ScrubPath(Command):

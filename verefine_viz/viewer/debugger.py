@@ -251,6 +251,22 @@ def _show_layer(options: ViewOptions, command: c.ShowLayer) -> ViewOptions:
     return replace(options, layers=options.layers | {command.name} if on else options.layers - {command.name})
 
 
+def _show_layout(options: ViewOptions, command: c.ShowLayout) -> ViewOptions:
+    presets = get_args(c.Preset)
+    if command.preset not in presets:
+        raise InputError(unknown("layout", command.preset, presets))
+    return replace(options, preset=command.preset, enlarged=None)
+
+
+def _enlarge(options: ViewOptions, command: c.Enlarge) -> ViewOptions:
+    order: tuple[c.Pane | None, ...] = (None, *get_args(c.Pane))
+    if command.pane not in order:
+        raise InputError(unknown("pane", command.pane, get_args(c.Pane)))
+    if command.pane is None:
+        return replace(options, enlarged=order[(order.index(options.enlarged) + 1) % len(order)])
+    return replace(options, enlarged=None if command.pane == options.enlarged else command.pane)
+
+
 _CHANGES: dict[type[Command], Callable[[ViewOptions, Any], ViewOptions]] = {
     c.Focus: lambda o, x: replace(o.unedited(), focus=x.instance_id, whole_scene=False, arm=None),
     c.ShowScene: lambda o, x: replace(o.unedited(), focus=None, whole_scene=True, arm=None),
@@ -260,6 +276,8 @@ _CHANGES: dict[type[Command], Callable[[ViewOptions, Any], ViewOptions]] = {
     c.ProbePixel: lambda o, x: replace(o, pixel=(x.u, x.v)),
     c.ColorCloud: _color_cloud,
     c.ShowLayer: _show_layer,
+    c.ShowLayout: _show_layout,
+    c.Enlarge: _enlarge,
     c.ScrubPath: lambda o, x: replace(o, path_pose=x.pose),
     c.Animate: lambda o, x: replace(o, animate=x.on),
     c.SortBatch: lambda o, x: replace(o, batch_order=x.order, batch_page=0),

@@ -48,7 +48,8 @@ class Page:
         self._server, self._debugger, self._requests = server, debugger, requests
         self.scene = SceneView(server, requests.send)
         self.comparison = ComparisonNodes(server)
-        self.layout = Layout(server, requests.send, lambda client: look_again(server, client), batch)
+        several = len(debugger.workspace.work.problem.instances) > 1
+        self.layout = Layout(server, requests.send, lambda client: look_again(server, client), several, batch)
         self.layout.on_link(requests.send)
         self._shown_at = 0.0
         self._snapshot: Snapshot | None = None

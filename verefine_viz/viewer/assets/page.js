@@ -64,9 +64,73 @@ addEventListener("unhandledrejection", event => {
     send(command);
   }, true);
 
+  // A pane is enlarged by two clicks on its head, or one on the sign there; the image also asks for it itself.
+  const enlarge = event => {
+    const command = event.target.closest("[data-floating-window]")?.querySelector("[data-double]");
+    if (command) send(JSON.parse(command.dataset.double));
+  };
+  const head = event => event.target.closest?.("[data-floating-window]:has(.pane) [data-dock-strip]");
+  document.addEventListener("maximise", enlarge);
+  document.addEventListener("dblclick", event => head(event) && enlarge(event), true);
+  document.addEventListener("click", event => {
+    const strip = head(event);
+    if (strip && event.clientX > strip.getBoundingClientRect().right - 24 && event.detail === 1) enlarge(event);
+  }, true);
+  // Nor is it dragged away: its place is that of the layout.
+  document.addEventListener("pointerdown", event => head(event) && event.stopPropagation(), true);
+
+  // A layout that needs a tab of the right column opens it; the mark is animated when it appears, and only then. A click
+  // on a score map opens the tab with the numbers of its pixel.
+  const openTab = name => {
+    const tabs = [...document.querySelectorAll("[data-dock-region=right] [data-dock-tab]")];
+    const tab = tabs.find(tab => tab.textContent === name);
+    tab?.dispatchEvent(new KeyboardEvent("keydown", {key: "Enter", bubbles: true}));
+  };
+  document.addEventListener("animationstart", event => {
+    if (event.animationName === "opens-tab") openTab(event.target.dataset.tab);
+  }, true);
+  document.addEventListener("click", event => event.target.closest(".vz .maps img") && openTab("Score"), true);
+
   // A list of commands to choose from.
   document.addEventListener("change", event => {
     if (event.target.matches(".vz select")) send(JSON.parse(event.target.value));
+  }, true);
+}
+
+// A chart is as high as its pane; viser gives it a height of its own.
+setInterval(() => {
+  for (const {chart} of Object.values(window.__viserTestpoints?.uplots ?? {})) {
+    const pane = chart.root.closest("[data-floating-window]:has(.curves)");
+    if (!pane || !chart.root.offsetParent) continue;
+    const height = Math.round(pane.getBoundingClientRect().bottom - chart.root.getBoundingClientRect().top - 10);
+    if (height >= 60 && height !== chart.height) chart.setSize({width: chart.width, height});
+  }
+}, 400);
+
+// Score maps are enlarged together, about the pixel under the cursor: the wheel, and a double click to go back.
+{
+  let zoom = 1, left = 0, top = 0;  // What of a tile is seen, in shares of its size.
+  const show = () => {
+    const style = document.documentElement.style;
+    style.setProperty("--map-zoom", zoom);
+    style.setProperty("--map-x", `${-100 * left * zoom}%`);
+    style.setProperty("--map-y", `${-100 * top * zoom}%`);
+  };
+  document.addEventListener("wheel", event => {
+    const tile = event.target.closest(".vz .map .tile");
+    if (!tile || event.shiftKey) return;
+    event.preventDefault();
+    const box = tile.getBoundingClientRect(), before = zoom;
+    const across = (event.clientX - box.left) / box.width, down = (event.clientY - box.top) / box.height;
+    zoom = Math.min(Math.max(zoom * (event.deltaY < 0 ? 1.25 : 0.8), 1), 12);
+    left = Math.min(Math.max(left + across / before - across / zoom, 0), 1 - 1 / zoom);
+    top = Math.min(Math.max(top + down / before - down / zoom, 0), 1 - 1 / zoom);
+    show();
+  }, {passive: false, capture: true});
+  document.addEventListener("dblclick", event => {
+    if (!event.target.closest(".vz .map .tile")) return;
+    zoom = 1, left = top = 0;
+    show();
   }, true);
 }
 

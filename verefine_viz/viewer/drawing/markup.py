@@ -48,6 +48,11 @@ def carries(command: Command) -> str:
     return f'data-cmd="{text(to_json(command))}"'
 
 
+def double_click(command: Command) -> str:
+    """Attributes with which a pane sends ``command`` when its head is clicked twice."""
+    return f'data-double="{text(to_json(command))}"'
+
+
 def link(label: str, command: Command, title: str = "") -> str:
     """Text to click; ``label`` is escaped here."""
     return f'<a {carries(command)} title="{text(title)}">{text(label)}</a>'

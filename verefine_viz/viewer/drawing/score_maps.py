@@ -28,7 +28,7 @@ LABELS: dict[MapName, tuple[str, str]] = {
     "f_n": ("f_n", "normal fit of Eq. 1: 1 = same direction, 0 = beyond the cut-off angle"),
     "classes": ("classes", "why each pixel counts as it does"),
 }
-ASPECT = 0.95
+ASPECT = 1.0
 """Width / height of a map on the page."""
 
 

@@ -29,7 +29,6 @@ PHASES: dict[Phase, tuple[str, str]] = {
     "done": ("done", "it has used its budget, or the run is over"),
     "no pose": ("no pose", "it has no hypothesis, so it is excluded"),
 }
-ROW_PX, HEAD_PX, MOST_PX = 17, 206, 388
 MOST_OVERLAPS = 3
 
 
@@ -42,11 +41,6 @@ class ObjectsPanel:
     def show(self, snapshot: Snapshot) -> None:
         """All objects at the cursor."""
         self._rows.show(objects_html(snapshot))
-
-
-def height_px(n_objects: int) -> int:
-    """How tall the panel has to be to show every row."""
-    return min(HEAD_PX + ROW_PX * n_objects, MOST_PX)
 
 
 def objects_html(snapshot: Snapshot) -> str:

@@ -1,4 +1,4 @@
-"""Where the panels are: Run and the tabs on the right, maps, curves and timeline below, the legend on the left."""
+"""What the page consists of; where each part is, `assets/layout.css` says from the size of the window."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ import viser
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.assets import asset
 from verefine_viz.viewer.command_json import from_json
+from verefine_viz.viewer.drawing.markup import carries, double_click, text
 from verefine_viz.viewer.panels.bandit_panel import BanditPanel, CurvesPanel
 from verefine_viz.viewer.panels.batch_panel import BatchPanel
 from verefine_viz.viewer.panels.compare_panel import ComparePanel
 from verefine_viz.viewer.panels.errors_panel import ErrorsPanel, ScoreErrorPanel
-from verefine_viz.viewer.panels.objects_panel import ObjectsPanel, height_px
+from verefine_viz.viewer.panels.image_panel import ImagePanel
+from verefine_viz.viewer.panels.objects_panel import ObjectsPanel
 from verefine_viz.viewer.panels.order_panel import OrderPanel
 from verefine_viz.viewer.panels.physics_panel import PhysicsPanel
 from verefine_viz.viewer.panels.run_panel import RunPanel
@@ -22,22 +25,23 @@ from verefine_viz.viewer.panels.score_panel import MapsPanel, ScorePanel
 from verefine_viz.viewer.panels.session_panel import SessionPanel
 from verefine_viz.viewer.panels.settings_panel import SettingsPanel
 from verefine_viz.viewer.panels.timeline_panel import TimelinePanel
+from verefine_viz.viewer.panels.verdict_panel import VerdictPanel
 from verefine_viz.viewer.panels.view_panels import BreakpointsPanel, ViewPanel
-from verefine_viz.viewer.panels.widgets import Send, add_style, asked_by, by_user
+from verefine_viz.viewer.panels.widgets import Block, Send, add_style, asked_by, by_user
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.batch_gallery import Gallery
-from verefine_viz.viewer.web.viser_internals import LINK_LABEL, NARROW_TABS, hidden, small_window
+from verefine_viz.viewer.state.view_options import ViewOptions
+from verefine_viz.viewer.web.viser_internals import LINK_LABEL, hidden, small_window
 
 _LOG = logging.getLogger(__name__)
-RIGHT_PX = 372
-GAP_PX = 6
-TIMELINE_PX = 154
-STRIP_PX = 244
-MAPS_PX = 592
-CURVES_PX = 296
-VIEW_PX = 254
-OBJECTS_PX = 326
-UPPER_PX = 378
+PANE_PX = 200
+"""Width and height of a pane without a style sheet; `assets/layout.css` gives it its own."""
+PRESETS: dict[c.Preset, str] = {
+    "inspect": "image and 3D view, score maps below",
+    "maps": "large score maps of A and of B; the wheel enlarges all of them",
+    "compare": "image, 3D view and curves of A and B, score maps below, the A/B tab",
+}
+"""Name and hint of each layout."""
 
 KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Run / pause", "space", c.TogglePause()),
@@ -57,6 +61,10 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("A/B: first difference", "F", c.SeekDifference()),
     ("A/B: swap", "X", c.SwapSides()),
     ("A/B: B on / off", "T", c.ShowSide("B")),
+    ("Enlarge the image, the 3D view, or neither", "Z", c.Enlarge()),
+    ("Layout: Inspect", None, c.ShowLayout("inspect")),
+    ("Layout: Maps", None, c.ShowLayout("maps")),
+    ("Layout: Compare", None, c.ShowLayout("compare")),
     ("Run to the next event", None, c.RunUntil("event")),
     ("Run to the next breakpoint", None, c.RunUntil("breakpoint")),
     ("Pause", None, c.Pause()),
@@ -90,18 +98,20 @@ class Layout:
         server: viser.ViserServer,
         send: Send,
         reset_camera: Callable[[viser.ClientHandle], None],
+        several_objects: bool,
         batch: Gallery | None = None,
     ) -> None:
         gui = server.gui
         set_theme(gui)
-        gui.add_html(small_window(RIGHT_PX))
+        add_style(gui, asset("layout.css"))
+        gui.add_html(small_window())
+        self.verdict = VerdictPanel(gui, send)
+        self._preset, self._opened = Block(gui, "tight"), Block(gui)
         self.run = RunPanel(gui, send)
         self.link = gui.add_text(LINK_LABEL, "")
-        # One tab more with a batch, and still one row of them.
-        add_style(gui, hidden(self.link), NARROW_TABS if batch is not None else "")
+        add_style(gui, hidden(self.link))
         main = gui.main_panel
         main.dock_right()
-        main.set_width(RIGHT_PX)
         tabs = gui.add_panel()
         self.batch: BatchPanel | None = None
         if batch is not None:
@@ -119,37 +129,35 @@ class Layout:
             self.order = OrderPanel(gui)
         with tabs.add_tab("A/B"):
             self.compare = ComparePanel(gui, send)
+        with tabs.add_tab("View"):
+            self.layers = ViewPanel(gui, send)
+        with tabs.add_tab("Settings"):
+            self.settings = SettingsPanel(gui, send)
+        with tabs.add_tab("Breakpoints"):
+            self.breakpoints = BreakpointsPanel(gui, send)
         with tabs.add_tab("Session"):
             self.session = SessionPanel(gui, send, lambda: self.settings.waiting)
         tabs.dock_below(main)
-        timeline = gui.add_panel()
-        with timeline.add_tab("Timeline"):
-            self.timeline = TimelinePanel(gui, send)
-        timeline.float(x=GAP_PX, y=-GAP_PX, width=MAPS_PX + GAP_PX + CURVES_PX, height=TIMELINE_PX)
-        maps = gui.add_panel()
-        with maps.add_tab("Score maps"):
+        with _pane(gui, "Image"):
+            Block(gui, "pane").show(enlarges("image"))
+            self.image = ImagePanel(gui, send)
+        with _pane(gui, "3D"):
+            Block(gui, "pane scene-pane").show(enlarges("3D"))
+        with _pane(gui, "Score maps"):
             self.maps = MapsPanel(gui)
-        above = -(TIMELINE_PX + 2 * GAP_PX)
-        maps.float(x=GAP_PX, y=above, width=MAPS_PX, height=STRIP_PX)
-        curves = gui.add_panel()
-        self.curves = CurvesPanel(gui, curves)
+        with _pane(gui, "Timeline"):
+            self.timeline = TimelinePanel(gui, send)
+        corner = gui.add_panel()
+        if several_objects:
+            self._add_objects(gui, corner)
+        self.curves = CurvesPanel(gui, corner)
         self.score_error: ScoreErrorPanel | None = None
         if batch is not None:
-            with curves.add_tab("Score/error"):
+            with corner.add_tab("Score/error"):
                 self.score_error = ScoreErrorPanel(gui)
-        curves.float(x=MAPS_PX + 2 * GAP_PX, y=above, width=CURVES_PX, height=STRIP_PX)
-        layers = gui.add_panel()
-        with layers.add_tab("View"):
-            self.layers = ViewPanel(gui, send)
-        with layers.add_tab("Settings"):
-            self.settings = SettingsPanel(gui, send)
-        with layers.add_tab("Breakpoints"):
-            self.breakpoints = BreakpointsPanel(gui, send)
-        layers.float(x=GAP_PX, y=GAP_PX, width=VIEW_PX, height=UPPER_PX)
-        self._objects_panel = gui.add_panel(visible=False)
-        with self._objects_panel.add_tab("Objects"):
-            self.objects = ObjectsPanel(gui)
-        self._n_objects = 0
+        if not several_objects:
+            self._add_objects(gui, corner)
+        corner.float(x=0, y=0, width=PANE_PX, height=PANE_PX)
         self.commands = [gui.add_command(label, hotkey=key) for label, key, _ in KEYS]  # type: ignore[arg-type]
         for handle, (_, _, command) in zip(self.commands, KEYS, strict=True):
             handle.on_trigger(lambda event, command=command: send(asked_by(event.client_id, command)))
@@ -174,10 +182,15 @@ class Layout:
 
     def show(self, snapshot: Snapshot, slider_is_ahead: bool = False) -> None:
         """All panels, each on its own."""
+        self._preset.show(preset_row(snapshot.options, len(snapshot.scene.objects)))
+        compares = snapshot.options.preset == "compare"
+        self._opened.show('<i class="opens-tab" data-tab="A/B"></i>' if compares else "")
+        self.verdict.show(snapshot)
+        self.image.show(snapshot)
         self.run.show(snapshot)
         self.settings.show(snapshot)
         self.breakpoints.show(snapshot)
-        self._show_objects(snapshot)
+        self.objects.show(snapshot)
         self.timeline.show(snapshot, slider_is_ahead)
         self.score.show(snapshot)
         self.bandit.show(snapshot)
@@ -196,6 +209,8 @@ class Layout:
     def show_deep(self, snapshot: Snapshot) -> None:
         """The panels about score maps and plausibility, and the one that may have shown what takes long."""
         self.run.show(snapshot)
+        self.verdict.show(snapshot)
+        self.image.show(snapshot)
         self.maps.show(snapshot)
         self.score.show(snapshot)
         self.physics.show(snapshot)
@@ -203,15 +218,36 @@ class Layout:
     def show_physics(self, snapshot: Snapshot) -> None:
         """The panels about physics of the whole scene, and the one that may have shown what takes long."""
         self.run.show(snapshot)
-        self._show_objects(snapshot)
+        self.objects.show(snapshot)
         self.physics.show(snapshot)
 
-    def _show_objects(self, snapshot: Snapshot) -> None:
-        """The list of objects, where there are several; placed again for a frame with more or fewer of them."""
-        n = len(snapshot.scene.objects)
-        if n != self._n_objects:
-            self._n_objects = n
-            self._objects_panel.visible = n > 1
-            self._objects_panel.float(x=-GAP_PX, y=GAP_PX, width=OBJECTS_PX, height=height_px(n))
-        if n > 1:
-            self.objects.show(snapshot)
+    def _add_objects(self, gui: viser.GuiApi, panel: viser.PanelHandle) -> None:
+        with panel.add_tab("Objects"):
+            self.objects = ObjectsPanel(gui)
+
+
+def _pane(gui: viser.GuiApi, label: str) -> viser.GuiTabHandle:
+    """A part of the page; `assets/layout.css` finds it by the class of a block inside, and places it."""
+    panel = gui.add_panel()
+    tab = panel.add_tab(label)
+    panel.float(x=0, y=0, width=PANE_PX, height=PANE_PX)
+    return tab
+
+
+def enlarges(pane: c.Pane) -> str:
+    """What `assets/page.js` sends when the head of a pane is clicked twice."""
+    return f"<i {double_click(c.Enlarge(pane))}></i>"
+
+
+def preset_row(options: ViewOptions, n_objects: int) -> str:
+    """A button per layout, the one in use marked; its classes are what `assets/layout.css` goes by, and the number of
+    objects.
+    """
+    enlarged = f"enlarged enlarged-{options.enlarged}" if options.enlarged else ""
+    buttons = "".join(
+        f'<button class="{"on" if options.preset == name else ""}" {carries(c.ShowLayout(name))} title="{text(hint)}">'
+        f"{name.capitalize()}</button>"
+        for name, hint in PRESETS.items()
+    )
+    row = f'<div class="presets preset-{options.preset} {enlarged}">{buttons}</div>'
+    return f"<style>:root{{--objects:{n_objects}}}</style>{row}"

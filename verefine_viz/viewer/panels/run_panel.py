@@ -16,7 +16,7 @@ from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.text.display_names import TERMS
 from verefine_viz.viewer.text.findings import Finding, findings
 from verefine_viz.viewer.text.headline import HINTS, headline
-from verefine_viz.viewer.web.viser_internals import CANCEL_CLASS, compact
+from verefine_viz.viewer.web.viser_internals import CANCEL_CLASS, compact, unlabelled
 
 MOVES: dict[str, c.Command] = {
     "◀ Back": c.Back(),
@@ -58,6 +58,7 @@ class RunPanel:
         # No hints: they would cover what is below while the pointer rests on a button that was pressed.
         self.moves = add_buttons(gui, "Move", MOVES, send)
         self.runs = add_buttons(gui, "Run", RUNS, send)
+        add_style(gui, unlabelled(self.moves), unlabelled(self.runs))
         self._words = Block(gui)
         self._progress = gui.add_progress_bar(0.0, visible=False, animated=True)
         self._below = Block(gui)

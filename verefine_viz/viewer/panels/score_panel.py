@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from math import acos, degrees
 
 import numpy as np
@@ -21,10 +22,10 @@ from verefine_viz.viewer.snapshot.snapshot import ComparedPose, Snapshot
 from verefine_viz.viewer.state.view_options import STAGES
 from verefine_viz.viewer.text.display_names import TERMS
 from verefine_viz.viewer.text.pose_words import compared, score_digits
-from verefine_viz.viewer.web.viser_internals import compact
+from verefine_viz.viewer.web.viser_internals import compact, side_by_side
 
-ROW_PX = 26
-"""So that both stages in numbers fit into the panel."""
+ROW_PX, SECOND_FROM_PX, LETTER_PX = 26, 158, 12
+"""Height of a row, where the second stage begins, and width of the letter before each [px]."""
 
 
 class ScorePanel:
@@ -41,7 +42,10 @@ class ScorePanel:
         labels = {LABELS[m][0]: m for m in MAP_NAMES}
         self.map = gui.add_dropdown("On image", tuple(labels), hint="the map of B that lies on the camera image in 3D")
         self.map.on_update(by_user(lambda v: send(c.ShowMap(labels[v]))))
-        add_style(gui, *(compact(row, ROW_PX) for row in (self.a, self.b, self.map)))
+        add_style(
+            gui, *(compact(row, ROW_PX) for row in (self.a, self.b, self.map)),
+            side_by_side(self.a, self.b, ROW_PX, SECOND_FROM_PX, LETTER_PX),
+        )  # fmt: skip
 
     def show(self, snapshot: Snapshot) -> None:
         """Numbers of both stages and of the probed pixel."""
@@ -78,6 +82,12 @@ def score_html(snapshot: Snapshot) -> str:
 # The strip of score maps: both stages, every quantity, cut to the object, with colour bars.
 
 
+PER_POSE: tuple[MapName, ...] = ("rendered", "difference", "angle", "f_d", "f_n", "classes")
+"""What differs from pose to pose."""
+WORDS_ON_BAR: dict[MapName, tuple[str, str]] = {"difference": ("behind", "in front")}
+"""At the ends of a colour bar: where the model lies, against what was observed."""
+
+
 class MapsPanel:
     """Two rows of pictures."""
 
@@ -91,29 +101,42 @@ class MapsPanel:
 
 
 def maps_html(snapshot: Snapshot) -> str:
-    """The strip as HTML with the pictures inside."""
+    """The strip as HTML with the pictures inside: a column per map, A above B. What was observed is the same for both:
+    it stands once, beside their names.
+    """
     sides = [s for s in (snapshot.a, snapshot.b) if s is not None and s.maps is not None]
     if not sides:
         missing = snapshot.options.a if snapshot.a is None else snapshot.options.b
         return f'<p class="dim">No {text(missing)} pose here yet: press Step (N), or choose other stages in Score.</p>'
-    crop = shared_crop(snapshot)
-    head = "".join(f'<th title="{text(LABELS[m][1])}">{text(LABELS[m][0])}</th>' for m in MAP_NAMES)
-    rows = "".join(_row(snapshot, side, crop, letter) for side, letter in zip(sides, "AB", strict=False))
-    scales = scales_for(snapshot.map_target, snapshot.session.score.tau_m)
-    bars = "".join(f"<td>{_bar(scales.get(m))}</td>" for m in MAP_NAMES)
-    whose = focus_label(snapshot, 52)
-    return f'<table><tr><th class="whose">{whose}</th>{head}</tr>{rows}<tr><td></td>{bars}</tr></table>'
+    crop, tau_m = shared_crop(snapshot), snapshot.session.score.tau_m
+    images = [crop.images(side.maps, snapshot.map_target, tau_m) for side in sides if side.maps is not None]
+    scales = scales_for(snapshot.map_target, tau_m)
+    names = [_name(snapshot, side, letter) for side, letter in zip(sides, "AB", strict=False)]
+    observed = _tile(snapshot, sides[0], "observed", images[0], crop)
+    columns = [_column("observed", [observed], scales)]
+    for name in PER_POSE:
+        tiles = [_tile(snapshot, side, name, of_side, crop) for side, of_side in zip(sides, images, strict=True)]
+        columns.append(_column(name, tiles, scales))
+    whose = f'<b class="whose">{focus_label(snapshot, 56)}</b>'
+    who = f'<div class="who">{whose}{names[0]}{observed}{"".join(names[1:])}</div>'
+    return f'<div class="maps">{who}{"".join(columns)}</div>'
 
 
-def _row(snapshot: Snapshot, side: ComparedPose, crop: Crop, letter: str) -> str:
+def _column(name: MapName, tiles: Sequence[str], scales: Mapping[MapName, Scale]) -> str:
+    label, tip = LABELS[name]
+    head = f'<div class="name" title="{text(tip)}">{text(label)}</div>'
+    return f'<div class="map {name}">{head}{"".join(tiles)}{_bar(name, scales.get(name))}</div>'
+
+
+def _name(snapshot: Snapshot, side: ComparedPose, letter: str) -> str:
     digits = score_digits([s.pose.score for s in (snapshot.a, snapshot.b) if s is not None])
     score = f"{side.pose.score.score:.{digits}f}" if side.pose.score else ""
     color = STAGE_COLORS.get(side.pose.name, STAGE_COLORS["current"])
-    name = f"{swatch(color)}<b>{letter}</b> {text(side.pose.label)}<br>{score}"
-    assert side.maps is not None
-    images = crop.images(side.maps, snapshot.map_target, snapshot.session.score.tau_m)
-    cells = [f"<td>{_picture(snapshot, side, m, images, crop)}</td>" for m in MAP_NAMES]
-    return f"<tr><td>{name}</td>{''.join(cells)}</tr>"
+    return f'<div class="side">{swatch(color)}<b>{letter}</b> {text(side.pose.label)} <span>{score}</span></div>'
+
+
+def _tile(snapshot: Snapshot, side: ComparedPose, name: MapName, images: MapImages, crop: Crop) -> str:
+    return f'<div class="tile">{_picture(snapshot, side, name, images, crop)}</div>'
 
 
 def _picture(snapshot: Snapshot, side: ComparedPose, name: MapName, images: MapImages, crop: Crop) -> str:
@@ -139,9 +162,17 @@ def _with_cross(image: np.ndarray, u: int, v: int) -> np.ndarray:
     return image
 
 
-def _bar(scale: Scale | None) -> str:
-    """The colour bar of a scale; of the classes, which have none, their colours."""
+def _bar(name: MapName, scale: Scale | None) -> str:
+    """The colour bar of a scale; of the classes, which have none, their colours with their names."""
     if scale is None:
-        return "".join(swatch(color, f"{k}: {CLASS_MEANING[k]}") for k, color in CLASS_COLORS.items())
+        return (
+            '<div class="key">'
+            + "".join(
+                f'<span title="{text(CLASS_MEANING[k])}">{swatch(color)}{k}</span>' for k, color in CLASS_COLORS.items()
+            )
+            + "</div>"
+        )
     ticks = "".join(f"<span>{text(t)}</span>" for t in (scale.ticks[0], scale.ticks[2]))
-    return f'<div class="cb" style="background:{scale.gradient()}"></div><div class="ticks">{ticks}</div>'
+    words = "".join(f"<span>{text(word)}</span>" for word in WORDS_ON_BAR.get(name, ()))
+    bar = f'<div class="cb" style="background:{scale.gradient()}">{words}</div>'
+    return f'<div>{bar}<div class="ticks">{ticks}</div></div>'

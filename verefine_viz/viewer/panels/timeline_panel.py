@@ -105,24 +105,30 @@ def strip(snapshot: Snapshot) -> str:
     """
     total = max(snapshot.progress.total, 1)
     cell = _WIDTH / total
-    parts = _cells(snapshot, cell) if total <= MOST_CELLS else _runs(snapshot, cell)
-    parts += _objects(snapshot, cell)
-    parts += _passes(snapshot, cell)
+    cells = _cells(snapshot, cell) if total <= MOST_CELLS else _runs(snapshot, cell)
+    parts = _objects(snapshot, cell) + _passes(snapshot, cell)
     marks = [m for m in snapshot.marks if is_shown(snapshot, snapshot.at(m.iteration))]
     aside = _aside(marks)
     for mark in sorted(marks, key=lambda m: (m.kind == "new_best_scene", m.is_red)):
-        x = (mark.iteration - 0.5) * cell + aside[mark.iteration, mark.color]
-        shape = _star(x) if mark.kind == "new_best_scene" else _triangle(x, small=mark.kind == "new_best")
+        dx = aside[mark.iteration, mark.color]
+        shape = _star(dx) if mark.kind == "new_best_scene" else _triangle(dx, small=mark.kind == "new_best")
         title = text(f"iteration {mark.iteration}: {mark.text}")
         to = carries(visit(snapshot, snapshot.at(mark.iteration)))
-        parts.append(f'<g {to}><polygon points="{shape}" fill="rgb{mark.color}"/><title>{title}</title></g>')
+        drawn = f'<g {to}><polygon points="{shape}" fill="rgb{mark.color}"/><title>{title}</title></g>'
+        parts.append(_at((mark.iteration - 0.5) * cell, drawn))
     x = snapshot.cursor * cell - cell / 2 if snapshot.cursor else 0
-    parts.append(f'<rect x="{x - 1:.1f}" y="10" width="2.5" height="20" fill="currentColor"/>')
+    parts.append(_at(x, '<rect x="-1" y="10" width="2.5" height="20" fill="currentColor"/>'))
     rest = f'<rect x="0" y="19" width="{_WIDTH}" height="2" fill="currentColor" opacity="0.15"/>'
     box = f'viewBox="0 0 {_WIDTH} {_HEIGHT}" height="{_HEIGHT}" preserveAspectRatio="none"'
+    stretched = f"<svg {box}>{rest}{''.join(cells)}</svg>"
     head = f'<div class="head">{timeline_words(snapshot, marks)}</div>'
     colors = f'<div class="colors">{_blocks_legend(snapshot)}{legend(marks)}</div>'
-    return f"{head}<svg {box}>{rest}{''.join(parts)}</svg>{colors}"
+    return f'{head}<svg height="{_HEIGHT}">{stretched}{"".join(parts)}</svg>{colors}'
+
+
+def _at(x: float, drawn: str) -> str:
+    """What is drawn around 0, at a place of the strip; unlike the cells it is not stretched with the window."""
+    return f'<svg x="{100 * x / _WIDTH:.3f}%" overflow="visible">{drawn}</svg>'
 
 
 def _blocks_legend(snapshot: Snapshot) -> str:
@@ -219,11 +225,12 @@ def _objects(snapshot: Snapshot, cell: float) -> list[str]:
         if width_px < _NAME_PX:
             continue
         x, name = k * cell, snapshot.scene.object(snapshot.iterations[k].instance_id).label
-        parts.append(
-            f'<line x1="{x:.1f}" x2="{x:.1f}" y1="12" y2="39" stroke="currentColor" stroke-width="1.5"/>'
-            f'<text x="{x + 3:.1f}" y="39" font-size="10" fill="currentColor">{text(shortened(name, width_px))}'
+        drawn = (
+            '<line y1="12" y2="39" stroke="currentColor" stroke-width="1.5"/>'
+            f'<text x="3" y="39" font-size="10" fill="currentColor">{text(shortened(name, width_px))}'
             f"<title>{text(name)}</title></text>"
         )
+        parts.append(_at(x, drawn))
     return parts
 
 
@@ -232,14 +239,12 @@ def _passes(snapshot: Snapshot, cell: float) -> list[str]:
     parts, free = [], 0.0
     for closed in snapshot.scene.closed:
         x = closed.iteration * cell
-        parts.append(f'<path d="M{x:.1f} 30v3" stroke="currentColor" opacity="0.6"/>')
+        parts.append(_at(x, '<path d="M0 30v3" stroke="currentColor" opacity="0.6"/>'))
         if x >= free:
             label = f"pass {closed.number}" if closed.number == 1 else f"{closed.number}"
             # The first stands at the left end, where a long run leaves it no space.
             at = max(x, _PASS_PX)
-            parts.append(
-                f'<text x="{at:.1f}" y="40" font-size="9" text-anchor="end" fill="currentColor">{label}</text>'
-            )
+            parts.append(_at(at, f'<text y="40" font-size="9" text-anchor="end" fill="currentColor">{label}</text>'))
             free = at + _PASS_PX
     return parts
 

@@ -48,6 +48,9 @@ class ViewOptions:
     """(u, v) that is probed."""
     cloud: c.CloudColors = "colour"
     layers: frozenset[str] = SHOWN_AT_FIRST
+    preset: c.Preset = "inspect"
+    enlarged: c.Pane | None = None
+    """What alone is in the middle of the page, instead of what the preset has there."""
     path_pose: int | None = None
     """Index into the simulated path that is drawn; None = not drawn."""
     animate: bool = True
@@ -100,7 +103,7 @@ class ViewOptions:
         """The same for another frame or another run: what was chosen for good stays."""
         return ViewOptions(
             cloud=self.cloud, layers=self.layers, map=self.map, animate=self.animate, batch_order=self.batch_order,
-            batch_only=self.batch_only, batch_page=self.batch_page,
+            batch_only=self.batch_only, batch_page=self.batch_page, preset=self.preset, enlarged=self.enlarged,
         )  # fmt: skip
 
 

@@ -15,9 +15,6 @@ LINK_LABEL = "page link"
 CANCEL_CLASS = "cancel"
 """Class of the line with the link that Escape stands for."""
 
-NARROW_TABS = "[data-dock-tab][data-dock-tab]{padding:0 3px!important}"
-"""A style with which one tab more fits into a row of them."""
-
 
 def label_of(handle: Any) -> str:
     """The selector of a widget's label."""
@@ -101,26 +98,18 @@ def lost_style(port: int) -> str:
 
 # A line for windows in which the panels lie over each other, be they small or zoomed in; others do not show it.
 
-WIDTH_PX, HEIGHT_PX = 1280, 800
-"""What the panels are placed for."""
-_SLACK_PX = 40
-"""How much smaller a window may be: so little is covered then that no line is needed."""
+WIDTH_PX, HEIGHT_PX = 1280, 640
+"""The smallest window for which the panels are placed."""
 SMALL_WINDOW = (
-    f"The window is too small for all panels (they need {WIDTH_PX} × {HEIGHT_PX}): make it larger, zoom out with "
-    "Ctrl and −, or fold panels with the − at their corner."
+    f"The window is too small for all panels (they need {WIDTH_PX} × {HEIGHT_PX}): make it larger, or zoom out with "
+    "Ctrl and −."
 )
 
 
-def small_window(right_px: int) -> str:
-    """The line, and a style that shows it where it is true and keeps floating panels off the column on the right.
-
-    Args:
-        right_px: how wide that column is.
-    """
-    narrow = f"(max-width:{WIDTH_PX - _SLACK_PX}px)"
-    low = f"(max-height:{HEIGHT_PX - _SLACK_PX}px)"
+def small_window() -> str:
+    """The line, and a style that shows it where it is true."""
     return (
-        f"<style>.small-window{{display:none}}@media {narrow},{low}{{.small-window{{display:block}}}}"
-        f"@media {narrow}{{[data-floating-window]{{max-width:calc(100vw - {right_px + 12}px)}}}}</style>"
+        "<style>.small-window{display:none}"
+        f"@media (max-width:{WIDTH_PX - 1}px),(max-height:{HEIGHT_PX - 1}px){{.small-window{{display:block}}}}</style>"
         f'<div class="vz small-window"><p class="warn">{SMALL_WINDOW}</p></div>'
     )

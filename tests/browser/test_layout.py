@@ -1,0 +1,157 @@
+"""In windows of any size and in every layout nothing covers anything, and pictures are large."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from tests.browser.conftest import SESSIONS, Look, Screen, until_true
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.web.viser_internals import SMALL_WINDOW
+
+WINDOWS = ((1280, 640), (1280, 800), (1440, 757), (1920, 1080), (2560, 1440))
+SMALLEST_MAP_PX = {
+    "inspect": {640: 90, 800: 140, 757: 125, 1080: 190, 1440: 280},
+    "maps": {640: 215, 800: 300, 757: 275, 1080: 420, 1440: 590},
+    "compare": {640: 90, 800: 140, 757: 125, 1080: 190, 1440: 280},
+}
+"""By layout and height of the window: side of a map."""
+_BOXES = """() => {
+    const boxes = {}, add = (name, element) => {
+        if (!element || getComputedStyle(element).visibility === 'hidden') return;
+        const b = element.getBoundingClientRect();
+        if (b.width && b.height && b.x < innerWidth) boxes[name] = [b.x, b.y, b.right, b.bottom];
+    };
+    const pane = mark => document.querySelector(`[data-floating-window]:has(${mark})`);
+    add('image', pane('.image-pane')); add('3D head', pane('.scene-pane')); add('maps', pane('.strip'));
+    add('timeline', pane('.line')); add('curves', pane('.curves, .objects'));
+    add('3D', document.querySelector('canvas[data-engine]')); add('verdict', document.querySelector('.vz.verdict'));
+    add('right column', document.querySelector('[data-dock-region=right]'));
+    return boxes;
+}"""
+_TILES = """() => [...document.querySelectorAll('.vz .map .tile')].map(t => t.getBoundingClientRect())
+    .filter(b => b.width).map(b => Math.min(b.width, b.height))"""
+
+
+def boxes_of(screen: Screen) -> dict[str, list[float]]:
+    """(left, top, right, bottom) of every part of the page that is seen [px]."""
+    return screen.page.evaluate(_BOXES)
+
+
+def faults(screen: Screen) -> list[str]:
+    """Which parts lie over each other or beyond the window."""
+    size, boxes = screen.page.viewport_size, boxes_of(screen)
+    found = []
+    for name, (left, top, right, bottom) in boxes.items():
+        if left < -1 or top < -1 or right > size["width"] + 1 or bottom > size["height"] + 1:
+            found.append(f"{name} is beyond the window")
+    for (one, a), (other, b) in combinations(boxes.items(), 2):
+        if min(a[2], b[2]) - max(a[0], b[0]) > 1 and min(a[3], b[3]) - max(a[1], b[1]) > 1:
+            found.append(f"{one} lies over {other}")
+    return found
+
+
+def has_come_to_rest(screen: Screen) -> bool:
+    """Whether the canvas, whose size follows its cell, has that size."""
+    return not faults(screen)
+
+
+@pytest.mark.parametrize("session", ["mug", "clutter"])
+def test_in_every_layout_and_window_nothing_covers_anything(look: Look, session: str) -> None:
+    screen = look(SESSIONS / f"{session}.toml")
+    screen.app.send(c.Step())
+    for width, height in WINDOWS:
+        screen.page.set_viewport_size({"width": width, "height": height})
+        for preset in get_args(c.Preset):
+            screen.app.send(c.ShowLayout(preset))
+            until_true(screen.page, f"!!document.querySelector('.vz .preset-{preset}')")
+            screen.app.wait_until_idle(60)
+            for _ in range(50):
+                if has_come_to_rest(screen):
+                    break
+                screen.page.wait_for_timeout(100)
+            assert faults(screen) == [], f"{preset} at {width}×{height}"
+            tiles = screen.page.evaluate(_TILES)
+            assert min(tiles) >= SMALLEST_MAP_PX[preset][height], f"{preset} at {width}×{height}"
+            shown = boxes_of(screen).keys() & {"image", "3D"}
+            assert shown == (set() if preset == "maps" else {"image", "3D"})
+            screen.shot(f"layout_{session}_{preset}_{width}x{height}")
+    assert not screen.page.get_by_text(SMALL_WINDOW).is_visible()
+
+
+def test_a_window_below_the_smallest_says_what_to_do(look: Look) -> None:
+    screen = look(SESSIONS / "mug.toml")
+    line = screen.page.get_by_text(SMALL_WINDOW)
+    for size in ({"width": 1024, "height": 640}, {"width": 1280, "height": 600}):  # Small, or zoomed in.
+        screen.page.set_viewport_size(size)
+        line.wait_for()
+        screen.page.set_viewport_size({"width": 1280, "height": 640})
+        line.wait_for(state="hidden")
+
+
+def test_a_pane_is_enlarged_by_its_head_and_by_key_and_goes_back(look: Look) -> None:
+    screen = look(SESSIONS / "mug.toml")
+    before = boxes_of(screen)
+    for mark, name, other in ((".image-pane", "image", "3D"), (".scene-pane", "3D", "image")):
+        head = screen.page.locator(f"[data-floating-window]:has({mark}) [data-dock-strip]")
+        head.dblclick(position={"x": 200, "y": 10})
+        screen.until(lambda name=name: screen.app.debugger.options.enlarged == name)
+        screen.page.wait_for_timeout(300)
+        now = boxes_of(screen)
+        assert {other, "maps"}.isdisjoint(now)
+        assert now[name][2] - now[name][0] > 1.9 * (before[name][2] - before[name][0])
+        assert faults(screen) == []
+        head.dblclick(position={"x": 200, "y": 10})
+        screen.until(lambda: screen.app.debugger.options.enlarged is None)
+    for expected in ("image", "3D", None):
+        screen.key("z")
+        screen.until(lambda expected=expected: screen.app.debugger.options.enlarged == expected)
+    screen.page.wait_for_timeout(300)
+    assert boxes_of(screen) == before
+
+
+def test_compare_opens_the_tab_of_both_and_a_map_the_one_of_its_numbers(look: Look) -> None:
+    screen = look(SESSIONS / "mug.toml")
+    screen.app.send(c.Step())
+    opened = "[data-dock-region=right] [data-dock-tab][aria-selected=true]"
+    screen.page.locator(".presets button", has_text="Compare").click()
+    screen.page.locator(opened, has_text="A/B").wait_for()
+    screen.app.wait_until_idle(60)
+    screen.page.locator(".vz .map.difference img").first.click()
+    screen.page.locator(opened, has_text="Score").wait_for()
+    screen.until(lambda: screen.app.debugger.options.pixel is not None)
+
+
+def test_the_wheel_enlarges_all_maps_about_the_same_pixel(look: Look) -> None:
+    screen = look(SESSIONS / "mug.toml")
+    screen.app.send(c.Step())
+    tile = screen.page.locator(".vz .map.difference .tile").first
+    tile.wait_for()
+    box = tile.bounding_box()
+    screen.page.mouse.move(box["x"] + 0.75 * box["width"], box["y"] + 0.25 * box["height"])
+    screen.page.mouse.wheel(0, -100)
+    shares = """() => [...document.querySelectorAll('.vz .map:not(.observed) .tile')].map(t => {
+        const a = t.getBoundingClientRect(), b = t.firstElementChild.getBoundingClientRect();
+        return [(a.x - b.x) / b.width, (a.y - b.y) / b.height, a.width / b.width];})"""
+    until_true(screen.page, f"() => ({shares})().every(s => s[2] < 0.9)")
+    left, top, share = np.array(screen.page.evaluate(shares)).T
+    assert np.allclose(share, 0.8, atol=0.01)
+    assert np.allclose(left + 0.75 * share, 0.75, atol=0.01)
+    assert np.allclose(top + 0.25 * share, 0.25, atol=0.01)
+    tile.dblclick()
+    until_true(screen.page, f"() => ({shares})().every(s => s[2] > 0.99)")
+
+
+def test_a_click_in_3d_means_the_pixel_under_the_mouse(look: Look) -> None:
+    screen = look(SESSIONS / "mug.toml")
+    left, top, right, bottom = boxes_of(screen)["3D"]
+    screen.page.mouse.click((left + right) / 2, (top + bottom) / 2)  # The camera looks at the object's middle.
+    screen.until(lambda: screen.app.debugger.options.pixel is not None)
+    u, v = screen.app.debugger.options.pixel
+    mask = screen.app.debugger.workspace.work.problem.instances[0].mask
+    rows, columns = np.nonzero(mask)
+    assert columns.min() <= u <= columns.max()
+    assert rows.min() <= v <= rows.max()
