@@ -14,6 +14,7 @@ from verefine_viz.viewer.panels.bandit_panel import BanditPanel, CurvesPanel
 from verefine_viz.viewer.panels.batch_panel import BatchPanel
 from verefine_viz.viewer.panels.compare_panel import ComparePanel
 from verefine_viz.viewer.panels.errors_panel import ErrorsPanel, ScoreErrorPanel
+from verefine_viz.viewer.panels.image_panel import ImagePanel
 from verefine_viz.viewer.panels.objects_panel import ObjectsPanel, height_px
 from verefine_viz.viewer.panels.order_panel import OrderPanel
 from verefine_viz.viewer.panels.physics_panel import PhysicsPanel
@@ -131,6 +132,10 @@ class Layout:
             self.maps = MapsPanel(gui)
         above = -(TIMELINE_PX + 2 * GAP_PX)
         maps.float(x=GAP_PX, y=above, width=MAPS_PX, height=STRIP_PX)
+        image = gui.add_panel()
+        with image.add_tab("Image"):
+            self.image = ImagePanel(gui)
+        image.float(x=VIEW_PX + 2 * GAP_PX, y=GAP_PX, width=CURVES_PX + 80, height=UPPER_PX)
         curves = gui.add_panel()
         self.curves = CurvesPanel(gui, curves)
         self.score_error: ScoreErrorPanel | None = None
@@ -192,11 +197,13 @@ class Layout:
             self.score_error.show(snapshot)
         self.curves.show(snapshot)
         self.maps.show(snapshot)
+        self.image.show(snapshot)
 
     def show_deep(self, snapshot: Snapshot) -> None:
         """The panels about score maps and plausibility, and the one that may have shown what takes long."""
         self.run.show(snapshot)
         self.maps.show(snapshot)
+        self.image.show(snapshot)
         self.score.show(snapshot)
         self.physics.show(snapshot)
 
