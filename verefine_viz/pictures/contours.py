@@ -18,9 +18,9 @@ from verefine_viz.core.palette import RGB, Image
 from verefine_viz.core.problem import Placed
 from verefine_viz.scenes.segments import draw_placed
 
-FINEST = 3
+FINEST = 2
 """So many times finer than the camera's pixels a contour is at most."""
-MOST_PX = 720
+MOST_PX = 480
 """Width and height at most of the picture from which a contour is taken."""
 RIM_PX, LINE_PX = 4, 2
 DARKER = 0.35
@@ -52,7 +52,7 @@ def model_contours(model: ObjectModel, T_cam_obj: Float, camera: Camera) -> list
     finer = min(FINEST, MOST_PX / max(width, height))
     part = _part(camera, low, finer, (math.ceil(width * finer), math.ceil(height * finer)))
     mask = draw_placed([Placed(0, model, T_cam_obj)], part)[0] > 0
-    return [(line + 0.5) / finer - 0.5 + low for line in contour_lines(mask)]
+    return [(_smoothed(line) + 0.5) / finer - 0.5 + low for line in contour_lines(mask)]
 
 
 def _part(camera: Camera, low: NDArray, finer: float, size: tuple[int, int]) -> Camera:
@@ -70,18 +70,17 @@ def svg_path(lines: list[Float]) -> str:
     for line in lines:
         tenths = np.rint((line + 0.5) * 10).astype(int)
         steps = np.diff(tenths, axis=0)
-        steps = steps[steps.any(axis=1)]
-        way = "".join(f"{u / 10:g} {v / 10:g} " for u, v in _straightened(steps).tolist())
+        way = " ".join(f"{u / 10:g} {v / 10:g}" for u, v in steps[steps.any(axis=1)].tolist())
         parts.append(f"M{tenths[0, 0] / 10:g} {tenths[0, 1] / 10:g}l{way}z")
     return "".join(parts)
 
 
-def _straightened(steps: NDArray[np.int_]) -> NDArray[np.int_]:
-    """Steps (n, 2) with each run of the same step as one."""
-    if len(steps) == 0:
-        return steps
-    begins = np.flatnonzero(np.append(True, (np.diff(steps, axis=0) != 0).any(axis=1)))
-    return np.add.reduceat(steps, begins, axis=0)
+def _smoothed(line: Float) -> Float:
+    """A closed line (n, 2) without the stairs of its pixels and with a third of its points."""
+    ring = line[:-1]
+    if len(ring) < 12:
+        return line
+    return (sum(np.roll(ring, k, axis=0) for k in range(-2, 3)) / 5)[::3]
 
 
 def draw_contours(image: Image, mask: Mask, color: RGB) -> Image:

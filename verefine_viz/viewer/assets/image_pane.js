@@ -192,7 +192,7 @@
     return null;
   };
   const inUnits = (number, digits, unit) =>
-    number === undefined || number === NO_NUMBER ? "–" : `${(number / 10 ** digits).toFixed(digits)} ${unit}`;
+    number === undefined || number === NO_NUMBER ? "–" : (number / 10 ** digits).toFixed(digits) + unit;
   const readOut = () => {
     const shown = pane(), words = shown?.parentElement.querySelector(".image-readout");
     if (!words) return;
@@ -204,15 +204,16 @@
     }
     const photo = document.querySelector(".photo [data-depth]"), own = document.querySelector(".numbers [data-numbers]");
     const depth = photo && unpack(photo, photo.dataset.depth);
-    const parts = [`${u}, ${v}`, `observed ${inUnits(depth?.[v * width + u], 4, "m")}`];
+    const observed = depth?.[v * width + u];
     const [u0, v0, w, h] = own ? numbers(own, "area") : [0, 0, 0, 0];
     let of = [undefined, undefined, undefined, 0];
     if (own && u >= u0 && v >= v0 && u < u0 + w && v < v0 + h) {
       const all = unpack(own, own.dataset.numbers);
       if (all) of = [0, 1, 2, 3].map(k => all[(k * h + v - v0) * w + u - u0]);
     }
-    parts.push(`rendered ${inUnits(of[0], 4, "m")}`, `Δ ${inUnits(of[1], 1, "mm")}`, inUnits(of[2], 1, "°").replace(" ", ""));
-    parts.push(numbers(shown, "classes")[of[3]]);
-    words.textContent = parts.join(" · ");
+    words.textContent = [
+      `${u}, ${v}`, `observed ${inUnits(observed, 4, " m")}`, `rendered ${inUnits(of[0], 4, " m")}`,
+      `Δ ${inUnits(of[1], 1, " mm")}`, `angle ${inUnits(of[2], 1, "°")}`, numbers(shown, "classes")[of[3]],
+    ].join(" · ");
   };
 }

@@ -118,8 +118,9 @@ def contours_svg(snapshot: Snapshot, contours: Sequence[ShownContour]) -> str:
     camera = snapshot.problem.observation.camera
     paths = "".join(
         f'<g data-contour="{one.key}" class="{"dashed" if one.dashed else ""}">'
-        f'<path class="rim" d="{way}"/><path stroke="rgb{one.color}" d="{way}"/></g>'
-        for one in contours
+        f'<defs><path id="contour-{k}" d="{way}"/></defs>'
+        f'<use class="rim" href="#contour-{k}"/><use href="#contour-{k}" stroke="rgb{one.color}"/></g>'
+        for k, one in enumerate(contours)
         for way in ("".join(_way(t.model, T.tobytes(), camera) for t, T in one.poses),)
     )
     size = f'viewBox="0 0 {camera.width} {camera.height}" width="{camera.width}" height="{camera.height}"'

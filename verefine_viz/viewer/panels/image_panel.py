@@ -73,17 +73,21 @@ def pane_html(snapshot: Snapshot, contours: tuple[ShownContour, ...]) -> str:
     area = json.dumps([crop.u0, crop.v0, crop.width, crop.height])
     whose = "all" if snapshot.is_whole_scene else snapshot.target.instance.instance_id
     key = f"{snapshot.frame} {whose}"
-    pixel = "" if snapshot.options.pixel is None else json.dumps(snapshot.options.pixel)
+    probed = ""
+    if snapshot.options.pixel is not None:
+        u, v = snapshot.options.pixel
+        probed = f'<i class="image-cross probed" style="--u:{u + 0.5};--v:{v + 0.5}"></i>'
     legend = "".join(
         f'<button class="image-key" data-key="{one.key}" title="contour on or off">{swatch(one.color)}'
         f"{text(one.label)}</button>"
         for one in contours
     )
     return (
-        f'<div class="image-view" data-frame="{whole}" data-area="{area}" data-of="{text(key)}" data-pixel="{pixel}" '
+        f'<div class="image-view" data-frame="{whole}" data-area="{area}" data-of="{text(key)}" '
         f'data-classes="{text(json.dumps(["not scored", *PIXEL_CLASSES]))}">'
         f'<div class="image-canvas image-hit" {carries(c.ProbePixel(0, 0))} data-crop="{whole}" '
         f'style="width:{camera.width}px;height:{camera.height}px"></div>'
+        f"{probed}"
         '<i class="image-wipe" title="left: photo, right: rendering"></i></div>'
         f'<div class="image-bar">{_bar(snapshot)}</div>'
         f'<div class="image-foot"><span class="image-legend">{legend}</span><span class="image-readout"></span></div>'
@@ -99,7 +103,7 @@ def _bar(snapshot: Snapshot) -> str:
         for name in OVER_PHOTO
     )
     return (
-        f'<button data-image="whole" title="the object, or the whole frame (double click: back; wheel: zoom)">{WHOLE}</button>'
+        f'<button data-image="whole" title="object or whole frame; wheel: zoom, double click: back">{WHOLE}</button>'
         f'<button data-image="wipe" title="drag a line: photo on its left, rendering on its right">{WIPE}</button>'
         '<input type="range" min="0" max="100" aria-label="opacity of the model" title="opacity of the posed model">'
         '<select class="image-map" aria-label="score map over the photo" title="score map over the photo">'

@@ -178,7 +178,7 @@ class Layout:
         self.link.on_update(by_user(received))
 
     def show(self, snapshot: Snapshot, slider_is_ahead: bool = False) -> None:
-        """All panels, each on its own."""
+        """All panels but the photo's, each on its own."""
         self.run.show(snapshot)
         self.settings.show(snapshot)
         self.breakpoints.show(snapshot)
@@ -197,13 +197,11 @@ class Layout:
             self.score_error.show(snapshot)
         self.curves.show(snapshot)
         self.maps.show(snapshot)
-        self.image.show(snapshot)
 
     def show_deep(self, snapshot: Snapshot) -> None:
         """The panels about score maps and plausibility, and the one that may have shown what takes long."""
         self.run.show(snapshot)
         self.maps.show(snapshot)
-        self.image.show(snapshot)
         self.score.show(snapshot)
         self.physics.show(snapshot)
 
