@@ -109,6 +109,12 @@ class Page:
         elif isinstance(command, c.PlayPath):
             self._animation = self.scene.path_animation(snapshot)
 
+    def move_camera(self, command: c.Command) -> None:
+        """Moves the 3D view of the browser that asked for it."""
+        client = self._server.get_clients().get(command.client or 0) if isinstance(command, c.MoveCamera) else None
+        if client is not None and isinstance(command, c.MoveCamera) and self._snapshot is not None:
+            self.scene.move_camera(client, command.to, self._snapshot)
+
     def go_on(self) -> None:
         """One thing more: the photo, score maps or the picture in 3D, one of an animation, or physics of the scene."""
         if self._image_waits:
@@ -221,6 +227,7 @@ class Worker:
             if not (command.latest_wins and self._requests.holds()):  # A newer one is there: its picture will do.
                 self.show()
                 self._page.animate(command, before)
+                self._page.move_camera(command)
         elif self._debugger.is_busy:
             with self._requests.cancellable():
                 self._debugger.tick()
@@ -255,6 +262,7 @@ class Worker:
         except VerefineError as error:
             self._debugger.message, self._debugger.refused = str(error), True
         self._page.show(with_picture=True)
+        self._page.move_camera(command)
         self._page.go_on()
         self._page.leave_off()
         self._busy.repeat()

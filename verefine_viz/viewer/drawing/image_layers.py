@@ -101,15 +101,22 @@ def _contours_of_sides(snapshot: Snapshot, targets: Sequence[Target]) -> list[Sh
     return shown
 
 
+def posed_objects(snapshot: Snapshot, side: ComparedPose) -> tuple[tuple[Target, Float], ...]:
+    """What a side of the comparison of poses shows: the object in focus, or all of the scene; with T_cam_obj (4, 4)."""
+    if not snapshot.is_whole_scene:
+        return ((snapshot.target, side.pose.T_cam_obj),)
+    known = [o.target for o in snapshot.scene.objects if o.T_cam_obj is not None and o.answer is not None]
+    return tuple(zip(known, side.pose.T_cam_obj, strict=True))
+
+
 def _contours_of_scenes(snapshot: Snapshot) -> list[ShownContour]:
     """Of all objects as both combinations of poses have them."""
-    known = [o.target for o in snapshot.scene.objects if o.T_cam_obj is not None and o.answer is not None]
     shown = []
     for side, letter in ((snapshot.a, "A"), (snapshot.b, "B")):
         if side is not None:
             color = STAGE_COLORS["best" if side.pose.name == "best" else "current"]
-            poses = tuple(zip(known, side.pose.T_cam_obj, strict=True))
-            shown.append(ShownContour(letter, f"{letter} {side.pose.label}", color, poses))
+            label = f"{letter} {side.pose.label}"
+            shown.append(ShownContour(letter, label, color, posed_objects(snapshot, side)))
     return shown
 
 

@@ -35,6 +35,8 @@ OVER_PHOTO: tuple[MapName, ...] = ("difference", "angle", "f_d", "f_n", "classes
 """Score maps that can be laid over the photo."""
 _ICON = '<svg viewBox="0 0 16 16"><path d="{}"/></svg>'
 WHOLE = _ICON.format("M1 5V1h4M11 1h4v4M15 11v4h-4M5 15H1v-4M6 6h4v4H6z")
+CAMERA = _ICON.format("M1 4h9v8H1zM10 7l5-3v8l-5-3")
+OBJECT = _ICON.format("M8 0v4M8 12v4M0 8h4M12 8h4M5 8a3 3 0 1 0 6 0a3 3 0 1 0 -6 0")
 WIPE = _ICON.format("M1 2h14v12H1zM8 0v16M10 5h3M10 8h3M10 11h3")
 
 
@@ -108,4 +110,6 @@ def _bar(snapshot: Snapshot) -> str:
         '<input type="range" min="0" max="100" aria-label="opacity of the model" title="opacity of the posed model">'
         '<select class="image-map" aria-label="score map over the photo" title="score map over the photo">'
         f'<option value="none">no map</option>{maps}</select>'
+        f'<button {carries(c.MoveCamera("sensor"))} title="look through the camera in 3D">{CAMERA}</button>'
+        f'<button {carries(c.MoveCamera("object"))} title="focus the object in 3D">{OBJECT}</button>'
     )

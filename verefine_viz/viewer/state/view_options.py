@@ -48,6 +48,8 @@ class ViewOptions:
     """(u, v) that is probed."""
     cloud: c.CloudColors = "colour"
     layers: frozenset[str] = SHOWN_AT_FIRST
+    hypotheses_with_answer: bool = False
+    """Whether the layer of hypotheses is drawn with the answer as well, which it would hide."""
     path_pose: int | None = None
     """Index into the simulated path that is drawn; None = not drawn."""
     animate: bool = True
@@ -138,4 +140,5 @@ def answered(options: ViewOptions) -> ViewOptions:
         a, b = "initial" if a == "best" else a, "best"
     if a in OF_ITERATION:
         a = "best" if b != "best" else "initial"
-    return replace(options, a=a, b=b, layers=options.layers - OF_ITERATION | {"best"})
+    layers = options.layers - OF_ITERATION | {"best"}
+    return replace(options, a=a, b=b, layers=layers if options.hypotheses_with_answer else layers - {"hypotheses"})
