@@ -39,6 +39,8 @@ MARGIN = 0.25
 """Shown around the object, as a share of its size."""
 SMALLEST_PX = 48
 """Least width of what is shown of the camera's image."""
+SHADE = 0.4
+"""Brightness of a surface seen from the side, where there is no photo."""
 QUALITY = 72
 """Of WebP: a picture of this size takes 5 to 15 kB."""
 
@@ -149,14 +151,16 @@ def data_uri(image: Image) -> str:
 
 
 def camera_image(observation: Observation) -> Image:
-    """(H, W, 3) the camera's image, or the coloured depth image where there is none."""
+    """(H, W, 3) the camera's image, or where there is none the coloured depth image, shaded so that it shows shapes."""
     if observation.rgb is not None:
         return observation.rgb
     depth_m = observation.depth_m
     known = depth_m[depth_m > 0]
     # A few pixels far behind everything must not take the colours from the rest.
     low, high = (float(known.min()), float(np.percentile(known, 98)) + 1e-6) if len(known) else (0.0, 1.0)
-    return depth_scale(low, high).colors(np.where(depth_m > 0, depth_m, np.nan))
+    colors = depth_scale(low, high).colors(np.where(depth_m > 0, depth_m, np.nan))
+    facing = np.abs(observation.normals_cam[..., 2:])
+    return (colors * (SHADE + (1 - SHADE) * facing)).astype(np.uint8)
 
 
 class _Drawn:
