@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PilImage
-from scipy import ndimage
 
-from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import apply
+from verefine_viz.core.observation import Observation
 from verefine_viz.core.palette import (
     CLASS_COLORS,
     RGB,
@@ -29,6 +29,7 @@ from verefine_viz.core.palette import (
 )
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.settings import Session
+from verefine_viz.pictures.contours import draw_contours
 from verefine_viz.scenes.segments import draw_placed
 from verefine_viz.scenes.source import SceneSource, open_scene
 
@@ -38,6 +39,8 @@ MARGIN = 0.25
 """Shown around the object, as a share of its size."""
 SMALLEST_PX = 48
 """Least width of what is shown of the camera's image."""
+SHADE = 0.4
+"""Brightness of a surface seen from the side, where there is no photo."""
 QUALITY = 72
 """Of WebP: a picture of this size takes 5 to 15 kB."""
 
@@ -147,6 +150,19 @@ def data_uri(image: Image) -> str:
     return "data:image/webp;base64," + base64.b64encode(out.getvalue()).decode("ascii")
 
 
+def camera_image(observation: Observation) -> Image:
+    """(H, W, 3) the camera's image, or where there is none the coloured depth image, shaded so that it shows shapes."""
+    if observation.rgb is not None:
+        return observation.rgb
+    depth_m = observation.depth_m
+    known = depth_m[depth_m > 0]
+    # A few pixels far behind everything must not take the colours from the rest.
+    low, high = (float(known.min()), float(np.percentile(known, 98)) + 1e-6) if len(known) else (0.0, 1.0)
+    colors = depth_scale(low, high).colors(np.where(depth_m > 0, depth_m, np.nan))
+    facing = np.abs(observation.normals_cam[..., 2:])
+    return (colors * (SHADE + (1 - SHADE) * facing)).astype(np.uint8)
+
+
 class _Drawn:
     """The part of the image that is shown, and the models in it."""
 
@@ -161,9 +177,9 @@ class _Drawn:
         self._answers = [(self._depth_m(T), color_of(kind)) for T, kind in answers]
 
     def contours(self) -> Image:
-        image = self._background.copy()
+        image = self._background
         for depth_m, color in (*self._ground_truth, *self._answers):
-            _outline(image, depth_m > 0, color)
+            image = draw_contours(image, depth_m > 0, color)
         return image
 
     def depth_difference(self, tau_m: float) -> Image:
@@ -188,19 +204,5 @@ class _Drawn:
 
     def _camera_image(self) -> Image:
         """The window of the camera's image, or of the depth image where there is none."""
-        image = self._observation.rgb
-        if image is None:
-            depth_m = self._observation.depth_m
-            known = depth_m[depth_m > 0]
-            low, high = (float(known.min()), float(known.max()) + 1e-6) if len(known) else (0.0, 1.0)
-            image = depth_scale(low, high).colors(np.where(depth_m > 0, depth_m, np.nan))
-        resized = PilImage.fromarray(image).resize(self._size, PilImage.Resampling.BICUBIC, self._window.box)
-        return np.array(resized)
-
-
-def _outline(image: Image, mask: Mask, color: RGB) -> None:
-    """Draws the contour of a mask, two pixels wide with a dark rim, so that it shows on any ground."""
-    line = mask & ~np.asarray(ndimage.binary_erosion(mask, iterations=2), bool)
-    rim = np.asarray(ndimage.binary_dilation(line), bool) & ~line
-    image[rim] = (image[rim] * 0.35).astype(np.uint8)
-    image[line] = color
+        image = PilImage.fromarray(camera_image(self._observation))
+        return np.array(image.resize(self._size, PilImage.Resampling.BICUBIC, self._window.box))

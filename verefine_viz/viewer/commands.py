@@ -14,7 +14,7 @@ from verefine_viz.batch.index import Order
 Changes = tuple[tuple[str, Any], ...]
 """Settings to change: (("method.exploration", 0.2), …)."""
 Goal = Literal["end", "event", "breakpoint"]
-CloudColors = Literal["colour", "residual", "class"]
+CloudColors = Literal["colour", "residual", "class", "error"]
 Preset = Literal["inspect", "maps", "compare"]
 Pane = Literal["image", "3D"]
 BatchFilter = Literal["result", "cause", "object", "method", "run"]
@@ -266,8 +266,19 @@ class ProbePixel(ViewCommand):
     v: int
 
 
+class MoveCamera(ViewCommand):
+    """The 3D view of one browser: exactly where the sensor was, or close to the object in focus."""
+
+    to: Literal["sensor", "object"]
+    client: int | None = None
+    """The browser that asked; None = no view moves."""
+
+    def logged(self, cursor: int) -> tuple[Command, ...]:
+        return ()
+
+
 class ColorCloud(ViewCommand):
-    """What the colours of the observed cloud mean; None = the next of the three."""
+    """What the colours of the observed cloud mean; None = the next of the four."""
 
     by: CloudColors | None = None
 

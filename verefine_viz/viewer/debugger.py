@@ -275,6 +275,7 @@ _CHANGES: dict[type[Command], Callable[[ViewOptions, Any], ViewOptions]] = {
     c.ShowMap: _show_map,
     c.ProbePixel: lambda o, x: replace(o, pixel=(x.u, x.v)),
     c.ColorCloud: _color_cloud,
+    c.MoveCamera: lambda o, x: o,
     c.ShowLayer: _show_layer,
     c.ShowLayout: _show_layout,
     c.Enlarge: _enlarge,
@@ -299,6 +300,9 @@ def _of_last_iteration(options: ViewOptions, command: Command, state: State) -> 
     match command:
         case c.ShowLayer(name, visible) if name in OF_ITERATION and visible is not False:
             return replace(now, layers=now.layers | {name}, stage=last)
+        case c.ShowLayer("hypotheses", visible):
+            on = not now.hypotheses_with_answer if visible is None else visible
+            return replace(now, hypotheses_with_answer=on, layers=now.layers | {"hypotheses"} if on else now.layers)
         case c.ShowLayer("best", visible) if visible is not True:
             return replace(now, layers=now.layers - {"best"}, stage=last)
         case c.Compare(a, b) if OF_ITERATION & {a, b}:

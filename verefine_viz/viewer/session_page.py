@@ -54,6 +54,7 @@ class Page:
         self._shown_at = 0.0
         self._snapshot: Snapshot | None = None
         self._left: Literal["maps", "picture"] | None = None
+        self._image_waits = False
         self._animation: Iterator[None] | None = None
         self._later: Iterator[None] | None = None
 
@@ -65,8 +66,10 @@ class Page:
     @property
     def wait_s(self) -> float | None:
         """How long it is complete without :meth:`go_on` [s]; None = until something is asked for."""
-        if self._left is not None:
-            return FRAME_S if self._left == "picture" else 0
+        if self._image_waits or self._left == "maps":
+            return 0
+        if self._left == "picture":
+            return max(FRAME_S - self.age_s, 0)
         if self._animation is not None:
             return FRAME_S
         return None if self._later is None else 0
@@ -74,8 +77,8 @@ class Page:
     def show(self, with_picture: bool = False, with_maps: bool = True) -> None:
         """Words and numbers at once; what takes longer is left to :meth:`go_on`.
 
-        Of an object that is shown already score maps come at once too, and the picture is left: a browser without a GPU
-        takes its time for that, and would not show anything before.
+        Of an object that is shown already score maps come at once too, and the photo's layers and the picture in 3D are
+        left: a browser without a GPU takes its time for that, and would not show anything before.
 
         Args:
             with_picture: leave that by no means; there is more to do.
@@ -91,7 +94,9 @@ class Page:
         with self._server.atomic():
             if hurries:
                 self._draw(self._snapshot)
+                self.layout.image.show(self._snapshot)
             self.layout.show(self._snapshot, slider_is_ahead)
+        self._image_waits = not hurries
         self._server.flush()
         self._shown_at = monotonic()
 
@@ -105,9 +110,17 @@ class Page:
         elif isinstance(command, c.PlayPath):
             self._animation = self.scene.path_animation(snapshot)
 
+    def move_camera(self, command: c.Command) -> None:
+        """Moves the 3D view of the browser that asked for it."""
+        client = self._server.get_clients().get(command.client or 0) if isinstance(command, c.MoveCamera) else None
+        if client is not None and isinstance(command, c.MoveCamera) and self._snapshot is not None:
+            self.scene.move_camera(client, command.to, self._snapshot)
+
     def go_on(self) -> None:
-        """One thing more: score maps or the picture, the next one of an animation, or physics of the whole scene."""
-        if self._left is not None:
+        """One thing more: the photo, score maps or the picture in 3D, one of an animation, or physics of the scene."""
+        if self._image_waits:
+            self._show_image()
+        elif self._left is not None:
             self._show_left()
         elif self._animation is not None:
             if next(self._animation, _END) is _END:
@@ -124,6 +137,13 @@ class Page:
         self.scene.show(snapshot)
         self.comparison.show(snapshot)
 
+    def _show_image(self) -> None:
+        self._image_waits = False
+        assert self._snapshot is not None
+        with self._server.atomic():
+            self.layout.image.show(self._snapshot)
+        self._server.flush()
+
     def _show_left(self) -> None:
         left, self._left = self._left, None
         if left == "maps":
@@ -136,6 +156,7 @@ class Page:
             else:
                 self.scene.show_deep(snapshot)
                 self.layout.show_deep(snapshot)
+                self._image_waits = True
         self._server.flush()
         if not snapshot.physics.complete or _lacks_plausibility(snapshot):
             self._later = deferred_physics(snapshot, self._debugger.workspace.branch.evaluator)
@@ -207,6 +228,7 @@ class Worker:
             if not (command.latest_wins and self._requests.holds()):  # A newer one is there: its picture will do.
                 self.show()
                 self._page.animate(command, before)
+                self._page.move_camera(command)
         elif self._debugger.is_busy:
             with self._requests.cancellable():
                 self._debugger.tick()
@@ -241,6 +263,7 @@ class Worker:
         except VerefineError as error:
             self._debugger.message, self._debugger.refused = str(error), True
         self._page.show(with_picture=True)
+        self._page.move_camera(command)
         self._page.go_on()
         self._page.leave_off()
         self._busy.repeat()

@@ -77,6 +77,8 @@ def _surroundings(snapshot: Snapshot) -> list[str]:
         drawn.append(f"cloud: the observed depth; its pixels {classes}")
     elif "cloud" in layers and snapshot.options.cloud == "residual":
         drawn.append("cloud: the observed depth, coloured by its difference from the rendered one")
+    elif "cloud" in layers and snapshot.options.cloud == "error":
+        drawn.append("cloud: the observed depth, coloured by its distance to the posed model")
     elif "cloud" in layers:
         drawn.append("cloud: the observed depth, in the colours of the photo")
     if snapshot.problem.observation.support is not None:

@@ -27,7 +27,7 @@ from verefine_viz.viewer.panels.settings_panel import SettingsPanel
 from verefine_viz.viewer.panels.timeline_panel import TimelinePanel
 from verefine_viz.viewer.panels.verdict_panel import VerdictPanel
 from verefine_viz.viewer.panels.view_panels import BreakpointsPanel, ViewPanel
-from verefine_viz.viewer.panels.widgets import Block, Send, add_style, asked_by, by_user
+from verefine_viz.viewer.panels.widgets import Block, Send, add_style, asked_by
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.batch_gallery import Gallery
 from verefine_viz.viewer.state.view_options import ViewOptions
@@ -58,6 +58,8 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Colour of the cloud", "C", c.ColorCloud()),
     ("Hypotheses on / off", "H", c.ShowLayer("hypotheses")),
     ("Play the simulated path", "P", c.PlayPath()),
+    ("Look through the camera", None, c.MoveCamera("sensor")),
+    ("Focus the object", None, c.MoveCamera("object")),
     ("A/B: first difference", "F", c.SeekDifference()),
     ("A/B: swap", "X", c.SwapSides()),
     ("A/B: B on / off", "T", c.ShowSide("B")),
@@ -140,7 +142,7 @@ class Layout:
         tabs.dock_below(main)
         with _pane(gui, "Image"):
             Block(gui, "pane").show(enlarges("image"))
-            self.image = ImagePanel(gui, send)
+            self.image = ImagePanel(gui)
         with _pane(gui, "3D"):
             Block(gui, "pane scene-pane").show(enlarges("3D"))
         with _pane(gui, "Score maps"):
@@ -171,22 +173,23 @@ class Layout:
     def on_link(self, handler: Send) -> None:
         """Calls ``handler`` with the command of every link that is clicked."""
 
-        def received(value: str) -> None:
-            line, _, _ = value.rpartition(" ")
+        def received(event: viser.GuiEvent[viser.GuiTextHandle]) -> None:
+            if event.client is None:
+                return  # The program's own change.
+            line, _, _ = event.target.value.rpartition(" ")
             try:
-                handler(from_json(line))
+                handler(asked_by(event.client_id, from_json(line)))
             except InputError as error:
                 _LOG.warning("a link was refused: %s", error)
 
-        self.link.on_update(by_user(received))
+        self.link.on_update(received)
 
     def show(self, snapshot: Snapshot, slider_is_ahead: bool = False) -> None:
-        """All panels, each on its own."""
+        """All panels but the photo's, each on its own."""
         self._preset.show(preset_row(snapshot.options, len(snapshot.scene.objects)))
         compares = snapshot.options.preset == "compare"
         self._opened.show('<i class="opens-tab" data-tab="A/B"></i>' if compares else "")
         self.verdict.show(snapshot)
-        self.image.show(snapshot)
         self.run.show(snapshot)
         self.settings.show(snapshot)
         self.breakpoints.show(snapshot)

@@ -37,7 +37,9 @@ class ViewPanel:
         self.boxes: dict[str, viser.GuiCheckboxHandle] = {}
         self._words = Block(gui, "brief tight")
         self.cloud = gui.add_dropdown(
-            "Cloud", ("colour", "residual", "class"), hint="residual: observed − rendered depth of B (C switches)"
+            "Cloud",
+            ("colour", "residual", "class", "error"),
+            hint="of B: observed − rendered depth; class of each pixel; distance to the posed model (C switches)",
         )
         self.cloud.on_update(by_user(lambda v: send(c.ColorCloud(v))))
         for name in (name for row in ROWS for name in row):
@@ -74,7 +76,11 @@ def view_words(snapshot: Snapshot) -> str:
     elif not_made:
         sentences.append(f"Not made here: {', '.join(not_made)}.")
     if "cloud" in layers and snapshot.options.cloud != "colour":
-        colors = {"residual": "observed − rendered depth", "class": "class of each pixel"}[snapshot.options.cloud]
+        colors = {
+            "residual": "observed − rendered depth",
+            "class": "class of each pixel",
+            "error": "distance to the model",
+        }[snapshot.options.cloud]
         sentences.append(f"Cloud: {colors} for {of}.")
     return " ".join(sentences)
 

@@ -11,7 +11,7 @@ import viser
 from viser import uplot
 
 from verefine_viz.core.palette import RGB
-from verefine_viz.viewer.commands import Command, Export
+from verefine_viz.viewer.commands import Command, Export, MoveCamera
 from verefine_viz.viewer.drawing.markup import block
 
 Send = Callable[[Command], None]
@@ -45,8 +45,8 @@ def by_user(handler: Callable[[Any], None]) -> Callable[[viser.GuiEvent[Any]], N
 
 
 def asked_by(client_id: int | None, command: Command) -> Command:
-    """The command as it comes from one browser: an export knows which, anything else is the same for all."""
-    return replace(command, client=client_id) if isinstance(command, Export) else command
+    """The command as it comes from one browser: exports and moves of the camera know which, else it is for all."""
+    return replace(command, client=client_id) if isinstance(command, Export | MoveCamera) else command
 
 
 def add_buttons(

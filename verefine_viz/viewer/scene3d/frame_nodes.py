@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import apply, transform
 from verefine_viz.core.observation import Observation
-from verefine_viz.core.palette import Image, class_image, difference_scale
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.palette import Image, class_image, difference_scale, distance_scale
+from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.scores import ScoreMaps
 from verefine_viz.viewer.commands import CloudColors
 from verefine_viz.viewer.drawing.score_maps import map_over
@@ -129,6 +131,23 @@ def cloud_colors(cloud: Cloud, by: CloudColors, maps: ScoreMaps | None, tau_m: f
     difference = maps.depth_difference_m[rows, columns] * 1000
     known = np.isfinite(difference) & (maps.rendered_m[rows, columns] > 0)
     return np.where(known[:, None], difference_scale(tau_m).colors(difference), faded)
+
+
+def distance_colors(cloud: Cloud, posed: Sequence[tuple[Target, Float]], tau_m: float) -> Image:
+    """(N, 3) RGB by the distance of each point to the nearest point of the posed models, faded beyond 2τ.
+
+    Args:
+        cloud: the observed points.
+        posed: objects and their T_cam_obj (4, 4).
+        tau_m: depth tolerance of the score [m].
+    """
+    faded = (cloud.natural.astype(np.float32) * 0.35 + 75).astype(np.uint8)
+    models = [apply(T, np.concatenate([target.model.points, target.model.vertices])) for target, T in posed]
+    if not models:
+        return faded
+    distances_m, _ = KDTree(np.concatenate(models)).query(cloud.points_cam, distance_upper_bound=2 * tau_m)
+    near = np.isfinite(distances_m)
+    return np.where(near[:, None], distance_scale(tau_m).colors(np.where(near, 1000 * distances_m, np.nan)), faded)
 
 
 def clicked_pixel(

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
+from typing import Literal
 
 import numpy as np
 import viser
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, inverse, rotation_of_quat_wxyz, transform
+from verefine_viz.core.observation import Observation
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Contacts
 from verefine_viz.viewer.commands import Command, DragPose, ProbePixel
+from verefine_viz.viewer.drawing.image_layers import posed_objects
 from verefine_viz.viewer.drawing.plausibility_picture import LIGHTS, drawn_stage
 from verefine_viz.viewer.scene3d.frame_nodes import (
     IMAGE_PLANE_M,
@@ -22,6 +26,7 @@ from verefine_viz.viewer.scene3d.frame_nodes import (
     clicked_pixel,
     cloud_colors,
     cloud_of,
+    distance_colors,
     measured_points,
 )
 from verefine_viz.viewer.scene3d.object_nodes import ObjectNodes
@@ -57,7 +62,27 @@ def look_again(server: viser.ViserServer, client: viser.ClientHandle) -> None:
     first = server.initial_camera
     if first.up is not None:
         client.camera.up_direction = first.up
-    client.camera.position, client.camera.look_at = first.position, first.look_at
+    client.camera.position, client.camera.look_at, client.camera.fov = first.position, first.look_at, first.fov
+
+
+def look_through(client: viser.ClientHandle, observation: Observation, T_world_cam: Float) -> None:
+    """Puts one browser's camera exactly where the sensor was, looking along its axis, as high an image as it took."""
+    points = observation.camera.back_project(observation.depth_m)[observation.depth_m > 0]
+    ahead = float(np.median(points[:, 2])) if len(points) else 1.0
+    eye, target = apply(T_world_cam, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, ahead]]))
+    client.camera.up_direction = -T_world_cam[:3, 1]
+    client.camera.position, client.camera.look_at = eye, target
+    client.camera.fov = 2 * math.atan2(observation.camera.height / 2, observation.camera.fy)
+
+
+def look_at_object(client: viser.ClientHandle, points_world: Float) -> None:
+    """Takes one browser's camera close to points (n, 3), from the side from which it looks now."""
+    low, high = points_world.min(axis=0), points_world.max(axis=0)
+    middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
+    back = np.asarray(client.camera.position) - np.asarray(client.camera.look_at)
+    distance = 1.2 * size / (2 * math.tan(client.camera.fov / 2)) + size / 2
+    client.camera.position = middle + back / max(float(np.linalg.norm(back)), 1e-9) * distance
+    client.camera.look_at = middle
 
 
 _UP_FROM_CAMERA = transform(np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), np.zeros(3))
@@ -138,6 +163,16 @@ class SceneView:
             yield
             yield
 
+    def move_camera(self, client: viser.ClientHandle, to: Literal["sensor", "object"], snapshot: Snapshot) -> None:
+        """The view of one browser, to the sensor or close to the object in focus."""
+        if to == "sensor":
+            look_through(client, snapshot.problem.observation, self._T_world_cam)
+            return
+        posed = snapshot.b or snapshot.a
+        points = [apply(T, target.model.points) for target, T in posed_objects(snapshot, posed)] if posed else []
+        points_cam = np.concatenate(points) if points else measured_points(snapshot.problem)
+        look_at_object(client, apply(self._T_world_cam, points_cam))
+
     # The frame
 
     def _load_frame(self, snapshot: Snapshot) -> None:
@@ -175,7 +210,12 @@ class SceneView:
 
     def _show_cloud(self, snapshot: Snapshot) -> None:
         maps = snapshot.b.maps if snapshot.b else snapshot.a.maps if snapshot.a else None
-        colors = cloud_colors(self._cloud, snapshot.options.cloud, maps, snapshot.session.score.tau_m)
+        by, tau_m = snapshot.options.cloud, snapshot.session.score.tau_m
+        side = snapshot.b or snapshot.a
+        if by == "error" and side is not None:
+            colors = distance_colors(self._cloud, posed_objects(snapshot, side), tau_m)
+        else:
+            colors = cloud_colors(self._cloud, by, maps, tau_m)
         if colors is not self._colors:
             self._points.colors = colors
             self._colors = colors

@@ -51,6 +51,8 @@ class ViewOptions:
     preset: c.Preset = "inspect"
     enlarged: c.Pane | None = None
     """What alone is in the middle of the page, instead of what the preset has there."""
+    hypotheses_with_answer: bool = False
+    """Whether the layer of hypotheses is drawn with the answer as well, which it would hide."""
     path_pose: int | None = None
     """Index into the simulated path that is drawn; None = not drawn."""
     animate: bool = True
@@ -141,4 +143,5 @@ def answered(options: ViewOptions) -> ViewOptions:
         a, b = "initial" if a == "best" else a, "best"
     if a in OF_ITERATION:
         a = "best" if b != "best" else "initial"
-    return replace(options, a=a, b=b, layers=options.layers - OF_ITERATION | {"best"})
+    layers = options.layers - OF_ITERATION | {"best"}
+    return replace(options, a=a, b=b, layers=layers if options.hypotheses_with_answer else layers - {"hypotheses"})
