@@ -102,8 +102,14 @@ class Screen:
         self.page.wait_for_timeout(120)  # viser's throttle swallows clicks within 50 ms of each other
 
     def tab(self, name: str) -> None:
-        """A tab of the right-hand panel (the last of that name: the curves have a Score tab as well)."""
-        self.page.get_by_role("tab", name=name, exact=True).last.click(timeout=SLOW_MS)
+        """A tab of the right column; below it the curves and the list of objects have tabs of their own."""
+        column = self.page.locator("[data-dock-region=right]")
+        column.get_by_role("tab", name=name, exact=True).click(timeout=SLOW_MS)
+
+    def curve(self, name: str) -> None:
+        """A tab of the curves and the list of objects."""
+        corner = self.page.locator("[data-floating-window]:has(.curves, .objects)")
+        corner.get_by_role("tab", name=name, exact=True).click(timeout=SLOW_MS)
 
     def key(self, key: str) -> None:
         self.page.keyboard.press(key)

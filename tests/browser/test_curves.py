@@ -14,6 +14,7 @@ def test_ten_hypotheses_are_all_in_the_legend(look: Look, tmp_path: Path) -> Non
     screen = look(path)
     screen.app.send(c.RunTo(2))
     screen.at(2)
+    screen.curve("Score")
     legend = screen.page.locator(".vz .curves:visible").first
     names = legend.locator(".who>span")
     assert names.all_inner_texts() == ["best", *(str(k) for k in range(1, 11))]

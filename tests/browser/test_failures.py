@@ -65,7 +65,7 @@ def test_arm_starved(look: Look) -> None:
     assert last["x"] + last["width"] <= whole["x"] + whole["width"]
     for words in screen.page.locator(".vz.line .legend > span").all():
         assert words.evaluate("e => e.scrollWidth <= e.clientWidth"), "the marks are explained in full"
-    screen.tab("Pulls")
+    screen.curve("Pulls")
     screen.page.locator(".u-over").last.wait_for(timeout=SLOW_MS)
     screen.shot("failure_arm_starved")
     screen.page.locator(".vz a", has_text="what if c =").first.click(timeout=SLOW_MS)

@@ -170,7 +170,7 @@ def test_long_reasons_leave_room_for_what_the_iteration_did(runs: Path, show: Sh
 def test_a_click_on_a_point_opens_it(shown: tuple[Screen, Gallery]) -> None:
     screen, gallery = shown
     screen.until(lambda: at(screen) == ("sir", "0/1", 3))
-    screen.tab("Score/error")
+    screen.curve("Score/error")
     screen.text("^In 0% of pairs the score ranks a wrong answer above a right one")
     plot = screen.page.get_by_role("img", name="score over error")
     entry = next(e for e in gallery.entries if (e.run, e.row.frame, e.row.name) == ("rir", "0/1", "mug"))

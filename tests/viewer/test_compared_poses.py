@@ -42,7 +42,7 @@ def test_a_near_tie_is_told_with_the_digits_that_decided_it() -> None:
     assert "<td>+0.00025</td>" in shown
     for score in ("0.32022", "0.32047"):
         assert f"<td>{score}</td>" in shown
-        assert f"<br>{score}</td>" in maps_html(view)
+        assert f"<span>{score}</span></div>" in maps_html(view)
 
 
 def test_a_missing_stage_is_named_and_something_else_is_shown() -> None:
