@@ -79,6 +79,8 @@ def test_the_wheel_zooms_about_the_mouse_a_drag_moves_and_a_double_click_takes_i
     until_true(page, f"Math.abs({SCALE} - {fitted}) < 1e-6")
     page.locator("[data-image=whole]").click(timeout=SLOW_MS)
     assert page.evaluate(SCALE) < fitted
+    page.locator("[data-image=whole]").click(timeout=SLOW_MS)  # The page stays open for the next test.
+    assert page.evaluate(SCALE) == pytest.approx(fitted)
 
 
 def test_the_wipe_has_the_photo_on_its_left_and_the_rendering_on_its_right(screen: Screen) -> None:
@@ -95,6 +97,8 @@ def test_the_wipe_has_the_photo_on_its_left_and_the_rendering_on_its_right(scree
     width = page.locator(".image-view").bounding_box()["width"]
     assert share == pytest.approx(0.5 - 60 / width, abs=0.01)
     screen.shot("image_wipe")
+    page.locator("[data-image=wipe]").click(timeout=SLOW_MS)
+    assert page.evaluate(clip) == "none"
 
 
 def test_the_legend_switches_a_contour_off_for_this_browser_and_later_steps(screen: Screen) -> None:
@@ -127,14 +131,16 @@ def test_the_pixel_under_the_mouse_has_its_numbers_and_a_cross_on_every_map(scre
     page = screen.page
     mask = screen.app.debugger.view().target.instance.mask
     rows, columns = mask.nonzero()
-    u, v = int(columns.mean()) - 8, int(rows.mean()) + 4
-    page.mouse.move(*pixel_at(screen, u, v))
+    wanted = int(columns.mean()) - 8, int(rows.mean()) + 4
+    x, y = (int(place) for place in pixel_at(screen, *wanted))  # A click has whole numbers, a mouse may have others.
+    page.mouse.move(x, y)
     hovered = read_out(screen)
-    assert hovered.startswith(f"{u}, {v} ·")
+    u, v = (int(number) for number in hovered.partition(" ·")[0].split(", "))
+    assert abs(u - wanted[0]) + abs(v - wanted[1]) <= 2
     until_true(page, "document.querySelectorAll('body > .image-cross').length === 15")
     before = screen.app.debugger.options.pixel
     assert before is None, "hovering asks the program for nothing"
-    page.mouse.click(*pixel_at(screen, u, v))
+    page.mouse.click(x, y)
     screen.until(lambda: screen.app.debugger.options.pixel == (u, v))
     side = screen.app.debugger.view().b
     assert side is not None
@@ -147,7 +153,7 @@ def test_the_pixel_under_the_mouse_has_its_numbers_and_a_cross_on_every_map(scre
         f"angle {probe.angle_deg:.1f}°",
         probe.pixel_class,
     ]
-    assert page.locator(".image-view .image-cross").count() == 1
+    until_true(page, "document.querySelectorAll('.image-view .image-cross').length === 1")
     # From a map to the photo.
     picture: Any = page.locator(".vz.strip img[data-crop]").nth(9)
     picture.hover(timeout=SLOW_MS)
@@ -165,8 +171,12 @@ def test_the_3d_view_goes_to_the_sensor_and_to_the_object(screen: Screen) -> Non
     T_world_cam = support.T_world_cam
     screen.page.get_by_title("look through the camera in 3D").click(timeout=SLOW_MS)
     screen.until(lambda: bool(abs(client.camera.position - T_world_cam[:3, 3]).max() < 1e-3))
-    axis = client.camera.look_at - client.camera.position
-    assert axis / (axis @ axis) ** 0.5 == pytest.approx(T_world_cam[:3, 2], abs=1e-3)
+
+    def is_along_the_axis() -> bool:
+        axis = client.camera.look_at - client.camera.position
+        return bool(abs(axis / (axis @ axis) ** 0.5 - T_world_cam[:3, 2]).max() < 1e-3)
+
+    screen.until(is_along_the_axis)
     best = screen.app.debugger.view().poses["best"].T_cam_obj
     screen.app.send(c.MoveCamera("object", client.client_id))
     middle_cam = apply(best, problem.targets[0].model.points).mean(axis=0, keepdims=True)

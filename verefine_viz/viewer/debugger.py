@@ -275,7 +275,8 @@ _CHANGES: dict[type[Command], Callable[[ViewOptions, Any], ViewOptions]] = {
     c.ShowMap: _show_map,
     c.ProbePixel: lambda o, x: replace(o, pixel=(x.u, x.v)),
     c.ColorCloud: _color_cloud,
-    c.MoveCamera: lambda o, x: o,
+    # From the sensor its image would hide all that is behind it.
+    c.MoveCamera: lambda o, x: replace(o, layers=o.layers - {"camera image"}) if x.to == "sensor" else o,
     c.ShowLayer: _show_layer,
     c.ShowLayout: _show_layout,
     c.Enlarge: _enlarge,

@@ -111,6 +111,8 @@
       style.textContent = [...hidden].map(k => `[data-contour="${k}"]{display:none}[data-key="${k}"]{opacity:.4}`).join("");
       if (!style.isConnected) document.head.append(style);
     }
+    // Keys are for the page, not for what was clicked last; who moves by keys keeps the focus.
+    if (event.detail > 0) event.target.closest?.(".image-bar button, .image-key")?.blur();
     const act = event.target.closest?.("[data-image]")?.dataset.image;
     if (act === "wipe") toggle("imageWipe");
     if (act === "whole") {
@@ -130,6 +132,7 @@
     }
   }, true);
   addEventListener("change", event => {
+    if (event.target.closest?.(".image-bar")) event.target.blur();
     if (!event.target.matches?.(".image-map")) return;
     if (event.target.value === "none") {
       delete root.dataset.imageMap;

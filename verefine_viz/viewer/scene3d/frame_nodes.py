@@ -53,10 +53,24 @@ class CameraNodes:
             receive_shadow=False,
         )  # fmt: skip
         self._shown = image
+        self._ray = scene.add_line_segments(
+            "/cam/ray", np.zeros((1, 2, 3), np.float32), (255, 255, 255), thickness=1.5, thickness_units="screen",
+            visible=False,
+        )  # fmt: skip
 
     def show(self, snapshot: Snapshot) -> None:
-        """Shows or hides it."""
+        """Shows or hides it, and the ray of the probed pixel as far as the sensor saw."""
+        self._show_ray(snapshot)
         self._image.visible = self._frustum.visible = "camera image" in snapshot.options.layers
+
+    def _show_ray(self, snapshot: Snapshot) -> None:
+        pixel, observation = snapshot.options.pixel, snapshot.problem.observation
+        depth_m = float(observation.depth_m[pixel[1], pixel[0]]) if pixel is not None else 0.0
+        self._ray.visible = depth_m > 0
+        if pixel is not None and depth_m > 0:
+            camera = observation.camera
+            end = depth_m * np.array([(pixel[0] - camera.cx) / camera.fx, (pixel[1] - camera.cy) / camera.fy, 1.0])
+            self._ray.points = np.array([[np.zeros(3), end]], np.float32)
 
     def show_map(self, snapshot: Snapshot) -> None:
         """Lays the score map that is chosen over the image."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,10 @@ GREY = np.array([128, 128, 128])
 MARKER_M, ABOVE_M = 0.005, 0.012
 LABEL, LABEL_IN_FOCUS = 0.6, 0.75
 """Size of a name against viser's own: objects stand close, and names must not hide each other."""
+LETTER_PX, LINE_PX, FRAME_PX = 7.0, 17.0, 5.0
+"""Width and height of viser's letters on the screen, and what a label has around its name."""
+FOCAL_PX = 520.0
+"""Of the first look, in a window 800 pixels high."""
 OVERLAP_COLOR = (255, 30, 30)
 OVERLAP_PX = 4.0
 
@@ -48,15 +52,18 @@ class _Nodes:
     """(n, 3) of the model: its highest point carries the label."""
     look: tuple[float, RGB] | None = None
     pose: bytes = b""
+    above_cam: Float = field(default_factory=lambda: np.zeros(3))
+    """Where the label stands as long as no other is there."""
 
 
 class ObjectNodes:
     """Made once per frame; afterwards poses, colours and visibility change."""
 
     def __init__(
-        self, server: viser.ViserServer, snapshot: Snapshot, up_cam: Float, send: Callable[[Command], None]
+        self, server: viser.ViserServer, snapshot: Snapshot, T_world_cam: Float, send: Callable[[Command], None]
     ) -> None:
-        self._scene, self._up_cam = server.scene, up_cam
+        self._scene, self._first_look, self._T_world_cam = server.scene, server.initial_camera, T_world_cam
+        self._up_cam = T_world_cam[:3, :3].T @ np.array([0.0, 0.0, 1.0])
         self._nodes: dict[int, _Nodes] = {}
         self._overlap_points: viser.PointCloudHandle | None = None
         self._overlaps_shown: tuple[Any, ...] = ()
@@ -93,6 +100,27 @@ class ObjectNodes:
                 mark = verdict_mark(o.errors) if o.phase in ("placed", "done") else ""
                 nodes.label.text = f"{o.label} {mark}".strip()
                 nodes.label.font_screen_scale = LABEL_IN_FOCUS if in_focus else LABEL
+        self._place_labels([nodes for nodes in self._nodes.values() if nodes.label.visible])
+
+    def _place_labels(self, shown: list[_Nodes]) -> None:
+        """Each above its object, or above the labels that are there already as seen from the first look."""
+        if not shown:
+            return
+        look = self._first_look
+        ahead = np.asarray(look.look_at) - np.asarray(look.position)
+        ahead = ahead / np.linalg.norm(ahead)
+        right = np.cross(ahead, [0.0, 0.0, 1.0])
+        right /= max(float(np.linalg.norm(right)), 1e-9)
+        upward = np.cross(right, ahead)
+        seen = apply(self._T_world_cam, np.array([nodes.above_cam for nodes in shown])) - np.asarray(look.position)
+        distances = np.maximum(seen @ ahead, 1e-3)
+        places_px = FOCAL_PX * np.stack([seen @ right, seen @ upward], axis=1) / distances[:, None]
+        scales = np.array([nodes.label.font_screen_scale for nodes in shown])
+        letters = np.array([len(nodes.label.text) for nodes in shown])
+        sizes_px = np.stack([LETTER_PX * letters * scales + FRAME_PX, LINE_PX * scales + FRAME_PX], axis=1)
+        lifts_m = lifts_px(places_px, sizes_px) / FOCAL_PX * distances / max(float(upward[2]), 0.2)
+        for nodes, lift_m in zip(shown, lifts_m, strict=True):
+            nodes.label.position = nodes.above_cam + lift_m * self._up_cam
 
     def _pose(self, snapshot: Snapshot, o: ObjectState, in_focus: bool) -> Float | None:
         """Where the object stands; a waiting one without an iteration at its best hypothesis, which is its answer."""
@@ -112,7 +140,7 @@ class ObjectNodes:
         middle = points.mean(axis=0)
         top = middle + (float(heights.max()) - float(middle @ self._up_cam) + ABOVE_M) * self._up_cam
         nodes.marker.position = top
-        nodes.label.position = top + ABOVE_M * self._up_cam
+        nodes.above_cam = top + ABOVE_M * self._up_cam
 
     def _dress(self, nodes: _Nodes, o: ObjectState) -> None:
         look = (OPACITY[o.phase], muted(o.color) if o.phase in ("placed", "done") else o.color)
@@ -137,6 +165,26 @@ class ObjectNodes:
                 "/cam/overlaps", together, colors, precision="float32", point_size=size, point_shape="circle",
                 point_shading="flat",
             )  # fmt: skip
+
+
+def lifts_px(places_px: Float, sizes_px: Float) -> Float:
+    """How far up each of several labels (n,) is moved so that none covers another.
+
+    Args:
+        places_px: (n, 2) the middle of each lower edge, right and up.
+        sizes_px: (n, 2) widths and heights.
+    """
+    lifts = np.zeros(len(places_px))
+    placed: list[int] = []
+    for k in np.argsort(places_px[:, 1]):
+        for j in sorted(placed, key=lambda j: places_px[j, 1] + lifts[j]):
+            (x, y), (width, height) = places_px[k], sizes_px[k]
+            bottom = places_px[j, 1] + lifts[j]
+            is_beside = abs(x - places_px[j, 0]) >= (width + sizes_px[j, 0]) / 2
+            if not is_beside and y + lifts[k] < bottom + sizes_px[j, 1] and y + lifts[k] + height > bottom:
+                lifts[k] = bottom + sizes_px[j, 1] - y
+        placed.append(int(k))
+    return lifts
 
 
 def muted(color: RGB) -> RGB:

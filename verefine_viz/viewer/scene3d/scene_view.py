@@ -201,8 +201,7 @@ class SceneView:
         self._balance = scene.add_line_segments(
             "/cam/balance", np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8), thickness=3, thickness_units="screen"
         )
-        up_cam = T_world_cam[:3, :3].T @ np.array([0.0, 0.0, 1.0])
-        self._others = ObjectNodes(self._server, snapshot, up_cam, self._send)
+        self._others = ObjectNodes(self._server, snapshot, T_world_cam, self._send)
         self._problem = snapshot.problem
         aim(self._server, snapshot, T_world_cam)
 
