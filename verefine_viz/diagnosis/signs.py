@@ -6,6 +6,7 @@ score prefers a wrong pose. Where a diagnosis would let a re-run decide, a sign 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from verefine_viz.core.scores import PoseScore
@@ -57,6 +58,17 @@ class Course:
         return self.score is not None and self.score_at_gt is not None and prefers(self.score, self.score_at_gt)
 
 
+@dataclass(frozen=True, eq=False)
+class TriedPose:
+    """A pose that a run came by: of a hypothesis, or of a stage of an iteration."""
+
+    iteration: int
+    """0 = an initial pose."""
+    arm: int
+    score: PoseScore
+    errors: PoseErrors
+
+
 def prefers(score: PoseScore, score_at_gt: PoseScore) -> bool:
     """Whether a pose scores at least as much as ground truth: then more iterations need not help."""
     return score.score >= score_at_gt.score
@@ -76,6 +88,14 @@ def starved(course: Course) -> tuple[int, PoseErrors] | None:
         return None
     even_split = sum(course.n_tried) / len(course.n_tried)
     return course.nearest if course.n_tried[course.nearest[0]] <= max(1, STARVED * even_split) else None
+
+
+def discarded(course: Course, tried: Sequence[TriedPose]) -> TriedPose | None:
+    """The correct pose that scored highest among those that a run came by, where its answer is wrong."""
+    if not course.is_wrong:
+        return None
+    correct = [pose for pose in tried if pose.errors.relative < CORRECT]
+    return max(correct, key=lambda pose: pose.score.score, default=None)
 
 
 def leaks(score: PoseScore) -> bool:

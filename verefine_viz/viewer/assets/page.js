@@ -48,6 +48,9 @@ addEventListener("unhandledrejection", event => {
   };
 
   document.addEventListener("click", event => {
+    // What the verdict rests on stays open while its content changes, until a click beside it.
+    if (event.target.closest(".vz.verdict .why")) document.body.classList.toggle("why");
+    else if (!event.target.closest(".vz.verdict .because")) document.body.classList.remove("why");
     event.target.closest(".vz .fold")?.classList.toggle("folded");
     const link = event.target.closest(".vz [data-cmd]");
     if (!link) return;
@@ -80,6 +83,7 @@ document.addEventListener("animationstart", event => {
 
 // Escape cancels from any box.
 addEventListener("keydown", event => {
+  if (event.key === "Escape") document.body.classList.remove("why");
   if (event.key === "Escape" && event.target.matches("input, textarea, select")) {
     [...document.querySelectorAll(".vz .cancel a")].find(link => link.offsetParent)?.click();
   }

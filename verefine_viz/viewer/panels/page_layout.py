@@ -22,6 +22,7 @@ from verefine_viz.viewer.panels.score_panel import MapsPanel, ScorePanel
 from verefine_viz.viewer.panels.session_panel import SessionPanel
 from verefine_viz.viewer.panels.settings_panel import SettingsPanel
 from verefine_viz.viewer.panels.timeline_panel import TimelinePanel
+from verefine_viz.viewer.panels.verdict_panel import VerdictPanel
 from verefine_viz.viewer.panels.view_panels import BreakpointsPanel, ViewPanel
 from verefine_viz.viewer.panels.widgets import Send, add_style, asked_by, by_user
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
@@ -37,7 +38,8 @@ MAPS_PX = 592
 CURVES_PX = 296
 VIEW_PX = 254
 OBJECTS_PX = 326
-UPPER_PX = 378
+UPPER_PX = 338
+VERDICT_PX = 40
 
 KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Run / pause", "space", c.TogglePause()),
@@ -95,6 +97,7 @@ class Layout:
         gui = server.gui
         set_theme(gui)
         gui.add_html(small_window(RIGHT_PX))
+        self.verdict = VerdictPanel(gui, send)
         self.run = RunPanel(gui, send)
         self.link = gui.add_text(LINK_LABEL, "")
         # One tab more with a batch, and still one row of them.
@@ -145,7 +148,7 @@ class Layout:
             self.settings = SettingsPanel(gui, send)
         with layers.add_tab("Breakpoints"):
             self.breakpoints = BreakpointsPanel(gui, send)
-        layers.float(x=GAP_PX, y=GAP_PX, width=VIEW_PX, height=UPPER_PX)
+        layers.float(x=GAP_PX, y=GAP_PX + VERDICT_PX, width=VIEW_PX, height=UPPER_PX)
         self._objects_panel = gui.add_panel(visible=False)
         with self._objects_panel.add_tab("Objects"):
             self.objects = ObjectsPanel(gui)
@@ -174,6 +177,7 @@ class Layout:
 
     def show(self, snapshot: Snapshot, slider_is_ahead: bool = False) -> None:
         """All panels, each on its own."""
+        self.verdict.show(snapshot)
         self.run.show(snapshot)
         self.settings.show(snapshot)
         self.breakpoints.show(snapshot)
@@ -195,6 +199,7 @@ class Layout:
 
     def show_deep(self, snapshot: Snapshot) -> None:
         """The panels about score maps and plausibility, and the one that may have shown what takes long."""
+        self.verdict.show(snapshot)
         self.run.show(snapshot)
         self.maps.show(snapshot)
         self.score.show(snapshot)
@@ -202,6 +207,7 @@ class Layout:
 
     def show_physics(self, snapshot: Snapshot) -> None:
         """The panels about physics of the whole scene, and the one that may have shown what takes long."""
+        self.verdict.show(snapshot)
         self.run.show(snapshot)
         self._show_objects(snapshot)
         self.physics.show(snapshot)
@@ -212,6 +218,6 @@ class Layout:
         if n != self._n_objects:
             self._n_objects = n
             self._objects_panel.visible = n > 1
-            self._objects_panel.float(x=-GAP_PX, y=GAP_PX, width=OBJECTS_PX, height=height_px(n))
+            self._objects_panel.float(x=-GAP_PX, y=GAP_PX + VERDICT_PX, width=OBJECTS_PX, height=height_px(n))
         if n > 1:
             self.objects.show(snapshot)

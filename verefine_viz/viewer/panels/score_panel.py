@@ -34,8 +34,8 @@ class ScorePanel:
         self._words = Block(gui)
         self.a = gui.add_dropdown("A", STAGES, initial_value="simulated", hint="first stage to compare")
         self.b = gui.add_dropdown("B", STAGES, initial_value="refined", hint="second stage to compare")
-        self.a.on_update(by_user(lambda v: send(c.Compare(a=v))))
-        self.b.on_update(by_user(lambda v: send(c.Compare(b=v))))
+        self.a.on_update(by_user(lambda v: send(c.Compare(a=v, b=self.b.value))))
+        self.b.on_update(by_user(lambda v: send(c.Compare(a=self.a.value, b=v))))
         self._probe = Block(gui)
         self._numbers = Block(gui)
         labels = {LABELS[m][0]: m for m in MAP_NAMES}
