@@ -56,7 +56,9 @@ addEventListener("unhandledrejection", event => {
     if (!link) return;
     const command = JSON.parse(link.dataset.cmd), box = link.getBoundingClientRect();
     const across = (event.clientX - box.left) / box.width, down = (event.clientY - box.top) / box.height;
-    if (link.dataset.crop) {  // A picture: the pixel that was clicked.
+    if (link.dataset.crop) {  // A picture: the pixel that was clicked, with its numbers.
+      const tab = [...document.querySelectorAll("[role=tab]")].filter(tab => tab.textContent === "Score").pop();
+      if (tab?.getAttribute("aria-selected") !== "true") tab?.click();
       const [u, v, width, height] = JSON.parse(link.dataset.crop);
       command.u = u + Math.floor(across * width);
       command.v = v + Math.floor(down * height);
@@ -72,6 +74,14 @@ addEventListener("unhandledrejection", event => {
     if (event.target.matches(".vz select")) send(JSON.parse(event.target.value));
   }, true);
 }
+
+// What buttons do, as the browser's own tooltips: the library's cover what lies below.
+document.addEventListener("mouseover", event => {
+  const button = event.target.closest("button:not([title])");
+  const hints = button && document.querySelector(".vz [data-hints]");
+  const hint = hints && JSON.parse(hints.dataset.hints)[button.textContent];
+  if (hint) button.title = hint;
+}, true);
 
 // Its animation starts whenever the mark comes to another card: the one time at which it may have to come into sight.
 document.addEventListener("animationstart", event => {

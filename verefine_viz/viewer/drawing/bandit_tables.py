@@ -98,7 +98,7 @@ def arms_table(snapshot: Snapshot) -> str:
          lambda j: f"{swatch(arm_color(j))}{j + 1}{' ◂' if j == taken else ''}"),
         ("n", n_means(snapshot), lambda j: plays_text(float(plays[j]))),
         ("μ", mean_of(snapshot), lambda j: f"{mean[j]:.3f}"),
-        ("bonus", "exploration term c·√(ln Σn / n_j)", lambda j: number(bonus[j], 3)),
+        ("bonus", "exploration term c·√(ln Σn / n_j); c: weight in Settings, the larger the more is tried", lambda j: number(bonus[j], 3)),
         ("UCB", "mean + bonus; the largest is chosen", lambda j: number(ucb[j], 3)),
         ("best", "best score of any of its poses so far",
          lambda j: f"{max(e.score.score for e in state.arms[j].entries):.3f}"),

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Best
-from verefine_viz.diagnosis.signs import Course, TriedPose
+from verefine_viz.diagnosis.signs import Course, Discarded, discarded
 from verefine_viz.diagnosis.symmetry import UndeclaredTurn
+from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.pose_errors import PoseErrors, add_s_mm
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.snapshot.scene_state import labels_of
@@ -38,8 +41,8 @@ class FinishedObject:
     errors: PoseErrors | None
     """Of the answer; None without ground truth."""
     course: Course
-    tried: tuple[TriedPose, ...]
-    """Every scored pose of it, where the answer is wrong; else none."""
+    discarded: Discarded | None
+    """The correct pose that was given up for a wrong answer."""
     undeclared: UndeclaredTurn | None
     """The turn that alone makes the answer count as wrong; None where it is right, or wrong otherwise."""
     runner_up: RunnerUp | None
@@ -56,9 +59,8 @@ def finished_objects(branch: Branch) -> tuple[FinishedObject, ...]:
     if not run.is_done or not run.length:
         return ()
     evaluator, state, labels = branch.final_evaluator, run.final_state, labels_of(run.problem)
-    of_best_pose = method_of(branch.settings.method.name).answers_best_of_all
     return tuple(
-        _finished(branch, evaluator, target, own, best, labels[target.instance.instance_id], of_best_pose)
+        _finished(branch, evaluator, target, own, best, labels[target.instance.instance_id])
         for target, own, best in zip(state.problem.targets, state.objects, state.best, strict=True)
     )
 
@@ -70,11 +72,11 @@ def _finished(
     own: Any,
     best: Best | None,
     label: str,
-    of_best_pose: bool,
 ) -> FinishedObject:
     """``own``: the method's state of the object; None where it has no hypothesis."""
     if best is None or own is None:
-        return FinishedObject(target, label, None, None, Course((), (), None, None, None), (), None, None)
+        return FinishedObject(target, label, None, None, Course((), (), None, None, None), None, None, None)
+    method = method_of(branch.settings.method.name)
     iterations = [i for i in branch.run.iterations if i.instance_id == target.instance.instance_id]
     errors, T_gt = evaluator.errors(target, best.T_cam_obj), target.instance.T_cam_obj_gt
     starts = [
@@ -88,17 +90,16 @@ def _finished(
         best.score,
         evaluator.score(target, T_gt) if T_gt is not None else None,
     )
-    tried = []
-    if course.is_wrong:
-        poses = [(0, j, start.T_cam_obj, start.score) for j, start in enumerate(starts)]
-        poses += [(i.index, i.arm, s.T_cam_obj, s.score) for i in iterations for s in i.stages if s.name != "current"]
-        for index, arm, T_cam_obj, score in poses:
-            off = evaluator.errors(target, T_cam_obj)
-            if score is not None and off is not None:
-                tried.append(TriedPose(index, arm, score, off))
+    is_correct = partial(_is_correct, evaluator, target)
+    given_up = discarded(iterations, best, is_correct) if course.is_wrong and method.verifies else None
     undeclared = evaluator.undeclared_turn(target, best.T_cam_obj) if course.is_wrong else None
-    runner_up = _runner_up(own, best, target) if of_best_pose else None
-    return FinishedObject(target, label, best, errors, course, tuple(tried), undeclared, runner_up)
+    runner_up = _runner_up(own, best, target) if method.answers_best_of_all else None
+    return FinishedObject(target, label, best, errors, course, given_up, undeclared, runner_up)
+
+
+def _is_correct(evaluator: CachedEvaluator, target: Target, T_cam_obj: Float) -> bool:
+    errors = evaluator.errors(target, T_cam_obj)
+    return errors is not None and errors.relative < CORRECT
 
 
 def _runner_up(own: Any, best: Best, target: Target) -> RunnerUp | None:

@@ -13,7 +13,7 @@ from verefine_viz.core.problem import Target
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.diagnosis.causes import TITLES, Cause, cause_title
-from verefine_viz.diagnosis.signs import discarded, far_start, is_low, leaks, starved
+from verefine_viz.diagnosis.signs import far_start, is_low, leaks, starved
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.snapshot.finished_objects import FinishedObject
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
@@ -171,13 +171,11 @@ def cause_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
     if o.undeclared is not None:
         return Reason(f"{TITLES[Cause.SYMMETRIC]}: turned by {o.undeclared.turn_deg:.0f}°")
     course, score = o.course, _score_of(o)
-    given_up = discarded(course, o.tried)
-    if given_up is not None:
-        margin = score.score - given_up.score.score
-        more = f"{abs(margin):.{distinguishing_digits(abs(margin))}f}"
-        where = f"at iteration {given_up.iteration}" if given_up.iteration else "at the start"
-        preferred = f"a score {more} {'higher' if margin >= 0 else 'lower'}"
-        return Reason(f"correct {where}, given up for {preferred}", given_up.iteration)
+    if o.discarded is not None:
+        margin = o.discarded.margin
+        more = f"{abs(margin):.{distinguishing_digits(abs(margin))}f} {'higher' if margin >= 0 else 'lower'}"
+        where = f"at iteration {o.discarded.iteration}" if o.discarded.iteration else "at the start"
+        return Reason(f"correct {where}, given up for a score {more}", o.discarded.given_up)
     if course.is_misled and course.score_at_gt is not None:
         margin = score.score - course.score_at_gt.score
         words = f"{TITLES[Cause.SCORE]}, by {margin:.{distinguishing_digits(margin)}f}"
