@@ -171,12 +171,12 @@ def _swapped(items: Sequence, at: int, by: int) -> tuple | None:
 
 def _fork(state: State, command: c.Fork) -> None:
     at = state.run.cursor if command.cursor is None else command.cursor
-    if state.run.is_done and at >= state.run.length and "method.iterations" not in dict(command.changes):
-        raise InputError(f"nothing is left to run after iteration {at}, the last; fork at an earlier one, or restart")
     state.workspace.fork(at, command.changes)
     state.options = state.options.moved()
     state.running.goal = "end" if command.run else None
-    if not command.run and not state.run.is_done:
+    if state.run.is_done and at == state.run.length:
+        state.message = f"A new branch from iteration {at}, the last: nothing is left to run. Fork at an earlier one."
+    elif not command.run and not state.run.is_done:
         state.message = f"A new branch from iteration {at}; Step or Run go on with it."
 
 

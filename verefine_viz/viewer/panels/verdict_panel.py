@@ -40,7 +40,9 @@ class VerdictPanel:
     def show(self, snapshot: Snapshot) -> None:
         """The verdict at once; a new crop comes with the score maps."""
         it = verdict(snapshot)
-        self._bar.show(bar_html(it, self._crop(it, snapshot.deep), why_html(snapshot, it)))
+        found = findings(snapshot)
+        crop = self._crop(it, snapshot.deep)
+        self._bar.show(bar_html(it, crop, why_html(snapshot, it, found), sum(not one.calm for one in found)))
 
     def _crop(self, it: Verdict, draws: bool) -> str:
         """A data URI; "" where there is none, or not yet."""
@@ -59,24 +61,25 @@ class VerdictPanel:
         return self._picture
 
 
-def bar_html(it: Verdict, crop: str, why: str) -> str:
-    """The bar, and behind it what opens on a click; ``crop`` is a data URI, ``why`` ready HTML."""
+def bar_html(it: Verdict, crop: str, why: str, n_warnings: int = 0) -> str:
+    """The bar, and behind it what opens on a click; ``crop`` is a data URI, ``why`` HTML with so many warnings."""
     picture = f'<img src="{crop}" alt="the answer on the photo">' if crop else ""
     look = link(it.look_at[0], it.look_at[1], "go there") if it.look_at is not None else ""
     done = f'<i class="done" style="width:{100 * it.share:.1f}%"></i>' if it.share is not None else ""
+    count = f" ({n_warnings})" if n_warnings else ""
     return (
         f'<div class="bar-line {KINDS[it.mark]}">{done}<b class="mark">{it.mark}</b>'
         f'<b class="number" title="{text(it.number_means)}">{text(it.number)}</b>'
         f'<span class="cause" title="{text(it.line)}">{text(it.cause)}</span>{look}<span class="crop">{picture}</span>'
-        f'<button class="why" title="evidence and numbers">why</button></div>'
+        f'<button class="why" title="evidence and numbers">why{count}</button></div>'
         f'<div class="because">{picture}{why}</div>'
     )
 
 
-def why_html(snapshot: Snapshot, it: Verdict) -> str:
+def why_html(snapshot: Snapshot, it: Verdict, found: Sequence[Finding]) -> str:
     """The evidence: what happened at the cursor in full, and everything that may be wrong, with what to do."""
     means = f'<p class="dim">{text(it.number)}: {text(it.number_means)}.</p>' if it.number_means else ""
-    return f"{means}{sentence(headline(snapshot), HINTS)}{finding_boxes(findings(snapshot))}"
+    return f"{means}{sentence(headline(snapshot), HINTS)}{finding_boxes(found)}"
 
 
 def finding_boxes(found: Sequence[Finding]) -> str:

@@ -32,8 +32,6 @@ class Finding:
     """What to try."""
     label: str = ""
     """Words for the command's link."""
-    on_top: bool = False
-    """Whether it stands above the words about the iteration."""
 
 
 def findings(snapshot: Snapshot) -> tuple[Finding, ...]:
@@ -44,7 +42,7 @@ def findings(snapshot: Snapshot) -> tuple[Finding, ...]:
 
 def _of_data(snapshot: Snapshot) -> list[Finding]:
     """A wrong camera or wrong models are behind all that follows."""
-    return [Finding(f"{DATA_FIRST} {doubt}.", red=True, on_top=True) for doubt in snapshot.data_doubts]
+    return [Finding(f"{DATA_FIRST} {doubt}.", red=True) for doubt in snapshot.data_doubts]
 
 
 def _of_batch(snapshot: Snapshot) -> list[Finding]:
@@ -56,7 +54,7 @@ def _of_batch(snapshot: Snapshot) -> list[Finding]:
     if snapshot.cursor != entry.iteration:
         command = c.OpenAt(snapshot.frame, entry.iteration, instance=entry.row.instance_id)
     label = f"go to iteration {entry.iteration}"
-    return [Finding(words, entry.is_wrong, not entry.is_wrong, command, label, on_top=entry.is_wrong)]
+    return [Finding(words, entry.is_wrong, not entry.is_wrong, command, label)]
 
 
 def _support(snapshot: Snapshot) -> list[Finding]:

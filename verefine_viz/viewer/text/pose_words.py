@@ -116,10 +116,8 @@ def preferred_wrong(snapshot: Snapshot, wrong: PoseScore, right: PoseScore) -> s
 
 
 def preference(pose: EvaluatedPose | None, truth: EvaluatedPose | None) -> str:
-    """That the score prefers a pose to ground truth, and what to do; "" where it does not."""
-    if pose is None or not prefers(pose, truth):
-        return ""
-    return f"The score prefers {pose.label} to ground truth.{_what_to_do(pose)}"
+    """That the score prefers a pose to ground truth; "" where it does not."""
+    return f"The score prefers {pose.label} to ground truth." if pose is not None and prefers(pose, truth) else ""
 
 
 def _what_to_do(best: EvaluatedPose) -> str:

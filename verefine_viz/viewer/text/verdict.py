@@ -26,6 +26,7 @@ from verefine_viz.viewer.text.pose_words import start_errors
 Mark = Literal["✓", "✗", "?", "…"]
 MOST_WORDS = 12
 """Of the cause."""
+DATA_DOUBTED = "the data do not fit together: look at them first"
 APART = 0.1
 """Poses further apart than this share of the diameter are two answers."""
 
@@ -164,22 +165,24 @@ def _lead(o: FinishedObject) -> str:
 def cause_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
     """Why a wrong answer is wrong: as the batch says, which made re-runs, or else by the signs that a run shows."""
     entry = _batch_entry(snapshot)
+    if snapshot.data_doubts:
+        return Reason(DATA_DOUBTED)
     if entry is not None and entry.row.cause and _is_answer_of(entry, o):
         return Reason(cause_title(entry.row.cause), entry.row.worst_iteration)
-    if snapshot.data_doubts:
-        return Reason("the data do not fit together: look at them first")
     if o.undeclared is not None:
         return Reason(f"{TITLES[Cause.SYMMETRIC]}: turned by {o.undeclared.turn_deg:.0f}°")
     course, score = o.course, _score_of(o)
+    # Ground truth may score a little less than the pose beside it that a refiner finds: then a tie was decided.
+    is_tie = o.discarded is not None and abs(o.discarded.margin) < NEAR_TIE
+    if course.is_misled and course.score_at_gt is not None and not is_tie:
+        margin = score.score - course.score_at_gt.score
+        words = f"{TITLES[Cause.SCORE]}, by {margin:.{distinguishing_digits(margin)}f}"
+        return Reason(words, o.answer.iteration if o.answer is not None else None)
     if o.discarded is not None:
         margin = o.discarded.margin
         more = f"{abs(margin):.{distinguishing_digits(abs(margin))}f} {'higher' if margin >= 0 else 'lower'}"
         where = f"at iteration {o.discarded.iteration}" if o.discarded.iteration else "at the start"
         return Reason(f"correct {where}, given up for a score {more}", o.discarded.given_up)
-    if course.is_misled and course.score_at_gt is not None:
-        margin = score.score - course.score_at_gt.score
-        words = f"{TITLES[Cause.SCORE]}, by {margin:.{distinguishing_digits(margin)}f}"
-        return Reason(words, o.answer.iteration if o.answer is not None else None)
     far = far_start(course)
     if far is not None:
         return Reason(f"{TITLES[Cause.POOL]}: nearest start {_millimetres(far[1].add_s_mm)}", 0)
@@ -197,7 +200,7 @@ def doubt_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
     """What is uncertain about an answer without ground truth."""
     score = _score_of(o)
     if snapshot.data_doubts:
-        return Reason("the data do not fit together: look at them first")
+        return Reason(DATA_DOUBTED)
     if is_low(score):
         return Reason("so low a score is likely wrong")
     if leaks(score):
@@ -245,7 +248,9 @@ def _of_batch(snapshot: Snapshot, entry: Entry) -> Verdict:
     if row.is_correct:
         return Verdict("✓", _millimetres(row.add_s_mm), f"in the batch, {number}", means, look)
     cause = cause_title(row.cause) if row.cause else "no cause was looked for"
-    if row.worst_iteration is not None:
+    if snapshot.data_doubts:
+        cause = DATA_DOUBTED
+    elif row.worst_iteration is not None:
         cause += f" (iteration {row.worst_iteration})"
     return Verdict("✗", _millimetres(row.add_s_mm), cause, means, look)
 
@@ -272,6 +277,10 @@ def _paused(snapshot: Snapshot) -> Verdict:
 def _ready(snapshot: Snapshot) -> Verdict:
     if snapshot.state is None:
         return Verdict("✗", "no pose", TITLES[Cause.NO_HYPOTHESIS])
+    if snapshot.data_doubts:
+        return Verdict("…", "ready", DATA_DOUBTED)
+    if snapshot.target.observation.support is None:
+        return Verdict("…", "ready", "no support plane, so no physics")
     n = snapshot.n_arms
     words = f"{n} hypothes{'e' if n != 1 else 'i'}s, best score {_best(snapshot)}"
     if len(snapshot.scene.objects) > 1:
