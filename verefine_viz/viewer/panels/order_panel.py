@@ -53,9 +53,10 @@ def order_html(snapshot: Snapshot) -> str:
         i.instance_id: Node(names[i.instance_id], color_of(k), i.instance_id == focus)
         for k, i in enumerate(snapshot.problem.instances)
     }
-    method, words = method_of(snapshot.session.method.name), RULES[graph.source]
+    method, words, tip = method_of(snapshot.session.method.name), RULES[graph.source], ""
     if not method.knows_others:
         words = f"{method.label} solves each object alone; VF_b, VF_d and PHYSIM-MCTS follow this order."
+        tip = f"Solved in the order of the frame: {', '.join(names.values())}"
     back = ""
     if graph.source == "given":
         back = " · " + link("back to the rule's order", ResetOrder(), "forget the given order; cuts stay")
@@ -65,7 +66,7 @@ def order_html(snapshot: Snapshot) -> str:
         pairs.setdefault(frozenset((edge.first, edge.second)), []).append(edge)
     return "".join(
         (
-            sentence(words),
+            f'<p class="say" title="{text(tip)}">{text(words)}</p>',
             picture(graph, nodes),
             f'<p style="margin-top:4px">{hint}{back}</p>',
             *(_pair(edges, names) for edges in pairs.values()),

@@ -37,6 +37,8 @@ class Reason:
 
     words: str
     iteration: int | None = None
+    more: str = ""
+    """Goes on where there is room: a number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +104,7 @@ def _of_object(snapshot: Snapshot, o: FinishedObject) -> Verdict:
     if not o.course.is_wrong:
         return Verdict("✓", number, _how_it_won(o), means, _way(snapshot, o.answer.iteration), pictured=pictured)
     reason = cause_of(snapshot, o)
-    return Verdict("✗", number, reason.words, means, _way(snapshot, reason.iteration), pictured=pictured)
+    return Verdict("✗", number, reason.words + reason.more, means, _way(snapshot, reason.iteration), pictured=pictured)
 
 
 SCORE_MEANS = "verification score of the answer; without ground truth nothing says whether it is right"
@@ -170,30 +172,30 @@ def cause_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
     if entry is not None and entry.row.cause and _is_answer_of(entry, o):
         return Reason(cause_title(entry.row.cause), entry.row.worst_iteration)
     if o.undeclared is not None:
-        return Reason(f"{TITLES[Cause.SYMMETRIC]}: turned by {o.undeclared.turn_deg:.0f}°")
+        return Reason(TITLES[Cause.SYMMETRIC], more=f": turned by {o.undeclared.turn_deg:.0f}°")
     course, score = o.course, _score_of(o)
     # Ground truth may score a little less than the pose beside it that a refiner finds: then a tie was decided.
     is_tie = o.discarded is not None and abs(o.discarded.margin) < NEAR_TIE
     if course.is_misled and course.score_at_gt is not None and not is_tie:
         margin = score.score - course.score_at_gt.score
-        words = f"{TITLES[Cause.SCORE]}, by {margin:.{distinguishing_digits(margin)}f}"
-        return Reason(words, o.answer.iteration if o.answer is not None else None)
+        more = f", by {margin:.{distinguishing_digits(margin)}f}"
+        return Reason(TITLES[Cause.SCORE], o.answer.iteration if o.answer is not None else None, more)
     if o.discarded is not None:
         margin = o.discarded.margin
         more = f"{abs(margin):.{distinguishing_digits(abs(margin))}f} {'higher' if margin >= 0 else 'lower'}"
         where = f"at iteration {o.discarded.iteration}" if o.discarded.iteration else "at the start"
-        return Reason(f"correct {where}, given up for a score {more}", o.discarded.given_up)
+        return Reason(f"correct {where}, given up", o.discarded.given_up, f" for a score {more}")
     far = far_start(course)
     if far is not None:
-        return Reason(f"{TITLES[Cause.POOL]}: nearest start {_millimetres(far[1].add_s_mm)}", 0)
+        return Reason(TITLES[Cause.POOL], 0, f": nearest start {_millimetres(far[1].add_s_mm)}")
     if starved(course) is not None:
         return Reason(TITLES[Cause.ARM_STARVED])
     if leaks(score):
-        return Reason(f"{TITLES[Cause.MASK]}: {score.shares['missed']:.0%} of the pixels unexplained")
+        return Reason(TITLES[Cause.MASK], more=f": {score.shares['missed']:.0%} of the pixels unexplained")
     if course.score_at_gt is None:
         return Reason("no cause in sight")
     margin = course.score_at_gt.score - score.score
-    return Reason(f"search missed it: ground truth scores {margin:.{distinguishing_digits(margin)}f} more")
+    return Reason("search missed it", more=f": ground truth scores {margin:.{distinguishing_digits(margin)}f} more")
 
 
 def doubt_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
