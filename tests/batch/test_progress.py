@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -112,3 +114,22 @@ def test_a_log_file_gets_a_line_now_and_then(monkeypatch: pytest.MonkeyPatch) ->
         "note: too little memory",
         *["run: 5/100 frames, 1.0 frames/s, 1:35 left, recall 50%, 1 failed"] * 2,
     ]
+
+
+def test_a_log_file_gets_a_line_also_while_one_frame_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "EVERY_S", 0.05)
+    text = io.StringIO()
+    with shown_progress("run", Console(file=text, width=200)) as tell:
+        wait_for(lambda: text.getvalue().count("run: starting\n") >= 2)
+        tell(Progress(counted(), 100, 0, 0.01, 1.0))
+        wait_for(lambda: "run: 5/100 frames" in text.getvalue())
+    n = len(text.getvalue())
+    time.sleep(0.2)
+    assert len(text.getvalue()) == n, "it ends with the batch"
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    until = time.monotonic() + 10.0
+    while not condition():
+        assert time.monotonic() < until, "it never happened"
+        time.sleep(0.01)

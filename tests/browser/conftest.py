@@ -117,7 +117,20 @@ class Screen:
 
     def text(self, pattern: str) -> Any:
         """Some words on the page, waited for."""
-        found = self.page.get_by_text(re.compile(pattern)).first
+        found = self.page.get_by_text(re.compile(pattern)).filter(visible=True).first
+        found.wait_for(timeout=SLOW_MS)
+        return found
+
+    def finished(self) -> str:
+        """The verdict's cause, waited for until the run is over."""
+        self.page.locator(".vz.verdict .bar-line:not(.going)").wait_for(timeout=SLOW_MS)
+        return self.page.locator(".vz.verdict .cause").inner_text()
+
+    def why(self, pattern: str) -> Any:
+        """Some words of what the verdict rests on, opened and waited for."""
+        if not self.page.evaluate("document.body.classList.contains('why')"):
+            self.page.locator(".vz.verdict button.why").click(timeout=SLOW_MS)
+        found = self.page.locator(".vz.verdict .because").get_by_text(re.compile(pattern)).first
         found.wait_for(timeout=SLOW_MS)
         return found
 

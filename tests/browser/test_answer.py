@@ -15,7 +15,7 @@ def test_the_answer_of_a_search_and_its_tree(look: Look, tmp_path: Path) -> None
     screen.app.send(c.RunUntil("end"))
     screen.app.wait_until_idle(240)
     n = screen.app.debugger.workspace.run.length
-    screen.text("Shown: the answer")
+    screen.text("^Answer$")
     assert screen.page.locator(".vz.objects td", has_text="working").count() == 0
     assert screen.page.locator(".vz.objects tr td:last-child .sw").count() == 3, "the hypothesis that won, each"
     screen.tab("Bandit")
@@ -25,12 +25,12 @@ def test_the_answer_of_a_search_and_its_tree(look: Look, tmp_path: Path) -> None
     assert min(b.bounding_box()["width"] for b in boxes) > 20
     screen.shot("search_answer")
 
-    screen.page.get_by_text("show the last iteration").click(timeout=SLOW_MS)
-    screen.text("Shown: the last iteration")
+    screen.page.get_by_text("last iteration", exact=True).click(timeout=SLOW_MS)
+    screen.text("^Last iteration · ")
     screen.page.locator(".vz.objects td b", has_text="working").wait_for(timeout=SLOW_MS)
     screen.shot("search_last_iteration")
-    screen.page.get_by_text("show the answer").click(timeout=SLOW_MS)
-    screen.text("Shown: the answer")
+    screen.page.get_by_text("answer", exact=True).click(timeout=SLOW_MS)
+    screen.text("^Answer$")
 
     folds.last.click(timeout=SLOW_MS)
     screen.until(lambda: 0 < screen.app.debugger.workspace.run.cursor < n)
@@ -48,7 +48,7 @@ def test_tables_and_settings_fit_on_a_small_screen(look: Look) -> None:
     screen.app.wait_until_idle(60)
     screen.page.get_by_role("tab", name="Score", exact=True).first.click(timeout=SLOW_MS)
     assert is_seen(screen, screen.page.locator(".vz tr", has_text="adds"))
-    assert is_seen(screen, screen.page.locator(".vz tr", has_text="normal fit"))
+    assert is_seen(screen, screen.page.locator(".vz tr", has_text="normal f_n"))
     screen.tab("Settings")
     assert is_seen(screen, screen.page.get_by_label("Seed", exact=True))
     assert is_seen(screen, screen.page.get_by_role("button", name="Fork here", exact=True))

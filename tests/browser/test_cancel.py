@@ -13,7 +13,7 @@ from tests.browser.conftest import SESSIONS, SLOW_MS, Look, is_seen, saved
 def test_looking_for_initial_poses_is_cancelled_and_a_step_follows(look: Look, tmp_path: Path, how: str) -> None:
     path = saved(tmp_path, scene={"demo": "duck"}, hypotheses={"source": "pcs"}, pcs={"bases": 1_000_000})
     screen = look(SESSIONS / "mug.toml")
-    screen.text("Ready, before iteration 1. mug")
+    screen.text("^5 hypotheses, best score")
     screen.tab("Session")
     file = [box for box in screen.page.get_by_role("textbox").all() if box.is_visible()][1]
     file.fill(str(path), timeout=SLOW_MS)
@@ -30,7 +30,7 @@ def test_looking_for_initial_poses_is_cancelled_and_a_step_follows(look: Look, t
             screen.page.get_by_role("textbox").first.click(timeout=SLOW_MS)
         screen.key("Escape")
     screen.text("^Cancelled: everything is as it was before")
-    screen.text("Ready, before iteration 1. mug")
+    screen.text("^5 hypotheses, best score")
     assert not cancel.first.is_visible()
     screen.shot(f"cancelled_by_{how.replace(' ', '_')}")
     screen.click("Step ▶")

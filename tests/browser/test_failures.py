@@ -18,7 +18,8 @@ def run_to_end(screen: Screen) -> None:
 def test_no_hypothesis_near(look: Look) -> None:
     screen = look(SESSIONS / "failure_no_hypothesis_near.toml")
     run_to_end(screen)
-    screen.text("No hypothesis starts near: best initial error")
+    assert screen.finished().startswith("no good hypothesis in the pool: nearest start")
+    screen.why("No hypothesis starts near: best initial error")
     screen.shot("failure_no_hypothesis_near")
 
 
@@ -45,9 +46,12 @@ def test_simulation_topples(look: Look) -> None:
 def test_score_prefers_a_wrong_pose(look: Look) -> None:
     screen = look(SESSIONS / "failure_score_prefers_wrong.toml")
     run_to_end(screen)
-    screen.text("The score prefers a pose of the .* that is wrong by .* More iterations need not help")
+    assert screen.finished().startswith("score ranks a wrong pose above the ground truth, by 0.1")
+    view = screen.app.debugger.view()
+    assert (view.options.a, view.options.b) == ("best", "ground truth")
+    screen.why("The score prefers a pose of the .* that is wrong by .* More iterations need not help")
     screen.tab("Errors")
-    screen.text("^The score prefers best to ground truth. More iterations need not help")
+    screen.text("^The score prefers best to ground truth.")
     screen.click("Score the ground truth")
     screen.shot("failure_score_prefers_wrong")
 
@@ -55,7 +59,7 @@ def test_score_prefers_a_wrong_pose(look: Look) -> None:
 def test_arm_starved(look: Look) -> None:
     screen = look(SESSIONS / "failure_arm_starved.toml")
     run_to_end(screen)
-    screen.text("its exploration bonus never won")
+    screen.why("its exploration bonus never won")
     # Long names of estimators leave room for one another.
     legend = screen.page.locator(".vz.line .blocks")
     last = legend.locator("> span").nth(4).bounding_box()
@@ -68,6 +72,7 @@ def test_arm_starved(look: Look) -> None:
     screen.curve("Pulls")
     screen.page.locator(".u-over").last.wait_for(timeout=SLOW_MS)
     screen.shot("failure_arm_starved")
+    screen.why("its exploration bonus never won")
     screen.page.locator(".vz a", has_text="what if c =").first.click(timeout=SLOW_MS)
     screen.text("exploration = 0.2, from iteration 0")
     screen.app.wait_until_idle(60)
@@ -81,12 +86,12 @@ def test_arm_starved(look: Look) -> None:
 def test_mask_leaks(look: Look) -> None:
     screen = look(SESSIONS / "failure_mask_leaks.toml")
     run_to_end(screen)
-    screen.text("of the pixels are missed")
+    screen.why("of the pixels are missed")
     screen.shot("failure_mask_leaks")
 
 
 def test_wrong_plane(look: Look) -> None:
     screen = look(SESSIONS / "failure_wrong_plane.toml")
     run_to_end(screen)
-    screen.text("The support plane explains only")
+    screen.why("The support plane explains only")
     screen.shot("failure_wrong_plane")

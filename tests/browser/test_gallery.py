@@ -91,7 +91,7 @@ def test_the_gallery_filters_sorts_and_opens_where_it_went_wrong(shown: tuple[Sc
     screen, _ = shown
     screen.until(lambda: at(screen) == ("sir", "0/1", 3))
     assert names(screen) == ["can 0/1 sir", "mug 0/0 sir", "mug 0/1 rir", "mug 0/0 rir", "can 0/1 rir"]
-    screen.text(f"Why it failed in the batch: {EVIDENCE}")
+    screen.why(f"Why it failed in the batch: {EVIDENCE}")
     until_true(screen.page, "document.querySelectorAll('button.card img').length === 5")
     overflow = "[...document.querySelectorAll('button.card')].every(e => e.scrollWidth <= e.clientWidth)"
     assert screen.page.evaluate(overflow)
@@ -156,22 +156,18 @@ def test_long_reasons_leave_room_for_what_the_iteration_did(runs: Path, show: Sh
         indices.append(replace(index, rows=tuple(rows)))
     gallery = Gallery(indices)
     screen = show(lambda port: App(gallery.session("sir"), port=port, folder=tmp_path, batch=gallery))
-    assert is_seen(screen, screen.text(r"^Iteration \d+, .* hypothesis "), edge_px=6)
-    folded, why = screen.page.locator(".vz .top > p.bad").all()
-    assert is_seen(screen, folded)
-    assert is_seen(screen, why)
-    assert EVIDENCE in why.inner_text()
-    assert folded.evaluate("e => e.scrollWidth > e.clientWidth"), "else there is nothing to unfold"
-    folded.click()
-    assert folded.evaluate("e => e.scrollWidth <= e.clientWidth")
-    assert "as it seems." in folded.inner_text()
+    assert is_seen(screen, screen.text(r"^Iteration \d+ · .*hypothesis "), edge_px=6)
+    assert is_seen(screen, screen.text("^the data do not fit together"))
+    evidence = screen.why(EVIDENCE)
+    assert evidence.inner_text().count("Astray it went.") == 30
+    assert "as it seems." in screen.why("^Look at the data first").inner_text()
 
 
 def test_a_click_on_a_point_opens_it(shown: tuple[Screen, Gallery]) -> None:
     screen, gallery = shown
     screen.until(lambda: at(screen) == ("sir", "0/1", 3))
     screen.curve("Score/error")
-    screen.text("^In 0% of pairs the score ranks a wrong answer above a right one")
+    screen.text("^The score ranks a wrong answer above a right one in 0% of pairs")
     plot = screen.page.get_by_role("img", name="score over error")
     entry = next(e for e in gallery.entries if (e.run, e.row.frame, e.row.name) == ("rir", "0/1", "mug"))
     place = plot_of(gallery, {}).place(entry)

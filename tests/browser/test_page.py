@@ -19,14 +19,14 @@ MUG = SESSIONS / "mug.toml"
 
 def test_first_minute(look: Look) -> None:
     screen = look(MUG, animate=True)
-    screen.text("Ready, before iteration 1")
+    screen.text("^5 hypotheses, best score")
     screen.shot("first_0_ready")
     screen.click("Step ▶")
-    screen.text("^Iteration 1, .*hypothesis . of 5")
+    screen.text("^Iteration 1 · hypothesis . of 5")
     screen.at(1)
     screen.shot("first_1_stepped")
     screen.click("Run")
-    screen.text("Run finished: best")
+    assert screen.finished().startswith("score 0.9")
     screen.shot("first_2_run")
     assert screen.app.debugger.workspace.run.is_done
 
@@ -51,10 +51,10 @@ def test_without_a_gpu_edges_are_not_smoothed_and_3d_stays_at_the_resolution_of_
 def test_every_panel(look: Look) -> None:
     screen = look(MUG)
     screen.click("Run")
-    screen.text("Run finished")
+    screen.finished()
     for tab, words in (
         ("Score", "B − A"),
-        ("Bandit", "^The answer is of iteration .* took hypothesis"),
+        ("Bandit", "^Answer: iteration .* took hypothesis"),
         ("Physics", "of the background lies on the support plane"),
         ("Errors", "^ground truth$"),
         ("Session", "not from a file|from .*mug.toml"),
@@ -76,7 +76,7 @@ def test_keys_and_palette(look: Look) -> None:
     screen.key("b")
     screen.at(1)
     screen.key("Space")
-    screen.text("Run finished")
+    screen.finished()
     length = screen.app.debugger.workspace.run.length
     screen.key("Home")
     screen.at(0)
@@ -103,7 +103,7 @@ def test_keys_and_palette(look: Look) -> None:
 def test_timeline_links_and_slider(look: Look) -> None:
     screen = look(MUG)
     screen.click("Run")
-    screen.text("Run finished")
+    screen.finished()
     screen.page.locator(".vz.line svg g[data-cmd] rect").nth(6).click(timeout=SLOW_MS)
     screen.at(7)
     screen.page.get_by_role("slider").first.press("ArrowRight")
@@ -150,7 +150,7 @@ def test_click_on_a_ghost_shows_its_history_and_on_the_cloud_probes(look: Look) 
 def test_what_if_makes_a_branch(look: Look) -> None:
     screen = look(MUG)
     screen.click("Run")
-    screen.text("Run finished")
+    screen.finished()
     screen.tab("Bandit")
     screen.page.locator(".vz a", has_text="c = 0.4").first.click(timeout=SLOW_MS)
     screen.text("exploration = 0.4, from iteration 0")
@@ -240,7 +240,7 @@ def test_a_program_that_has_ended_is_told_until_it_is_back(look: Look) -> None:
     assert screen.page.evaluate(line) == f'"{lost_words(port)}"'
     screen.app = App(load_session(MUG), MUG, port=port).start()
     until_true(screen.page, f"{line} === 'none'")
-    screen.text("Ready, before iteration 1")
+    screen.text("^5 hypotheses, best score")
     assert screen.page.evaluate(line) == "none"
 
 

@@ -18,7 +18,7 @@ def test_the_page_needs_no_more_than_its_policy_allows(look: Look) -> None:
         page.add_init_script(_WATCH)
         other = Screen(screen.app, page)
         other.click("Run")
-        other.text("Run finished")
+        other.finished()
         for name in dict.fromkeys(tab.inner_text() for tab in page.get_by_role("tab").all()):
             other.tab(name)
             page.wait_for_timeout(200)

@@ -15,6 +15,7 @@ from PIL import Image
 from tests.commands.evaluating import Desk, rows
 from tests.scenes.bop_folder import box_ply, cut, make
 from verefine_viz.batch.rows import write_frames_csv
+from verefine_viz.commands.score_output import without_common_ends
 from verefine_viz.scenes.results_csv import HEADER, write_results
 
 POSE = "1 0 0 0 1 0 0 0 1,0 0 500"
@@ -382,3 +383,10 @@ def test_files_of_another_kind_say_what_was_expected(desk: Desk, tmp_path: Path)
     assert f"is a folder, expected a BOP results CSV; did you mean {tmp_path / 'results.csv'}?" in desk.refused(
         tmp_path
     )
+
+
+def test_of_long_names_that_are_nearly_alike_the_difference_is_shown() -> None:
+    names = [f"my_lab_run_of_november_{method}_ycbv-test" for method in ("rir", "sir", "pir_long")]
+    assert without_common_ends(names) == ["…rir_…", "…sir_…", "…pir_long_…"]
+    assert without_common_ends(["cosypose_a", "cosypose"]) == ["cosypose_a", "cosypose"]
+    assert without_common_ends(["one", "one"]) == ["one", "one"]

@@ -108,12 +108,12 @@ def test_the_words_tell_of_the_answer_and_lead_to_the_iteration() -> None:
     d = debugger(n=1).carry_out([END])
     view = d.view()
     assert headline(view).startswith("Run finished: best ")
-    assert "the answer</span>" in of_the_end(view)
+    assert "Answer</span> of " in of_the_end(view)
     assert carries(visit(view, view.iterations[-1])) in of_the_end(view)
     assert carries(visit(view, view.iterations[-1])) in strip(view), "its cell on the timeline goes there as well"
     view = d.carry_out([visit(view, view.iterations[-1])]).view()
     assert headline(view).startswith(f"Iteration {view.cursor}, box, ")
-    assert "Shown: the last iteration." in of_the_end(view)
+    assert "Last iteration · " in of_the_end(view)
     assert of_the_end(d.carry_out([c.Back()]).view()) == ""
 
 

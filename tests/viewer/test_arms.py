@@ -40,12 +40,14 @@ def debugger() -> Debugger:
 
 def test_the_timeline_says_whose_colour_a_block_has() -> None:
     shown = strip(debugger().carry_out([c.RunUntil("end")]).view())
-    assert "Blocks: hypotheses" in shown
+    assert "Colours of the blocks: hypotheses" in shown
     for j in range(3):
         assert f'background:rgb{arm_color(j)}" title=""></i>{j + 1}' in shown
     assert ">cosypose</span>" in shown
     assert "<b>posecnn" not in shown
-    assert "Blocks: objects" in strip(debugger().carry_out([TWO, c.ShowScene(), c.RunUntil("end")]).view())
+    assert "Blocks in the colours of the list of objects." in strip(
+        debugger().carry_out([TWO, c.ShowScene(), c.RunUntil("end")]).view()
+    )
 
 
 def test_estimators_are_named_where_hypotheses_are() -> None:

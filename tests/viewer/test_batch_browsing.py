@@ -120,7 +120,6 @@ def test_the_evidence_stands_first_among_the_findings_and_leads_back(debugger: D
     assert EVIDENCE in first.text
     assert first.text.startswith("No iteration made it much worse; iteration 2 made the answer. Why it failed ")
     assert first.red
-    assert first.on_top
     assert first.command is None
     debugger.carry_out([c.Back()])
     first = findings(debugger.view())[0]
@@ -181,11 +180,11 @@ def test_a_click_into_the_plot_opens_the_nearest_point(debugger: Debugger, sever
 
 def test_the_plot_says_how_often_the_score_lies_and_rings_what_is_open(several: Gallery) -> None:
     plot = plot_of(several, {})
-    assert "In 33% of pairs" in trust_in_score(plot)  # 0.5, 0.9 and 0.5 are wrong, 0.7 is right.
+    assert "a right one in 33% of pairs" in trust_in_score(plot)  # 0.5, 0.9 and 0.5 are wrong, 0.7 is right.
     assert plot_svg(plot, several.entries[0]).count("<circle") == 2
     assert "<circle" not in plot_svg(plot, None)
     assert plot_svg(plot, None).count("h0") == 4
-    assert "shows once" in trust_in_score(plot_of(several, {"run": "sir"}))
+    assert trust_in_score(plot_of(several, {"run": "sir"})) == "Score over error."
 
 
 def written(folder: Path, session: Session, rows: tuple[ObjectRow, ...], is_finished: bool = True) -> None:

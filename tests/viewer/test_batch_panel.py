@@ -63,8 +63,8 @@ def test_the_summary_counts_what_is_correct_and_what_has_no_answer(tmp_path: Pat
     found = gallery(tmp_path, row(1, add_s_mm=5.0), row(1, add_s_mm=50.0), row(2, "failed"))
     said = summary(found, found.entries[:1])
     assert said.startswith("1 of 2 objects in 2 frames are right; 1 has no answer")
-    assert "One can be opened: click it, or press J, K." in said
-    assert "choose others" in summary(found, ())
+    assert "1 match. Click to open; J/K = next/previous." in said
+    assert "No match: choose other filters." in summary(found, ())
 
 
 def test_objects_of_failed_frames_and_those_left_out_count_as_missed(tmp_path: Path) -> None:
@@ -72,8 +72,8 @@ def test_objects_of_failed_frames_and_those_left_out_count_as_missed(tmp_path: P
     unknown = row(3, "failed").model_copy(update={"obj_id": None, "instance_id": None, "name": ""})
     found = gallery(tmp_path, row(1, add_s_mm=5.0), *lost, unknown)
     assert found.outcome == "1 of 3 objects in 3 frames are right; 2 have no answer; 1 frame failed"
-    assert "One can be opened: click it," in summary(found, found.entries)
-    assert "None of those below can be opened." in summary(found, found.entries[1:])
+    assert "1 match. Click to open;" in summary(found, found.entries)
+    assert ", none can be opened." in summary(found, found.entries[1:])
     for entry, said in zip(found.entries[1:], ("frame failed", "left out", "frame failed"), strict=True):
         html = card(entry, found.opens(entry), None, False, False)
         assert said in html

@@ -55,7 +55,7 @@ def test_the_sessions_own_numbers_are_shown_with_their_units(app: App) -> None:
         "error_grows_by_mm": ("error +2 mm", False),
         "simulated_rejected": ("sim. rejected", False),
         "refined_rejected": ("ref. rejected", False),
-        "arm_switched": ("arm switched", False),
+        "arm_switched": ("switched", False),
         "unstable": ("unstable", True),
         "physics_worse": ("physics worse", False),
         "empty_render": ("empty render", False),

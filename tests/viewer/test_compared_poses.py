@@ -47,8 +47,8 @@ def test_a_near_tie_is_told_with_the_digits_that_decided_it() -> None:
 
 def test_a_missing_stage_is_named_and_something_else_is_shown() -> None:
     said = compared(debugger().view())
-    assert said.startswith("No simulated and no refined pose here yet; shown instead: current and ground truth.")
-    assert "shown instead: current and ground truth. The score" not in said
+    assert said.startswith("No simulated and no refined pose yet: current and ground truth instead.")
+    assert "ground truth instead. The score" not in said
 
 
 class Perfect(FakeTools):
@@ -64,7 +64,7 @@ class Perfect(FakeTools):
 
 def test_the_same_pose_stands_twice_only_where_there_is_no_other() -> None:
     said = compared(Debugger(SESSION, None, Perfect).view())
-    assert said.startswith("No simulated and no refined pose here yet; shown instead: current and best.")
+    assert said.startswith("No simulated and no refined pose yet: current and best instead.")
 
 
 def test_with_several_objects_sentence_and_maps_say_whose_they_are() -> None:

@@ -172,11 +172,3 @@ def test_a_name_does_not_say_twice_on_which_side_it_is() -> None:
     assert (sides(d).name_a, sides(d).name_b) == ("first run", "same settings")
     d.carry_out([c.SwapSides()])
     assert (sides(d).name_a, sides(d).name_b) == ("same settings", "first run")
-
-
-def test_the_list_of_objects_says_how_two_runs_are_drawn() -> None:
-    d = debugger().carry_out([TWO, c.RunTo(2)])
-    assert "overlaps red" in objects_html(d.view())
-    compared = objects_html(d.carry_out([c.CompareRun(SIR)]).view())
-    assert "3D: A solid, B as an outline." in compared
-    assert "overlaps red" not in compared

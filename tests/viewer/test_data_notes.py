@@ -20,9 +20,10 @@ from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.run_panel import on_top
+from verefine_viz.viewer.panels.verdict_panel import why_html
 from verefine_viz.viewer.state.batch_gallery import Gallery
 from verefine_viz.viewer.text.findings import findings
+from verefine_viz.viewer.text.verdict import DATA_DOUBTED, verdict
 
 SESSION = Session(method=MethodSettings(iterations=2))
 
@@ -44,7 +45,6 @@ def test_an_opened_frame_says_so_first_and_in_red(tmp_path: Path, focal: float, 
         assert one.text.endswith("about 1.11 times as much would fit; check that cam_K belongs to images of this size.")
         assert findings(view)[0] == one
         assert one.red
-        assert one.on_top
 
 
 @pytest.mark.usefixtures("processes")
@@ -88,13 +88,10 @@ def test_evidence_of_a_batch_does_not_say_it_a_second_time(tmp_path: Path) -> No
     doubted = replace(view, doubts=("objects appear larger: check",))
     assert sum("objects appear larger" in one.text for one in findings(doubted)) == 1
     assert any("The score misleads." in one.text for one in findings(doubted))
-    # The lowest of several boxes is whole, and none beside an answer to a click.
-    shown = on_top(doubted, findings(doubted))
-    assert shown.index('class="bad fold folded"') < shown.index('class="bad"')
-    assert shown.count('class="bad fold folded"') == shown.count('class="bad"') == 1
-    answered = on_top(replace(doubted, message="Saved."), findings(doubted))
-    assert answered.index("Saved.") < answered.index('class="bad fold folded"')
-    assert answered.count('class="bad fold folded"') == 2
+    why = why_html(doubted, verdict(doubted), findings(doubted))
+    assert why.count('class="bad"') == 2
+    assert why.index("objects appear larger") < why.index("The score misleads.")
+    assert verdict(doubted).cause == DATA_DOUBTED
 
 
 def test_an_answer_without_ground_truth_is_opened_with_what_the_batch_found(tmp_path: Path) -> None:

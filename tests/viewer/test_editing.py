@@ -39,7 +39,7 @@ def test_the_page_says_that_the_moved_hypothesis_is_next_and_then_why_it_was_tak
 
 def test_before_the_first_iteration_the_table_marks_the_moved_hypothesis_as_the_next() -> None:
     view = debugger().carry_out([c.SelectArm(2), c.EditPose(), DRAGGED, c.ForkFromPose()]).view()
-    assert chosen(view) == "Nothing was chosen yet. Hypothesis 3 was edited: it comes first."
+    assert chosen(view) == "First comes hypothesis 3, which was edited."
     assert "</i>3 ◂</td>" in arms_table(view)
     assert arms_table(view).count("◂</td>") == 1
 

@@ -38,19 +38,14 @@ def test_every_switch_has_a_place_in_a_row_of_two() -> None:
     assert sorted(name for row in ROWS for name in row) == sorted(WITH_BOX)
 
 
-def test_whose_poses_are_drawn_and_which_do_not_exist() -> None:
-    assert drawn() == "Poses of box. Not made here: simulated, refined, accepted."
-    assert drawn(c.Step()) == "Poses of box."
-
-
 def test_what_the_colours_of_the_cloud_are_of() -> None:
-    assert drawn(c.Step(), c.ColorCloud("residual")).endswith("Cloud: observed − rendered depth for refined.")
-    assert drawn(c.Step(), c.ColorCloud("class")).endswith("Cloud: class of each pixel for refined.")
+    assert drawn(c.Step(), c.ColorCloud("residual")).endswith("Cloud: observed − rendered depth, refined.")
+    assert drawn(c.Step(), c.ColorCloud("class")).endswith("Cloud: class of each pixel, refined.")
     assert "Cloud" not in drawn(c.Step(), c.ColorCloud("class"), c.ShowLayer("cloud", False))
 
 
 def test_two_runs_are_drawn_as_such() -> None:
-    assert drawn(c.CompareRun()) == "Poses of A, solid, and of B, as an outline."
+    assert drawn(c.CompareRun()) == "A solid, B as an outline."
 
 
 def test_settings_that_are_not_the_presets_are_named() -> None:
@@ -118,9 +113,9 @@ def test_the_sentence_follows_what_is_typed(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("method", "said"),
     [
-        ("rir", "Nothing was chosen yet, and each initial pose counts as a play. First comes hypothesis "),
-        ("even", "Nothing was chosen yet. Each hypothesis counts its initial score as the first play."),
-        ("pir", "PIR does not choose between hypotheses."),
+        ("rir", "First comes hypothesis "),
+        ("even", "Nothing was chosen yet."),
+        ("pir", "PIR works on hypothesis 1 alone."),
     ],
 )
 def test_before_the_first_choice_it_says_what_comes(method: str, said: str) -> None:
@@ -134,8 +129,8 @@ def test_before_the_first_choice_it_says_what_comes(method: str, said: str) -> N
 
 def test_a_pose_that_a_method_never_makes_is_not_still_to_come() -> None:
     d = Debugger(Session(method=MethodSettings(name="refine")), None, FakeTools)
-    assert compared(d.view()).startswith("No simulated and no refined pose here yet; shown")
-    assert compared(d.carry_out([c.Step()]).view()).startswith("No simulated pose here; shown instead: ")
+    assert compared(d.view()).startswith("No simulated and no refined pose yet: ")
+    assert compared(d.carry_out([c.Step()]).view()).startswith("No simulated pose: ")
 
 
 def test_what_was_read_from_a_recording_is_called_so() -> None:

@@ -42,7 +42,7 @@ def test_before_its_last_stage_an_iteration_has_no_result() -> None:
 def test_physics_is_told_as_far_as_the_stages_are() -> None:
     d = debugger().carry_out([STAGE])
     assert changes_table(d.view()) == ""
-    assert physics_words(d.view()) == "Iteration 1 is about to be simulated: press Stage (M)."
+    assert physics_words(d.view()) == "Not simulated yet: next stage."
     assert "refined" not in changes_table(d.carry_out([STAGE]).view())
     assert "refined" in changes_table(d.carry_out([STAGE, STAGE]).view())
 
@@ -79,7 +79,7 @@ def test_the_end_says_of_which_iteration_the_answer_is() -> None:
     d = debugger().carry_out([c.RunUntil("end")])
     view, best, last = d.view(), d.workspace.run.state.best[0], d.workspace.run.iterations[-1]
     assert best.iteration != last.index, "else nothing contradicts"
-    told = f"The answer is of iteration {best.iteration}; shown here is iteration {last.index}, the last one on it. "
+    told = f"Answer: iteration {best.iteration}. Below: iteration {last.index}, the last on this object. "
     assert beside_answer(view) == told
     assert chosen(view).startswith(told)
     assert physics_words(view).startswith(told)

@@ -141,7 +141,7 @@ def test_a_frame_whose_order_nobody_looked_at() -> None:
     with pytest.raises(InputError, match="is unknown"):
         plain.apply(MoveInOrder(0, 1))
     plain.apply(c.OpenFrame("0/2"))
-    assert "not worked out" in order_html(plain.view(deep=False))
+    assert "No dependencies known." in order_html(plain.view(deep=False))
 
 
 CLUSTERS = st.permutations(range(6)).flatmap(
@@ -221,10 +221,9 @@ def test_the_order_that_is_told_is_the_one_of_the_run(method: str) -> None:
     alone = method not in ("vf_breadth", "vf_depth")
     assert run == ([0, 1, 2] if alone else [second, first, third])
     html = order_html(view)
-    assert (
-        f"{method.upper()} solves each object alone, in the order of the frame: box #0, box #1, box #2." in html
-    ) == (alone)
-    assert ("VF_b, VF_d and PHYSIM-MCTS follow the order below." in html) == alone
+    assert ("Solved in the order of the frame: box #0, box #1, box #2" in html) == alone
+    follow = "VF_b, VF_d and PHYSIM-MCTS follow this order."
+    assert (f"{method.upper()} solves each object alone; {follow}" in html) == alone
     assert [int(i) for i in re.findall(r"<title>box #(\d): click", html)] == [second, first, third]
 
 

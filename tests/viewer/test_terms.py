@@ -81,7 +81,7 @@ def test_events_call_the_best_scene_the_incumbent(debugger: Debugger) -> None:
 def test_every_light_is_explained(debugger: Debugger) -> None:
     said = legend(debugger.view())
     assert all(f"rgb{color}" in said for light, color in LIGHTS.items() if light != "grey")
-    assert "not error" in said
+    assert "Not how far off it is" in said
 
 
 def test_no_hint_contains_another_term() -> None:

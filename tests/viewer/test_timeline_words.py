@@ -1,4 +1,4 @@
-"""The timeline says in a sentence where the cursor is, and where to look for trouble."""
+"""The timeline says where the cursor is, and where to look for trouble."""
 
 from __future__ import annotations
 
@@ -26,29 +26,30 @@ def said(d: Debugger, *red: int) -> str:
 
 
 def test_before_the_first_iteration_nothing_has_run() -> None:
-    assert said(debugger()) == "Iteration 0 of 6: nothing has run yet."
-    assert said(debugger(c.Step(), c.Back()), 1) == "Iteration 0 of 6: the start (1 made). 1 red mark, at 1."
+    assert said(debugger()) == "Iteration 0 of 6"
+    assert said(debugger(c.Step(), c.Back()), 1) == "Iteration 0 of 6 · 1 made · 1 problem · next: 1"
 
 
 @pytest.mark.parametrize(
     ("red", "marks"),
     [
-        ((), "No red marks."),
-        ((2,), "1 red mark, one here."),
-        ((1, 2, 2), "2 red marks, one here, the one before at 1."),
-        ((1, 3, 4), "3 red marks, the next at 3."),
-        ((3,), "1 red mark, at 3."),
+        ((), "no problems"),
+        ((2,), "1 problem"),
+        ((1, 2, 2), "2 problems, one here · previous: 1"),
+        ((1, 3, 4), "3 problems · previous: 1 · next: 3"),
+        ((3,), "1 problem · next: 3"),
     ],
 )
-def test_on_the_way_it_names_the_hypothesis_and_the_nearest_red_mark(red: tuple[int, ...], marks: str) -> None:
+def test_on_the_way_it_names_the_hypothesis_and_the_nearest_red_marks(red: tuple[int, ...], marks: str) -> None:
     d = debugger(*[c.Step()] * 4, c.Seek(2))
     arm = d.view().at(2).arm + 1
-    assert said(d, *red) == f"Iteration 2 of 6: box, hypothesis {arm} of 3 (4 made). {marks}"
+    assert said(d, *red) == f"Iteration 2 of 6 · 4 made · {marks}"
+    assert f'title="box, hypothesis {arm} of 3"' in timeline_words(d.view(), [])
 
 
 def test_an_iteration_of_another_object_is_named_too() -> None:
     d = debugger(c.OpenFrame("0/2"), c.Step(), c.Focus(1))
-    assert said(d).startswith("Iteration 1 of 12: it worked on box #0, hypothesis ")
+    assert 'title="it worked on box #0, hypothesis ' in timeline_words(d.view(), [])
 
 
 def test_the_number_of_a_red_mark_leads_there() -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from time import monotonic
 
 from rich.console import Console
 from rich.markup import escape
@@ -13,32 +15,49 @@ from rich.progress import Progress as Bar
 from verefine_viz.batch.run_batch import Progress
 
 EVERY_S = 30.0
-"""Where there is no terminal (a log file), a line after so many seconds."""
+"""Where there is no terminal (a log file), a line after so many seconds, also while a frame takes longer."""
 
 
 @contextmanager
 def shown_progress(title: str, console: Console) -> Iterator[Callable[[Progress], None]]:
     """A callback that shows progress: a bar on a terminal, lines in a log."""
     warned: set[str] = set()
-    last_s = 0.0
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[note]}"))
+    latest, last_s, printed_at = f"{title}: starting", 0.0, monotonic()
+
+    def print_latest() -> None:
+        nonlocal printed_at
+        printed_at = monotonic()
+        console.print(escape(latest), soft_wrap=True)
+
+    def keep_printing() -> None:
+        while not is_over.wait(max(printed_at + EVERY_S - monotonic(), 0.01)):
+            if monotonic() - printed_at >= EVERY_S:
+                print_latest()
+
+    is_over = threading.Event()
     with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         row = bar.add_task(escape(title), total=None, note="starting")
 
         def report(now: Progress) -> None:
-            nonlocal last_s
+            nonlocal latest, last_s
             bar.update(row, completed=now.counts.frames_done, total=now.n_frames, note=escape(in_words(now)))
             if now.doing:
                 console.print(escape(now.doing), soft_wrap=True)
             if now.warning and not warned:
                 warned.add(now.warning)
                 console.print(escape(f"note: {now.warning}"), soft_wrap=True)
+            latest = f"{title}: {now.counts.frames_done}/{now.n_frames} frames, {in_words(now)}"
             if not console.is_terminal and now.seconds - last_s > EVERY_S:
                 last_s = now.seconds
-                done = f"{title}: {now.counts.frames_done}/{now.n_frames} frames, {in_words(now)}"
-                console.print(escape(done), soft_wrap=True)
+                print_latest()
 
-        yield report
+        if not console.is_terminal:
+            threading.Thread(target=keep_printing, name="verefine-progress", daemon=True).start()
+        try:
+            yield report
+        finally:
+            is_over.set()
 
 
 def in_words(now: Progress) -> str:

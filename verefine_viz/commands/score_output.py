@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from io import TextIOWrapper
@@ -108,18 +109,32 @@ def _narrow_table(names: Sequence[str], numbers: Sequence[str]) -> Table:
 
 
 def _print_uncut(title: str, table: Table, cut: str) -> None:
-    """Prints a table; where the terminal is too narrow the column ``cut`` is shortened, never numbers.
+    """Prints a table; where the terminal is too narrow the column ``cut`` is shortened, never numbers: by what all
+    its names begin and end with, and only then by what differs.
 
     Where even that is not enough, lines are longer than the terminal is wide.
     """
     console = Console(highlight=False)
     console.print(f"[italic]{escape(title)}[/]", soft_wrap=True)
+    column = next(c for c in table.columns if c.header == cut)
+    if cut == "method" and _width(console, table) > console.width:
+        column._cells[:] = without_common_ends([str(cell) for cell in column.cells])
     too_wide = _width(console, table) - console.width
     if too_wide > 0:
-        column = next(c for c in table.columns if c.header == cut)
         longest = max(cell_len(str(cell)) for cell in (column.header, *column.cells))
         column.max_width = max(longest - too_wide, min(longest, SHORTEST))
     Console(highlight=False, width=max(console.width, _width(console, table))).print(table)
+
+
+def without_common_ends(names: Sequence[str]) -> list[str]:
+    """Names without the words that all begin and end with, as in: …recommended…; unchanged where there is one name."""
+    if len(set(names)) < 2:
+        return list(names)
+    words = [re.findall(r"[^-_/. ]+[-_/. ]*", name) for name in names]
+    most = min(map(len, words)) - 1
+    n_first = next((k for k in range(most) if len({w[k] for w in words}) > 1), most)
+    n_last = next((k for k in range(most - n_first) if len({w[-1 - k] for w in words}) > 1), most - n_first)
+    return [f"{'…' * bool(n_first)}{''.join(w[n_first : len(w) - n_last])}{'…' * bool(n_last)}" for w in words]
 
 
 def _width(console: Console, table: Table) -> int:

@@ -230,7 +230,7 @@ def _compare(options: ViewOptions, command: c.Compare) -> ViewOptions:
     for name in (command.a, command.b):
         if name is not None and name not in STAGES:
             raise InputError(unknown("stage", name, STAGES))
-    return replace(options, a=command.a or options.a, b=command.b or options.b, compared_before=None)
+    return replace(options, a=command.a or options.a, b=command.b or options.b, compared_before=None, has_chosen=True)
 
 
 def _show_map(options: ViewOptions, command: c.ShowMap) -> ViewOptions:
@@ -285,7 +285,9 @@ _CHANGES: dict[type[Command], Callable[[ViewOptions, Any], ViewOptions]] = {
     c.SortBatch: lambda o, x: replace(o, batch_order=x.order, batch_page=0),
     c.FilterBatch: lambda o, x: replace(o, batch_only={**o.batch_only, x.by: x.value}, batch_page=0),
     c.TurnPage: lambda o, x: replace(o, batch_page=max(x.page, 0)),
-    c.ScoreGroundTruth: lambda o, x: replace(o, a="best", b="ground truth", layers=o.layers | {"ground truth", "best"}),
+    c.ScoreGroundTruth: lambda o, x: replace(
+        o, a="best", b="ground truth", layers=o.layers | {"ground truth", "best"}, has_chosen=True
+    ),
 }
 """By command: the options after it."""
 

@@ -48,12 +48,17 @@ addEventListener("unhandledrejection", event => {
   };
 
   document.addEventListener("click", event => {
+    // What the verdict rests on stays open while its content changes, until a click beside it.
+    if (event.target.closest(".vz.verdict .why")) document.body.classList.toggle("why");
+    else if (!event.target.closest(".vz.verdict .because")) document.body.classList.remove("why");
     event.target.closest(".vz .fold")?.classList.toggle("folded");
     const link = event.target.closest(".vz [data-cmd]");
     if (!link) return;
     const command = JSON.parse(link.dataset.cmd), box = link.getBoundingClientRect();
     const across = (event.clientX - box.left) / box.width, down = (event.clientY - box.top) / box.height;
-    if (link.dataset.crop) {  // A picture: the pixel that was clicked.
+    if (link.dataset.crop) {  // A picture: the pixel that was clicked, with its numbers.
+      const tab = [...document.querySelectorAll("[role=tab]")].filter(tab => tab.textContent === "Score").pop();
+      if (tab?.getAttribute("aria-selected") !== "true") tab?.click();
       const [u, v, width, height] = JSON.parse(link.dataset.crop);
       command.u = u + Math.floor(across * width);
       command.v = v + Math.floor(down * height);
@@ -134,6 +139,14 @@ setInterval(() => {
   }, true);
 }
 
+// What buttons do, as the browser's own tooltips: the library's cover what lies below.
+document.addEventListener("mouseover", event => {
+  const button = event.target.closest("button:not([title])");
+  const hints = button && document.querySelector(".vz [data-hints]");
+  const hint = hints && JSON.parse(hints.dataset.hints)[button.textContent];
+  if (hint) button.title = hint;
+}, true);
+
 // Its animation starts whenever the mark comes to another card: the one time at which it may have to come into sight.
 document.addEventListener("animationstart", event => {
   if (event.target.matches(".vz button.card.marked")) event.target.scrollIntoView({block: "nearest"});
@@ -144,6 +157,7 @@ document.addEventListener("animationstart", event => {
 
 // Escape cancels from any box.
 addEventListener("keydown", event => {
+  if (event.key === "Escape") document.body.classList.remove("why");
   if (event.key === "Escape" && event.target.matches("input, textarea, select")) {
     [...document.querySelectorAll(".vz .cancel a")].find(link => link.offsetParent)?.click();
   }

@@ -106,9 +106,10 @@ def _at(difference: Difference) -> str:
 
 def legend(v: ComparisonSnapshot) -> str:
     """Which colour is which run."""
+    end = link("end A/B", c.StopComparing(), "shows the open run alone again; B stays as a branch")
     return (
-        f"<p>{_side('A')} {cut(v.name_a, 130)}, solid; {_side('B')} {cut(v.name_b, 130)}, outline; "
-        f"{link('end A/B', c.StopComparing(), 'shows the open run alone again; B stays as a branch')}</p>"
+        f'<p class="sides" title="A is drawn solid, B as an outline"><span>{_side("A")} {cut(v.name_a, 250)}</span>'
+        f"<span>{_side('B')} {cut(v.name_b, 250)}</span>{end}</p>"
     )
 
 

@@ -171,12 +171,15 @@ def _html(stem: str, number: str) -> str:
 def arms_legend(target: Target, brief: bool = False) -> str:
     """A swatch per hypothesis, and behind those of one source its name; "all …" where there is but one.
 
-    ``brief``: without the words that all names begin with.
+    ``brief``: without the words that all names begin with, and without one that all have.
     """
     numbered = enumerate(target.instance.hypotheses)
     groups = [(source, [j for j, _ in group]) for source, group in groupby(numbered, lambda pair: source_of(pair[1]))]
     every = "" if has_several_sources(target) or len(target.instance.hypotheses) < 2 else "all "
     names = [source for source, _ in groups]
+    if brief and len(names) == 1:
+        tip = text(f"all {names[0]}")
+        return f'<span title="{tip}">{" ".join(f"{swatch(arm_color(j))}{j + 1}" for j in groups[0][1])}</span>'
     return " ".join(
         f'<span style="white-space:nowrap" title="{text(source)}">'
         f"{' '.join(f'{swatch(arm_color(j))}{j + 1}' for j in group)} "

@@ -22,9 +22,9 @@ LIGHTS: dict[str, RGB] = {
     "grey": (140, 140, 140),
 }
 LIGHT_MEANING = {
-    "green": ("can lie so", "gap, overlap and balance are within tolerance"),
-    "amber": ("barely", "it balances or overlaps at the edge of the tolerance"),
-    "red": ("cannot", "it floats, sinks into something, or would tip over"),
+    "green": ("stable", "gap, overlap and balance are within tolerance"),
+    "amber": ("marginal", "it balances or overlaps at the edge of the tolerance"),
+    "red": ("impossible", "it floats, sinks into something, or would tip over"),
     "grey": ("not yet", "it sinks into an object whose turn is still to come"),
 }
 """What a light says, in short and in full."""

@@ -29,7 +29,9 @@ CLASS_MEANING = {
 }
 
 
-def score_table(a: EvaluatedPose | None, b: EvaluatedPose | None, of: str = "", short: bool = False) -> str:
+def score_table(
+    a: EvaluatedPose | None, b: EvaluatedPose | None, of: str = "", short: bool = False, rule: str = ""
+) -> str:
     """The parts of the scores of two poses, and by how much they differ.
 
     Args:
@@ -37,10 +39,12 @@ def score_table(a: EvaluatedPose | None, b: EvaluatedPose | None, of: str = "", 
         b: the second pose.
         of: whose they are, as ready HTML.
         short: with the pixels as bars only.
+        rule: what the scores are by, for the tooltip.
     """
     poses = [p for p in (a, b) if p is not None]
     scores = [p.score for p in poses]
     known = [s for s in scores if s is not None]
+    by = f". {rule}" if rule else ""
 
     def row(label: str, tip: str, pick: Callable[[PoseScore], float], spec: str, marked: bool = False) -> Row:
         cells = [NONE if s is None else f"{pick(s):{spec}}" for s in scores]
@@ -49,11 +53,12 @@ def score_table(a: EvaluatedPose | None, b: EvaluatedPose | None, of: str = "", 
         return Row([f'<span title="{text(tip)}">{label}</span>', *cells], marked=marked)
 
     rows = [
-        row("score f̄", "mean of depth fit and normal fit: (f_d + f_n) / 2", lambda s: s.score,
+        row("score f̄", f"mean of depth fit and normal fit: (f_d + f_n) / 2{by}", lambda s: s.score,
             f".{score_digits(scores)}f", marked=True),
-        row("depth fit f_d", "mean over the counted pixels; 1 = same depth, 0 = off by τ or more",
+        row("depth f_d", f"depth fit, mean over the counted pixels; 1 = same depth, 0 = off by τ or more{by}",
             lambda s: s.depth_fit, ".3f"),
-        row("normal fit f_n", "mean over the counted pixels; 1 = same direction", lambda s: s.normal_fit, ".3f"),
+        row("normal f_n", f"normal fit, mean over the counted pixels; 1 = same direction{by}",
+            lambda s: s.normal_fit, ".3f"),
     ]  # fmt: skip
     if not short:
         rows.append(row("pixels N", "how many pixels count", lambda s: s.n_pixels, ".0f"))
@@ -244,7 +249,7 @@ def starts_table(snapshot: Snapshot) -> str:
     if len(errors) < len(hypotheses):
         return ""
     columns: list[Column] = [
-        ("arm", "hypothesis", lambda j: f"{swatch(arm_color(j))}{j + 1}"),
+        ("hyp.", "hypothesis", lambda j: f"{swatch(arm_color(j))}{j + 1}"),
         ("from", "where it comes from", lambda j: cut(source_of(hypotheses[j]))),
         ("rot.", "rotation error", lambda j: f"{errors[j].rotation_deg:.1f}°"),
         ("mm", "translation error", lambda j: f"{errors[j].translation_mm:.1f}"),

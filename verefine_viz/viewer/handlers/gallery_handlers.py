@@ -77,6 +77,8 @@ def _options(state: State, command: OpenAt) -> ViewOptions:
     shown = browsing.gallery.shown(options.batch_order, options.batch_only) if browsing.gallery else ()
     if browsing.last in shown:
         options = replace(options, batch_page=shown.index(browsing.last) // PAGE)
+    if browsing.last is not None and browsing.last.is_wrong:
+        options = replace(options, a="accepted", b="ground truth")
     return replace(options, stage=browsing.stage_asked_for(state.run.cursor))
 
 

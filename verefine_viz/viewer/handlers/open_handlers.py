@@ -174,7 +174,9 @@ def _fork(state: State, command: c.Fork) -> None:
     state.workspace.fork(at, command.changes)
     state.options = state.options.moved()
     state.running.goal = "end" if command.run else None
-    if not command.run and not state.run.is_done:
+    if state.run.is_done and at == state.run.length:
+        state.message = f"A new branch from iteration {at}, the last: nothing is left to run. Fork at an earlier one."
+    elif not command.run and not state.run.is_done:
         state.message = f"A new branch from iteration {at}; Step or Run go on with it."
 
 

@@ -62,26 +62,22 @@ def chosen(snapshot: Snapshot) -> str:
         return f"{beside_answer(snapshot)}Iteration {shown.index} took {shown.choice.reason}."
     if shown is not None:
         works = f"it works on hypothesis {shown.arm + 1}"
-        return f"{beside_answer(snapshot)}{method.label} does not choose between hypotheses: {works}."
+        return f"{beside_answer(snapshot)}{works[:1].upper()}{works[1:]} alone."
     if snapshot.state.edited_arms:
-        return f"Nothing was chosen yet. Hypothesis {snapshot.state.edited_arms[0] + 1} was edited: it comes first."
+        return f"First comes hypothesis {snapshot.state.edited_arms[0] + 1}, which was edited."
     if method.has_tree:
-        return "The search tree is empty: each iteration adds one object, placed from one of its hypotheses."
+        return "The search tree is empty."
     if not method.chooses:
-        return f"{method.label} does not choose between hypotheses."
+        return f"{method.label} works on hypothesis {snapshot.state.best.arm + 1} alone."
     if not method.has_ucb:
-        return "Nothing was chosen yet. Each hypothesis counts its initial score as the first play."
-    first = next_choice(Ucb(snapshot.exploration), snapshot.state)
-    return f"Nothing was chosen yet, and each initial pose counts as a play. First comes {first.reason}."
+        return "Nothing was chosen yet."
+    return f"First comes {next_choice(Ucb(snapshot.exploration), snapshot.state).reason}."
 
 
 def tree_words(tree: Tree, n_clusters: int) -> str:
     """How far the search is."""
     of = f" (cluster {tree.cluster + 1} of {n_clusters})" if n_clusters > 1 else ""
-    return (
-        f"The tree has {len(tree.nodes) - 1} nodes{of}. {cheapest_scene(tree)} Each node is visited where cost per "
-        "visit minus bonus is lowest."
-    )
+    return f"{len(tree.nodes) - 1} nodes{of}. {cheapest_scene(tree)}"
 
 
 def what_if(snapshot: Snapshot) -> str:
@@ -100,12 +96,7 @@ def what_if(snapshot: Snapshot) -> str:
 
 # The curves over the iterations, of the object in focus or of the whole scene.
 
-MISSING = {
-    "Score": "There is no score here.",
-    "UCB": "There is no bandit here, or it chooses for one object at a time: click one in the list.",
-    "Pulls": "Nothing was chosen here.",
-    "Error": "There is no ground truth here.",
-}
+MISSING = {"Score": "no score", "UCB": "no bandit", "Pulls": "no choice", "Error": "no ground truth"}
 IN_ONE_ROW = 6
 """Names beside the caption; more get a row of their own below it."""
 SCORES = ("Score", "UCB")
@@ -131,11 +122,10 @@ class CurvesPanel:
         n = len(snapshot.state.arms) if snapshot.state is not None else 0
         # Iterations count over all objects; this one's curves begin where its turn did.
         x = [float(own[0].index - 1) if own else 0.0, *(float(i.index) for i in own)]
-        scored = "score by arm" if len(snapshot.scene.objects) == 1 else "by arm"
         chooses = method_of(snapshot.session.method.name).chooses
-        self._draw("Score", x, score_lines(snapshot, n), scored, snapshot)
-        self._draw("UCB", x[1:], ucb_lines(snapshot, n), "mean + bonus by arm", snapshot)
-        counted = "chosen (n adds the start)" if chooses else "iterations, by arm"
+        self._draw("Score", x, score_lines(snapshot, n), "", snapshot)
+        self._draw("UCB", x[1:], ucb_lines(snapshot, n), "mean + bonus", snapshot)
+        counted = "chosen" if chooses else "iterations"
         self._draw("Pulls", x, pull_lines(snapshot, n), counted, snapshot)
         self._draw("Error", x, error_lines(snapshot), "ADD(-S) in mm", snapshot)
 
@@ -154,7 +144,7 @@ class CurvesPanel:
         """Curves with their legend; ``of``: whose object in focus they are about, None = all objects."""
         words, chart = self._charts[name]
         if not lines:
-            caption, of = "Curves begin with the first iteration." if len(x) < 2 else MISSING[name], None
+            caption, of = "" if len(x) < 2 else MISSING[name], None
         names = [f"<span>{swatch(line.color)}{text(line.label)}</span>" for line in lines if line.in_legend]
         label = focus_label(of, 76) if of is not None else ""
         whose = f"<span>{label}: </span>" if label else ""

@@ -76,15 +76,24 @@ class BatchPanel:
 
 def summary(gallery: Gallery, entries: Sequence[Entry]) -> str:
     """How the batch went, and what is shown of it."""
-    outcome = gallery.outcome
     if gallery.n_unfinished:
-        outcome += f"; unfinished and left out: {gallery.n_unfinished}"
+        return f"{gallery.outcome}; unfinished: {gallery.n_unfinished}. {_matches(entries)}"
+    return f"{gallery.outcome}. {_matches(entries)}"
+
+
+def _matches(entries: Sequence[Entry]) -> str:
+    """As in: 12 matches. Click to open; J/K = next/previous."""
     if not entries:
-        return f"{outcome}. None passes all filters: choose others."
+        return "No match: choose other filters."
     n = sum(entry.can_be_opened for entry in entries)
     if not n:
-        return f"{outcome}. None of those below can be opened."
-    return f"{outcome}. {f'Click one of {n}' if n > 1 else 'One can be opened: click it'}, or press J, K."
+        return f"{counted_matches(len(entries))}, none can be opened."
+    return f"{counted_matches(n)}. Click to open; J/K = next/previous."
+
+
+def counted_matches(n: int) -> str:
+    """As in: 1 match, 2 matches."""
+    return f"{n} match{'es' * (n != 1)}"
 
 
 def choices(gallery: Gallery, order: Order, only: Mapping[str, str]) -> str:

@@ -37,9 +37,7 @@ AS_A = "as A"
 ROW_PX = 25
 """So that the answers of six objects fit into the panel."""
 HINTS: dict[c.Side, str] = {"A": "solid", "B": "as an outline (T)"}
-NOTHING = (
-    "Nothing is compared yet. Choose below what B is: other settings for this frame, another branch, or a recording."
-)
+NOTHING = "Choose what B is: other settings, another branch, or a recording."
 
 
 class ComparePanel:

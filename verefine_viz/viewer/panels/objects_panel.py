@@ -5,7 +5,7 @@ from __future__ import annotations
 import viser
 
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.drawing.markup import Row, cut, fitted, link, number, small, swatch, table, text
+from verefine_viz.viewer.drawing.markup import Row, cut, fitted, link, number, swatch, table, text
 from verefine_viz.viewer.drawing.plausibility_picture import LIGHT_MEANING, LIGHTS
 from verefine_viz.viewer.panels.widgets import Block
 from verefine_viz.viewer.snapshot.scene_state import ObjectState, Phase
@@ -55,7 +55,7 @@ def filter_line(snapshot: Snapshot) -> str:
         return f"<p>Showing the <b>whole scene</b> · {follow}</p>"
     if snapshot.options.focus is not None:
         return f"<p>Filtered to <b>{cut(in_focus(snapshot).label, 125)}</b> · {follow}</p>"
-    return '<p class="dim">Panels follow the run; a click filters them.</p>'
+    return ""
 
 
 def objects_table(snapshot: Snapshot) -> str:
@@ -153,13 +153,14 @@ def legend(snapshot: Snapshot) -> str:
         for light in LIGHTS
         if light in lit or light != "grey"
     )
-    tip = "Could it lie still like that, by gravity and contact? A wrong pose can be green."
+    tip = "Could it lie still like that, by gravity and contact? Not how far off it is: a wrong pose can be stable."
     sinks = ""
     if unsupported_stacking(snapshot):
-        sinks = '<p class="legend"><b class="sinks">⤓</b> stands on others, sinks here: hover</p>'
-    drawn = "3D: the answer" if snapshot.is_answer else "3D: placed ones solid, waiting ones as ghosts"
-    drawn = f"{drawn}, overlaps red." if snapshot.comparison is None else "3D: A solid, B as an outline."
-    return f'<p class="legend" title="{tip}">Physics, not error: {lights}</p>{sinks}{small(drawn)}'
+        sinks = (
+            '<p class="legend" title="stands on others, which the method does not know: it sinks in the simulation">'
+        )
+        sinks += '<b class="sinks">⤓</b> sinks</p>'
+    return f'<p class="legend" title="{tip}">Physically: {lights}</p>{sinks}'
 
 
 def overlap_lines(snapshot: Snapshot) -> str:

@@ -45,28 +45,28 @@ def order_html(snapshot: Snapshot) -> str:
     """The whole content of the panel."""
     graph, names = snapshot.problem.dependencies, labels_of(snapshot.problem)
     if len(names) < 2:
-        return sentence("There is one object in this frame, and nothing to order.")
+        return sentence("One object: nothing to order.")
     if graph is None:
-        return sentence("How the objects depend on each other was not worked out.")
+        return sentence("No dependencies known.")
     focus = None if snapshot.is_whole_scene else snapshot.target.instance.instance_id
     nodes = {
         i.instance_id: Node(names[i.instance_id], color_of(k), i.instance_id == focus)
         for k, i in enumerate(snapshot.problem.instances)
     }
-    method, words = method_of(snapshot.session.method.name), RULES[graph.source]
+    method, words, tip = method_of(snapshot.session.method.name), RULES[graph.source], ""
     if not method.knows_others:
-        alone = f"solves each object alone, in the order of the frame: {', '.join(names.values())}"
-        words = f"{method.label} {alone}. VF_b, VF_d and PHYSIM-MCTS follow the order below. {words}"
+        words = f"{method.label} solves each object alone; VF_b, VF_d and PHYSIM-MCTS follow this order."
+        tip = f"Solved in the order of the frame: {', '.join(names.values())}"
     back = ""
     if graph.source == "given":
         back = " · " + link("back to the rule's order", ResetOrder(), "forget the given order; cuts stay")
-    hint = '<span class="dim">▴ ▾ earlier, later. Moving and cutting restart the run.</span>'
+    hint = '<span class="dim" title="▴ earlier, ▾ later">Moving and cutting restart the run.</span>'
     pairs: dict[frozenset[int], list[Edge]] = {}
     for edge in _most_telling_first(graph.edges):
         pairs.setdefault(frozenset((edge.first, edge.second)), []).append(edge)
     return "".join(
         (
-            sentence(words),
+            f'<p class="say" title="{text(tip)}">{text(words)}</p>',
             picture(graph, nodes),
             f'<p style="margin-top:4px">{hint}{back}</p>',
             *(_pair(edges, names) for edges in pairs.values()),

@@ -211,8 +211,8 @@ class Layout:
 
     def show_deep(self, snapshot: Snapshot) -> None:
         """The panels about score maps and plausibility, and the one that may have shown what takes long."""
-        self.run.show(snapshot)
         self.verdict.show(snapshot)
+        self.run.show(snapshot)
         self.image.show(snapshot)
         self.maps.show(snapshot)
         self.score.show(snapshot)
@@ -220,6 +220,7 @@ class Layout:
 
     def show_physics(self, snapshot: Snapshot) -> None:
         """The panels about physics of the whole scene, and the one that may have shown what takes long."""
+        self.verdict.show(snapshot)
         self.run.show(snapshot)
         self.objects.show(snapshot)
         self.physics.show(snapshot)

@@ -134,14 +134,14 @@ def physics_words(snapshot: Snapshot) -> str:
     """Why nothing was simulated; else what the table of changes does not say of the simulation."""
     shown, observation = snapshot.shown, snapshot.target.observation
     if observation.support is None:
-        return f"Physics is off for this frame: {observation.support_note or 'no support plane was found'}"
+        return f"No physics: {observation.support_note or 'no support plane was found'}"
     if not snapshot.session.physics.enabled:
-        return "Physics is switched off in the settings: nothing was simulated."
+        return "Physics is off in the settings."
     if shown is None:
-        return "No simulation yet: step once (N)."
+        return "No simulation yet."
     simulated = shown.stage("simulated")
     if simulated is not None and not is_revealed(snapshot, "simulated"):
-        return f"Iteration {shown.index} is about to be simulated: press Stage (M)."
+        return "Not simulated yet: next stage."
     if simulated is None or shown.path is None:
         return f"{method_name(snapshot.session.method.name)} did not simulate in iteration {shown.index}."
     refined = shown.stage("refined") if is_revealed(snapshot, "refined") else None
@@ -150,7 +150,7 @@ def physics_words(snapshot: Snapshot) -> str:
         start = shown.stages[0].T_cam_obj
         left_deg, turned_deg = turn(start, refined.T_cam_obj)[0], turn(start, simulated.T_cam_obj)[0]
         if turned_deg > 2 and left_deg < turned_deg / 2:
-            words += f"The refiner took back most of the simulation's turn: {left_deg:.1f}° are left."
+            words += f"The refiner left {left_deg:.1f}° of the simulation's turn."
     return words
 
 

@@ -1,12 +1,11 @@
-"""The Run panel: what happened, what to do next, and on what."""
+"""The Run panel: what to do next, on what, and what happened in a few words; the verdict has the rest."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
 
 import viser
 
-from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.assets import asset
 from verefine_viz.viewer.drawing.markup import link, sentence, swatch, text, warning, with_hints
@@ -14,8 +13,7 @@ from verefine_viz.viewer.drawing.pose_tables import branches_table
 from verefine_viz.viewer.panels.widgets import Block, Send, add_buttons, add_style, by_user
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.text.display_names import TERMS
-from verefine_viz.viewer.text.findings import Finding, findings
-from verefine_viz.viewer.text.headline import HINTS, headline
+from verefine_viz.viewer.text.headline import brief, headline
 from verefine_viz.viewer.web.viser_internals import CANCEL_CLASS, compact, unlabelled
 
 MOVES: dict[str, c.Command] = {
@@ -30,10 +28,16 @@ RUNS: dict[str, c.Command] = {
     "Restart": c.Restart(),
 }
 
-KEYS_LINE = (
-    '<p class="legend dim">Keys: Step N, Stage M, Back B, Run and Pause Space. To event: to the next mark on the '
-    "timeline. Restart: from the beginning, with what Settings shows. All of them: Ctrl+K.</p>"
-)
+BUTTON_HINTS = {
+    "◀ Back": "one iteration back (B)",
+    "Stage": "one stage of an iteration (M)",
+    "Step ▶": "one iteration (N)",
+    "Run": "to the end (Space)",
+    "Pause": "after the iteration at hand (Space)",
+    "To event": "to the next mark on the timeline",
+    "Restart": "from the beginning, with what Settings shows",
+}
+"""Shown by page.js where the pointer rests, as the browser shows a title: viser's hints would cover what is below."""
 ANSWER = (
     "What the run hands on for each object: of all poses on the way the best one, or the last one where the method "
     "does not score. The last iteration may have tried another."
@@ -45,7 +49,7 @@ ROW_PX = 26
 
 
 class RunPanel:
-    """The choice of frame and the buttons first, where they never move; then headline, findings, branches and notes."""
+    """The choice of frame and the buttons first, where they never move; then what happened, branches and notes."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         add_style(gui, asset("page.css"))
@@ -61,9 +65,8 @@ class RunPanel:
         add_style(gui, unlabelled(self.moves), unlabelled(self.runs))
         self._words = Block(gui)
         self._progress = gui.add_progress_bar(0.0, visible=False, animated=True)
-        self._below = Block(gui)
         self._branches = Block(gui)
-        Block(gui).show(KEYS_LINE)
+        Block(gui, "tight").show(f'<i hidden data-hints="{text(json.dumps(BUTTON_HINTS))}"></i>')
 
     def tell(self, doing: str, share: float | None, can_cancel: bool) -> None:
         """What is being done, how much of it [0 to 1], and how to end it, until the next picture."""
@@ -73,18 +76,14 @@ class RunPanel:
 
     def show(self, snapshot: Snapshot) -> None:
         """Everything in place."""
-        boxes, p = findings(snapshot), snapshot.progress
-        headline_html = sentence(headline(snapshot), HINTS)
-        self._words.show(on_top(snapshot, boxes) + headline_html + event_lines(snapshot) + of_the_end(snapshot))
-        self._progress.visible = p.running
-        self._progress.value = 100.0 * p.done / max(p.total, 1)
-        below = f'<p class="dim">{p.done} of {p.total} iterations, {_remaining(p.remaining_s)}</p>' if p.running else ""
-        self._below.show(below + "".join(_box(f) for f in boxes if not f.on_top))
+        words = f'<p title="{text(headline(snapshot))}">{text(brief(snapshot))}</p>'
+        self._words.show(message_html(snapshot) + words + event_lines(snapshot) + of_the_end(snapshot))
+        self._progress.visible = False
         _options(self.frame, snapshot.frames, snapshot.frame)
         self.frame.visible = len(snapshot.frames) > 1
         _options(self.demo, snapshot.demos, snapshot.session.scene.demo)
         self.demo.visible = snapshot.session.scene.source == "demo" and bool(snapshot.demos)
-        notes = "".join(f'<p class="dim">Note: {text(note)}</p>' for note in snapshot.notes)
+        notes = "".join(f'<p class="dim fold folded" title="{text(n)}">Note: {text(n)}</p>' for n in snapshot.notes)
         self._branches.show(branches_table(snapshot) + notes)
 
 
@@ -96,22 +95,11 @@ def event_lines(snapshot: Snapshot) -> str:
     return "".join(f"<p>{swatch(m.color)}{with_hints(m.text, TERMS)}</p>" for m in own)
 
 
-def _remaining(seconds: float | None) -> str:
-    """As in: about 12 s left."""
-    if seconds is None:
-        return ""
-    return f"about {seconds:.0f} s left" if seconds < 90 else f"about {seconds / 60:.0f} min left"
-
-
-def on_top(snapshot: Snapshot, findings: Sequence[Finding]) -> str:
-    """What stands above the words about the iteration. Of several boxes one is whole, to leave room for those words."""
-    message, boxes = "", [f for f in findings if f.on_top]
+def message_html(snapshot: Snapshot) -> str:
+    """What the last command came to, where that has to be said."""
     if snapshot.message and snapshot.refused:
-        message = warning(snapshot.message, link(*snapshot.offer) if snapshot.offer else "")
-    elif snapshot.message:
-        message = f'<p class="note">{text(snapshot.message)}</p>'
-    whole = None if message or not boxes else boxes[-1]
-    return f'{message}<div class="top">{"".join(_box(f, folded=f is not whole) for f in boxes)}</div>'
+        return warning(snapshot.message, link(*snapshot.offer) if snapshot.offer else "")
+    return f'<p class="note">{text(snapshot.message)}</p>' if snapshot.message else ""
 
 
 def of_the_end(snapshot: Snapshot) -> str:
@@ -120,25 +108,13 @@ def of_the_end(snapshot: Snapshot) -> str:
     if last is None or not snapshot.at_end:
         return ""
     if not snapshot.is_answer:
-        return f'<p class="dim">Shown: the last iteration. {link("show the answer", c.SeekEnd())}</p>'
-    drawn = (
-        f"{swatch(STAGE_COLORS['best'])}solid in 3D"
-        if len(snapshot.scene.objects) == 1
-        else "every object where it ends up"
-    )
+        return f'<p class="dim">Last iteration · {link("answer", c.SeekEnd())}</p>'
+    shown = f'<span class="term" title="{text(ANSWER)}">Answer</span>'
     answer = snapshot.scene.objects[0].answer
-    shown = f'<span class="term" title="{text(ANSWER)}">the answer</span>'
     if len(snapshot.scene.objects) == 1 and answer is not None and answer.iteration:
         made = snapshot.at(answer.iteration)
         shown += f" of {link(f'iteration {made.index}', visit(snapshot, made))}"
-    return f'<p class="dim">Shown: {shown}, {drawn}. {link("show the last iteration", visit(snapshot, last))}</p>'
-
-
-def _box(finding: Finding, folded: bool = False) -> str:
-    extra = link(finding.label, finding.command) if finding.command else ""
-    if finding.calm:
-        return f'<p class="dim">{text(finding.text)} {extra}</p>'
-    return warning(finding.text, extra, finding.red, folded)
+    return f'<p class="dim">{shown} · {link("last iteration", visit(snapshot, last))}</p>'
 
 
 def _options(dropdown: viser.GuiDropdownHandle[str], options: tuple[str, ...], value: str) -> None:

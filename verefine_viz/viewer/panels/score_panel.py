@@ -35,12 +35,12 @@ class ScorePanel:
         self._words = Block(gui)
         self.a = gui.add_dropdown("A", STAGES, initial_value="simulated", hint="first stage to compare")
         self.b = gui.add_dropdown("B", STAGES, initial_value="refined", hint="second stage to compare")
-        self.a.on_update(by_user(lambda v: send(c.Compare(a=v))))
-        self.b.on_update(by_user(lambda v: send(c.Compare(b=v))))
+        self.a.on_update(by_user(lambda v: send(c.Compare(a=v, b=self.b.value))))
+        self.b.on_update(by_user(lambda v: send(c.Compare(a=self.a.value, b=v))))
         self._probe = Block(gui)
         self._numbers = Block(gui)
         labels = {LABELS[m][0]: m for m in MAP_NAMES}
-        self.map = gui.add_dropdown("On image", tuple(labels), hint="the map of B that lies on the camera image in 3D")
+        self.map = gui.add_dropdown("Map", tuple(labels), hint="the map of B that lies on the camera image in 3D")
         self.map.on_update(by_user(lambda v: send(c.ShowMap(labels[v]))))
         add_style(
             gui, *(compact(row, ROW_PX) for row in (self.a, self.b, self.map)),
@@ -73,10 +73,16 @@ def score_html(snapshot: Snapshot) -> str:
     if snapshot.options.pixel is not None:
         # With a pixel's numbers above it the table leaves out what its bars say, so that both fit the screen.
         return score_table(a, b, of, short=True) + passes
+    return score_table(a, b, of, rule=score_rule(snapshot)) + passes
+
+
+def score_rule(snapshot: Snapshot) -> str:
+    """What the scores are by, for a tooltip."""
     s = snapshot.session.score
-    rule = f"τ = {s.tau_m * 1000:g} mm, normals count up to {degrees(acos(1 - s.alpha)):.0f}°, pixels: {s.pixels}"
-    hint = "Click a map, photo or cloud for a pixel in numbers."
-    return f'{score_table(a, b, of)}{passes}<p class="dim">{text(rule)}</p><p class="dim">{hint}</p>'
+    return (
+        f"τ = {s.tau_m * 1000:g} mm: off by τ or more counts 0. α = {s.alpha:g}: normals count up to "
+        f"{degrees(acos(1 - s.alpha)):.0f}°. Pixels: {s.pixels}."
+    )
 
 
 # The strip of score maps: both stages, every quantity, cut to the object, with colour bars.
@@ -107,7 +113,7 @@ def maps_html(snapshot: Snapshot) -> str:
     sides = [s for s in (snapshot.a, snapshot.b) if s is not None and s.maps is not None]
     if not sides:
         missing = snapshot.options.a if snapshot.a is None else snapshot.options.b
-        return f'<p class="dim">No {text(missing)} pose here yet: press Step (N), or choose other stages in Score.</p>'
+        return f'<p class="dim">No {text(missing)} pose here yet.</p>'
     crop, tau_m = shared_crop(snapshot), snapshot.session.score.tau_m
     images = [crop.images(side.maps, snapshot.map_target, tau_m) for side in sides if side.maps is not None]
     scales = scales_for(snapshot.map_target, tau_m)

@@ -48,8 +48,10 @@ class SettingsPanel:
         self._fields: dict[str, Any] = {
             "method.name": gui.add_dropdown("Method", ALL_METHOD_NAMES, hint="the algorithm"),
             "method.refiner": gui.add_dropdown("Refiner", tuple(REFINERS), hint="what improves a pose"),
-            "method.iterations": gui.add_number("K", 5, step=1, hint="refiner calls per hypothesis"),
-            "method.exploration": gui.add_number("c", 0.7, step=0.01, hint="weight of UCB's bonus"),
+            "method.iterations": gui.add_number("K", 5, step=1, hint="K: refiner calls per hypothesis, on average"),
+            "method.exploration": gui.add_number(
+                "c", 0.7, step=0.01, hint="c: weight of UCB's bonus; the larger, the more is tried"
+            ),
             "method.discount": gui.add_number(
                 "γ", 0.99, step=0.01, hint="vf_depth: what a play of the pass before still counts"
             ),
@@ -57,7 +59,9 @@ class SettingsPanel:
                 "Pixels", ("classes", "published", "observed"), hint="which pixels count in the score"
             ),
             "score.tau_m": gui.add_number("τ [m]", 0.02, step=0.001, hint="depth tolerance of Eq. 1"),
-            "score.alpha": gui.add_number("α", 0.707, step=0.001, hint="normal tolerance; cut-off at acos(1 − α)"),
+            "score.alpha": gui.add_number(
+                "α", 0.707, step=0.001, hint="α: normal tolerance; angles beyond acos(1 − α) count 0"
+            ),
             "physics.enabled": gui.add_checkbox("Physics", True, hint="off: simulated pose = current pose"),
             "physics.steps": gui.add_number("Sim steps", 3, step=1, hint="steps of 1/60 s per iteration"),
             "icp.max_iterations": gui.add_number("ICP its.", 10, step=1, hint="inner iterations per call"),

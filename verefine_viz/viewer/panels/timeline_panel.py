@@ -21,26 +21,34 @@ from verefine_viz.viewer.web.viser_internals import compact
 
 
 def timeline_words(snapshot: Snapshot, marks: Sequence[Mark]) -> str:
-    """As in: Iteration 17 of 25: mug, hypothesis 2 of 5. 3 red marks, the next at 21.
+    """As in: Iteration 17 of 25 · 3 problems · next: 21.
 
     Args:
         snapshot: what is on the screen.
         marks: those that the timeline shows.
     """
     p = snapshot.progress
-    made = "" if p.done == snapshot.cursor else f" ({link(f'{p.done} made', c.SeekEnd())})"
-    return f"Iteration {snapshot.cursor} of {p.total}: {text(_what(snapshot))}{made}.{_red(snapshot, marks)}"
+    parts = [f'<span title="{text(_what(snapshot))}">Iteration {snapshot.cursor} of {p.total}</span>']
+    if p.done != snapshot.cursor:
+        parts.append(link(f"{p.done} made", c.SeekEnd()))
+    place = place_in_run(snapshot.scene, snapshot.shown) if snapshot.shown and snapshot.is_current else ""
+    if place and not snapshot.is_answer:
+        parts.append(text(place))
+    return " · ".join([*parts, *_problems(snapshot, marks)])
 
 
 def _what(snapshot: Snapshot) -> str:
+    """What the iteration worked on, for a tooltip."""
     if snapshot.is_answer:
         return _the_answer(snapshot)
     if snapshot.cursor == 0:
         return "the start" if snapshot.progress.done else "nothing has run yet"
     if snapshot.is_current and snapshot.shown is not None:
-        place, stage = place_in_run(snapshot.scene, snapshot.shown), snapshot.options.stage
-        who = f"{snapshot.name}, hypothesis {snapshot.shown.arm + 1} of {snapshot.n_arms}"
-        return ", ".join(filter(None, (place, who, f"up to the {stage} pose" if stage else "")))
+        who, stage = (
+            f"{snapshot.name}, hypothesis {snapshot.shown.arm + 1} of {snapshot.n_arms}",
+            snapshot.options.stage,
+        )
+        return ", ".join(filter(None, (who, f"up to the {stage} pose" if stage else "")))
     if snapshot.cursor > len(snapshot.iterations):
         return "shown stage by stage"
     worked_on = snapshot.at(snapshot.cursor)
@@ -58,18 +66,17 @@ def _the_answer(snapshot: Snapshot) -> str:
     return f"the answer; {o.label}: {origin}" if len(snapshot.scene.objects) > 1 else f"the answer, {origin}"
 
 
-def _red(snapshot: Snapshot, marks: Sequence[Mark]) -> str:
-    """How many iterations are marked red, and the way to the nearest one."""
+def _problems(snapshot: Snapshot, marks: Sequence[Mark]) -> list[str]:
+    """How many iterations are marked red, and the way to the nearest ones."""
     red = sorted({mark.iteration for mark in marks if mark.is_red})
     if not red:
-        return " No red marks." if snapshot.progress.done else ""
-    words = f" {counted(len(red), 'red mark')}{', one here' if snapshot.cursor in red else ''}"
+        return ["no problems"] if snapshot.progress.done else []
     after, before = [k for k in red if k > snapshot.cursor], [k for k in red if k < snapshot.cursor]
-    if not after and not before:
-        return f"{words}."
-    which, k = ("the next at", after[0]) if after else ("the one before at", before[-1])
-    nearest = link(str(k), visit(snapshot, snapshot.at(k)), "go there")
-    return f"{words}, {which if len(red) > 1 else 'at'} {nearest}."
+    here = ", one here" if snapshot.cursor in red and len(red) > 1 else ""
+    parts = [f'<span title="iterations with a red mark">{counted(len(red), "problem")}{here}</span>']
+    for which, nearest in (("previous", before[-1:]), ("next", after[:1])):
+        parts += [f"{which}: {link(str(k), visit(snapshot, snapshot.at(k)), 'go there')}" for k in nearest]
+    return parts
 
 
 _WIDTH, _HEIGHT = 860, 43
@@ -134,12 +141,11 @@ def _at(x: float, drawn: str) -> str:
 def _blocks_legend(snapshot: Snapshot) -> str:
     """What the colours of the blocks below the marks mean."""
     if snapshot.is_whole_scene:
-        return '<div class="blocks">Blocks: objects, in the colours of the list of objects.</div>'
-    words, tip = "Blocks: hypotheses", ""
+        return '<div class="blocks" title="Blocks in the colours of the list of objects."></div>'
+    tip = "Colours of the blocks: hypotheses"
     if len(snapshot.scene.objects) > 1:
-        words += f" of {in_focus(snapshot).label}:"
-        tip = ' title="The line below the blocks has the colours of the objects."'
-    return f'<div class="blocks"{tip}>{text(words)} {arms_legend(snapshot.target, brief=True)}</div>'
+        tip += f" of {in_focus(snapshot).label}. The line below the blocks has the colours of the objects."
+    return f'<div class="blocks" title="{text(tip)}">{arms_legend(snapshot.target, brief=True)}</div>'
 
 
 def legend(marks: Sequence[Mark]) -> str:

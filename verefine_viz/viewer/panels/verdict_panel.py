@@ -1,21 +1,94 @@
-"""The verdict in one line."""
+"""The verdict bar: one line above the pictures, and on a click why, over the page."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import viser
 
-from verefine_viz.viewer.drawing.markup import sentence
-from verefine_viz.viewer.panels.widgets import Block, Send
+from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.problem import Instance
+from verefine_viz.pictures.answer_pictures import thumbnail
+from verefine_viz.viewer.assets import asset
+from verefine_viz.viewer.drawing.markup import link, sentence, text, warning
+from verefine_viz.viewer.panels.widgets import Block, Send, add_style
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.headline import headline
+from verefine_viz.viewer.text.findings import Finding, findings
+from verefine_viz.viewer.text.headline import HINTS, headline
+from verefine_viz.viewer.text.verdict import Verdict, verdict
+
+CROP_PX = 240
+"""Width of the crop of the photo; the bar shows it smaller."""
+KINDS = {"✓": "right", "✗": "wrong", "?": "unknown", "…": "going"}
+"""By mark, the bar's class."""
 
 
 class VerdictPanel:
-    """The first sentence of the headline."""
+    """Mark, number and cause; the rest opens on a click, and page.js keeps it open while the content changes.
+
+    Args:
+        gui: where it is.
+        send: takes what is asked for; links send by themselves.
+    """
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
-        self._block = Block(gui, "verdict")
+        add_style(gui, asset("verdict.css"))
+        self._bar = Block(gui, "verdict")
+        self._pictured: tuple[Instance, bytes] | None = None
+        self._picture = ""
 
     def show(self, snapshot: Snapshot) -> None:
-        """The line."""
-        self._block.show(sentence(headline(snapshot).split(". ")[0]))
+        """The verdict at once; a new crop comes with the score maps."""
+        it = verdict(snapshot)
+        found = findings(snapshot)
+        crop = self._crop(it, snapshot.deep)
+        self._bar.show(bar_html(it, crop, why_html(snapshot, it, found), sum(not one.calm for one in found)))
+
+    def _crop(self, it: Verdict, draws: bool) -> str:
+        """A data URI; "" where there is none, or not yet."""
+        if it.pictured is None:
+            return ""
+        target, T_cam_obj = it.pictured
+        instance, pose = target.instance, T_cam_obj.tobytes()
+        if self._pictured is None or self._pictured[0] is not instance or self._pictured[1] != pose:
+            if not draws:
+                return ""
+            self._pictured = instance, pose
+            try:
+                self._picture = thumbnail(target, T_cam_obj, CROP_PX)
+            except VerefineError:  # The words do without it.
+                self._picture = ""
+        return self._picture
+
+
+def bar_html(it: Verdict, crop: str, why: str, n_warnings: int = 0) -> str:
+    """The bar, and behind it what opens on a click; ``crop`` is a data URI, ``why`` HTML with so many warnings."""
+    picture = f'<img src="{crop}" alt="the answer on the photo">' if crop else ""
+    look = link(it.look_at[0], it.look_at[1], "go there") if it.look_at is not None else ""
+    done = f'<i class="done" style="width:{100 * it.share:.1f}%"></i>' if it.share is not None else ""
+    count = f" ({n_warnings})" if n_warnings else ""
+    return (
+        f'<div class="bar-line {KINDS[it.mark]}">{done}<b class="mark">{it.mark}</b>'
+        f'<b class="number" title="{text(it.number_means)}">{text(it.number)}</b>'
+        f'<span class="cause" title="{text(it.line)}">{text(it.cause)}</span>{look}<span class="crop">{picture}</span>'
+        f'<button class="why" title="evidence and numbers">why{count}</button></div>'
+        f'<div class="because">{picture}{why}</div>'
+    )
+
+
+def why_html(snapshot: Snapshot, it: Verdict, found: Sequence[Finding]) -> str:
+    """The evidence: what happened at the cursor in full, and everything that may be wrong, with what to do."""
+    means = f'<p class="dim">{text(it.number)}: {text(it.number_means)}.</p>' if it.number_means else ""
+    return f"{means}{sentence(headline(snapshot), HINTS)}{finding_boxes(found)}"
+
+
+def finding_boxes(found: Sequence[Finding]) -> str:
+    """A box each; what is good to know without one."""
+    boxes = []
+    for finding in found:
+        extra = link(finding.label, finding.command) if finding.command else ""
+        if finding.calm:
+            boxes.append(f'<p class="dim">{text(finding.text)} {extra}</p>')
+        else:
+            boxes.append(warning(finding.text, extra, finding.red))
+    return "".join(boxes)

@@ -17,7 +17,7 @@ from verefine_viz.viewer.state.view_options import LAYERS, SHOWN_AT_FIRST, STAGE
 from verefine_viz.viewer.text.display_names import STAGE_MEANINGS
 from verefine_viz.viewer.web.viser_internals import beside_the_box, compact, label_of, side_by_side
 
-WITH_BOX = tuple(name for name in LAYERS if name not in ("path", "edited"))
+WITH_BOX = tuple(name for name in LAYERS if name not in ("path", "edited", "runner-up"))
 ROWS = tuple(
     zip((n for n in WITH_BOX if n in STAGES), (n for n in WITH_BOX if n not in STAGES), strict=True),
 )
@@ -47,6 +47,7 @@ class ViewPanel:
             box = gui.add_checkbox(label, name in SHOWN_AT_FIRST, hint=HINTS.get(name))
             box.on_update(by_user(lambda on, name=name: send(c.ShowLayer(name, on))))
             self.boxes[name] = box
+        self._faint = Block(gui, "tight")
         rules = [_swatch_rule(name, box) for name, box in self.boxes.items()]
         for left, right in ROWS:
             rules.append(side_by_side(self.boxes[left], self.boxes[right], LAYER_PX, RIGHT_FROM_PX, LABEL_PX))
@@ -58,6 +59,8 @@ class ViewPanel:
         self.cloud.value = snapshot.options.cloud
         for name, box in self.boxes.items():
             box.value = name in snapshot.options.layers
+        faint = [box for name, box in self.boxes.items() if name in STAGES and name not in snapshot.poses]
+        self._faint.show(f"<style>{''.join(f'{label_of(box)}{{opacity:.4}}' for box in faint)}</style>")
 
 
 def _swatch_rule(name: str, box: viser.GuiCheckboxHandle) -> str:
@@ -67,21 +70,16 @@ def _swatch_rule(name: str, box: viser.GuiCheckboxHandle) -> str:
 
 
 def view_words(snapshot: Snapshot) -> str:
-    """What the boxes do not say: whose poses are drawn, which were not made, and what the cloud's colours are of."""
+    """What the boxes do not say: whose poses are drawn, and what the cloud's colours are of."""
     layers, of = snapshot.options.layers, snapshot.b.pose.label if snapshot.b is not None else "B"
-    sentences = [f"Poses of {snapshot.name}."]
-    not_made = [name for name in WITH_BOX if name in STAGES and name in layers and name not in snapshot.poses]
-    if snapshot.comparison is not None:
-        sentences = ["Poses of A, solid, and of B, as an outline."]
-    elif not_made:
-        sentences.append(f"Not made here: {', '.join(not_made)}.")
+    sentences = ["A solid, B as an outline."] if snapshot.comparison is not None else []
     if "cloud" in layers and snapshot.options.cloud != "colour":
         colors = {
             "residual": "observed − rendered depth",
             "class": "class of each pixel",
             "error": "distance to the model",
         }[snapshot.options.cloud]
-        sentences.append(f"Cloud: {colors} for {of}.")
+        sentences.append(f"Cloud: {colors}, {of}.")
     return " ".join(sentences)
 
 
@@ -111,7 +109,7 @@ FLAGS = {
         "the refined pose was accepted, not the simulated one, by however little: the usual case; see physics worse",
     ),
     "refined_rejected": ("ref. rejected", "the simulated pose was accepted instead of the refined one"),
-    "arm_switched": ("arm switched", "the bandit chose another hypothesis than before"),
+    "arm_switched": ("switched", "the bandit chose another hypothesis than before"),
     "unstable": ("unstable", "after the simulation the object would tip: its centre of mass is outside its support"),
     "physics_worse": (
         "physics worse",
@@ -129,8 +127,6 @@ class BreakpointsPanel:
     """A box per reason to stop; with a number where it is a matter of how much."""
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
-        self._words = Block(gui, "brief tight")
-        self._words.show(sentence("A run stops before its end only where one of these is ticked and happens."))
         self.boxes: dict[str, viser.GuiCheckboxHandle] = {}
         self.numbers: dict[str, viser.GuiNumberHandle[float]] = {}
         self._seen: dict[str, float] = {}
@@ -140,7 +136,7 @@ class BreakpointsPanel:
         for name, threshold in THRESHOLDS.items():
             self._add_threshold(gui, name, threshold)
         for name, (label, meaning) in FLAGS.items():
-            box = gui.add_checkbox(label, False, hint=f"stop when {meaning}")
+            box = gui.add_checkbox(label, False, hint=f"a run stops when {meaning}")
             box.on_update(by_user(lambda on, name=name: self._set(name, on)))
             self.boxes[name] = box
         rules = [compact(row, BREAKPOINT_PX) for row in (*self.boxes.values(), *self.numbers.values())]

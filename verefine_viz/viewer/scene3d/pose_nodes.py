@@ -23,7 +23,7 @@ from verefine_viz.viewer.state.view_options import STAGES
 from verefine_viz.viewer.text.display_names import arm_color
 
 OPACITY = {"initial": 0.25, "current": 0.3, "simulated": 0.6, "mixed": 0.4, "refined": 0.6, "edited": 0.7}
-OUTLINED = ("accepted", "best", "ground truth")
+OUTLINED = ("accepted", "best", "runner-up", "ground truth")
 """Drawn as a coarse wireframe around the others."""
 _OUTLINE_FACES = 300
 _BEND_RAD = np.deg2rad(28)

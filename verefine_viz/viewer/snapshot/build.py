@@ -16,12 +16,14 @@ from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.snapshot.comparison_snapshot import comparison_snapshot
+from verefine_viz.viewer.snapshot.finished_objects import FinishedObject, finished_objects
 from verefine_viz.viewer.snapshot.scene_state import SceneState, known_physics, others_of, scene_state, work_out
 from verefine_viz.viewer.snapshot.snapshot import BranchSummary, ComparedPose, EvaluatedPose, Progress, Snapshot, probe
 from verefine_viz.viewer.state.branch import Branch
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator, together
 from verefine_viz.viewer.state.state import State
 from verefine_viz.viewer.state.view_options import (
+    AGAINST,
     ViewOptions,
     answered,
     is_answer,
@@ -44,6 +46,10 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
     answer = is_answer(run, state.options)
     options = state.comparison.visible(answered(state.options) if answer else state.options)
     target, shown = _focus(branch, options)
+    running = state.running.goal is not None
+    finished = () if running else finished_objects(branch)
+    done = next((o for o in finished if o.instance_id == target.instance.instance_id), None) if answer else None
+    options = _against(options, done)
     partial = is_partial(run, options)
     # Stage by stage an iteration has no result yet: neither an answer nor, where it is the newest, a place in curves.
     now = run.state_at(run.cursor - 1) if partial else branch.state
@@ -57,12 +63,13 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
     best = scene.object(target.instance.instance_id).answer if answer else None
     arm = _arm(options, best if best is not None else shown, own_state)
     rescored = _rescored(shown, target, evaluator, branch)
-    poses = _poses(evaluator, target, rescored, own_state, arm, options, shown is run.iteration, best)
+    rival = done.runner_up.pose if done is not None and done.runner_up is not None else None
+    poses = _poses(evaluator, target, rescored, own_state, arm, options, shown is run.iteration, best, rival)
     own = [i for i in iterations if i.instance_id == target.instance.instance_id]
     in_passes = answer and any(i.scene_pass is not None for i in own)
     if "best" in poses and (method.has_tree or in_passes):
         poses["best"] = replace(poses["best"], is_of_best_scene=True)
-    running, session = state.running.goal is not None, space.session
+    session = space.session
     progress = Progress(run.length, run.n_iterations, running, state.running.remaining_s(run))
     if options.whole_scene and len(scene.objects) > 1:
         map_target = _scene_target(work.problem)
@@ -116,6 +123,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         if "best" in poses and not running
         else None,
         scene=scene,
+        finished=finished,
         frame_score=_frame_score(evaluator, scene, branch.settings),
         map_target=map_target,
         best_errors={i.index: evaluator.errors(targets[i.instance_id], i.best.T_cam_obj) for i in iterations}
@@ -153,6 +161,20 @@ def _focus(branch: Branch, options: ViewOptions) -> tuple[Target, Iteration | No
     return targets[focus], next((i for i in reversed(past) if i.instance_id == focus), None)
 
 
+def _against(options: ViewOptions, finished: FinishedObject | None) -> ViewOptions:
+    """``options`` where the answer is shown: one that is wrong is compared with ground truth, one of which that is
+    unknown with its runner-up, unless the user has chosen.
+    """
+    if finished is None or finished.answer is None or options.has_chosen:
+        return options
+    with_gt, with_runner_up = AGAINST
+    if finished.course.is_wrong:
+        return replace(options, a=with_gt[0], b=with_gt[1])
+    if finished.errors is None and finished.runner_up is not None:
+        return replace(options, a=with_runner_up[0], b=with_runner_up[1], layers=options.layers | {"runner-up"})
+    return options
+
+
 def _rescored(shown: Iteration | None, target: Target, evaluator: CachedEvaluator, branch: Branch) -> Iteration | None:
     """An iteration with scores of ``evaluator``: those of its own time may be of other settings."""
     if shown is None or branch.evaluator_of(shown.index) is evaluator:
@@ -180,8 +202,9 @@ def _poses(
     options: ViewOptions,
     is_current: bool,
     answer: Best | None,
+    runner_up: Best | None,
 ) -> dict[str, EvaluatedPose]:
-    """By stage, those that exist: of the iteration ``shown``, or instead of it the ``answer``."""
+    """By stage, those that exist: of the iteration ``shown``, or instead of it the ``answer`` and its ``runner_up``."""
     poses: dict[str, EvaluatedPose] = {}
 
     def add(name: str, T_cam_obj: Float, score: PoseScore | None, ms: float = 0.0) -> None:
@@ -203,6 +226,8 @@ def _poses(
     best = answer or (state.best if state is not None else None)
     if best is not None:
         add("best", best.T_cam_obj, best.score)
+    if runner_up is not None:
+        add("runner-up", runner_up.T_cam_obj, runner_up.score)
     if options.T_cam_obj_edited is not None:
         add("edited", options.T_cam_obj_edited, evaluator.score(target, options.T_cam_obj_edited))
     T_gt = target.instance.T_cam_obj_gt

@@ -21,6 +21,7 @@ from verefine_viz.session.edits import edits_of, never_reached
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot
+from verefine_viz.viewer.snapshot.finished_objects import FinishedObject
 from verefine_viz.viewer.snapshot.scene_state import ScenePhysics, SceneState
 from verefine_viz.viewer.state.batch_gallery import Entry, Gallery
 from verefine_viz.viewer.state.timeline_marks import Mark
@@ -149,6 +150,8 @@ class Snapshot:
     while a run is on."""
     scene: SceneState
     """All objects of the frame."""
+    finished: tuple[FinishedObject, ...]
+    """Every object once the run is over, wherever the cursor is; empty before, and while it is computed."""
     frame_score: PoseScore | None
     """Of all answers so far, rendered together; None for a single object."""
     map_target: Target

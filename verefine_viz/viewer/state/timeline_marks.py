@@ -51,13 +51,13 @@ MEANINGS: tuple[Meaning, ...] = (
         ),
     ),
     Meaning(
-        "refined rejected",
+        "rejected",
         "The simulated pose scored clearly higher than the refined one and was accepted.",
         EVENT_COLORS["kept_simulated"],
         frozenset({"kept_simulated"}),
     ),
     Meaning(
-        "other hypothesis",
+        "switched",
         "Another hypothesis was chosen than before.",
         EVENT_COLORS["arm_switched"],
         frozenset({"arm_switched"}),

@@ -15,7 +15,8 @@ from verefine_viz.session.engine import Run
 from verefine_viz.viewer import commands as c
 
 STAGES: tuple[str, ...] = (
-    "initial", "current", "simulated", "mixed", "refined", "accepted", "best", "edited", "ground truth",
+    "initial", "current", "simulated", "mixed", "refined", "accepted", "best", "runner-up", "edited",
+    "ground truth",
 )  # fmt: skip
 """Every pose of an object that can be drawn, compared and scored."""
 
@@ -43,6 +44,8 @@ class ViewOptions:
     """Last stage of the iteration that is revealed; None = all of them."""
     a: str = "simulated"
     b: str = "refined"
+    has_chosen: bool = False
+    """Whether the user has chosen what is compared; else the end of a run shows its answer against ground truth."""
     map: MapName = "classes"
     pixel: tuple[int, int] | None = None
     """(u, v) that is probed."""
@@ -126,6 +129,9 @@ def revealed(iteration: Iteration, stage: str | None) -> tuple[str, ...]:
 # The end of a finished run shows its answer. What was tried last belongs to the last iteration, and can be asked for:
 # the answer is shown unless a stage, a simulated path or an edited pose is shown.
 
+AGAINST: tuple[tuple[str, str], ...] = (("best", "ground truth"), ("best", "runner-up"))
+"""What is compared by itself where the answer is wrong, and where nothing says whether it is."""
+
 OF_ITERATION = frozenset({"current", "simulated", "mixed", "refined", "accepted"})
 """Poses that an iteration goes through."""
 
@@ -137,7 +143,10 @@ def is_answer(run: Run, options: ViewOptions) -> bool:
 
 
 def answered(options: ViewOptions) -> ViewOptions:
-    """``options`` where the answer is shown: without poses of the iteration, and the answer compared with its start."""
+    """``options`` where the answer is shown: without poses of the iteration.
+
+    What is compared is the user's choice, else the answer with its start.
+    """
     a, b = options.a, options.b
     if b in OF_ITERATION:
         a, b = "initial" if a == "best" else a, "best"

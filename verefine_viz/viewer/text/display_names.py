@@ -28,6 +28,7 @@ STAGE_MEANINGS = {
     "refined": "after the refiner",
     "accepted": "what was accepted, outlined",
     "best": "the best of all so far, outlined; where a finished run shows its answer, solid",
+    "runner-up": "the best of another hypothesis than the answer's, at the end of a run",
     "edited": "the pose that you edit",
     "ground truth": "outlined in white (G)",
 }

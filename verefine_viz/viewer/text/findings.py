@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from verefine_viz.batch.summary import MUCH, MUCH_SCORE
-from verefine_viz.diagnosis.causes import DATA_FIRST, DECLARE, cause_title
+from verefine_viz.diagnosis.causes import DATA_FIRST, DECLARE, cause_title, distinct_texts
 from verefine_viz.diagnosis.signs import Course, far_start, is_low, leaks, starved
 from verefine_viz.scenes.instance_notes import without
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.state.batch_gallery import Entry
 from verefine_viz.viewer.text.display_names import in_focus, is_correct
 from verefine_viz.viewer.text.plausibility_verdict import (
@@ -32,8 +32,6 @@ class Finding:
     """What to try."""
     label: str = ""
     """Words for the command's link."""
-    on_top: bool = False
-    """Whether it stands above the words about the iteration."""
 
 
 def findings(snapshot: Snapshot) -> tuple[Finding, ...]:
@@ -44,7 +42,7 @@ def findings(snapshot: Snapshot) -> tuple[Finding, ...]:
 
 def _of_data(snapshot: Snapshot) -> list[Finding]:
     """A wrong camera or wrong models are behind all that follows."""
-    return [Finding(f"{DATA_FIRST} {doubt}.", red=True, on_top=True) for doubt in snapshot.data_doubts]
+    return [Finding(f"{DATA_FIRST} {doubt}.", red=True) for doubt in snapshot.data_doubts]
 
 
 def _of_batch(snapshot: Snapshot) -> list[Finding]:
@@ -56,7 +54,7 @@ def _of_batch(snapshot: Snapshot) -> list[Finding]:
     if snapshot.cursor != entry.iteration:
         command = c.OpenAt(snapshot.frame, entry.iteration, instance=entry.row.instance_id)
     label = f"go to iteration {entry.iteration}"
-    return [Finding(words, entry.is_wrong, not entry.is_wrong, command, label, on_top=entry.is_wrong)]
+    return [Finding(words, entry.is_wrong, not entry.is_wrong, command, label)]
 
 
 def _support(snapshot: Snapshot) -> list[Finding]:
@@ -82,12 +80,31 @@ def _no_hypothesis(snapshot: Snapshot) -> list[Finding]:
 def _why_wrong(snapshot: Snapshot) -> list[Finding]:
     """What made the answer wrong. As in a batch, a turn that the model should have declared explains all of it."""
     if snapshot.undeclared is None or not _is_over(snapshot):
+        given_up = _discarded(snapshot)
+        if given_up:
+            return [*given_up, *_wrong_score(snapshot)]
         return [*_far_start(snapshot), *_starved(snapshot), *_wrong_score(snapshot)]
     turn = snapshot.undeclared.in_words(snapshot.name)
     if snapshot.entry is not None and turn in snapshot.entry.row.evidence:
         return []
     advice = f"{DECLARE[0].upper()}{DECLARE[1:]}."
     return [Finding(f"{turn} {advice}", red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
+
+
+def _discarded(snapshot: Snapshot) -> list[Finding]:
+    """A correct pose was there, and another was preferred."""
+    own = next((o for o in snapshot.finished if o.instance_id == snapshot.target.instance.instance_id), None)
+    given_up = own.discarded if own is not None else None
+    if own is None or given_up is None or own.errors is None:
+        return []
+    made = f"in iteration {given_up.iteration}" if given_up.iteration else "at the start"
+    pose, answer = distinct_texts(given_up.score.score, given_up.answer.score.score, 3)
+    text = (
+        f"Hypothesis {given_up.arm + 1}{_whose(snapshot)} had a correct pose {made}, which scores {pose}. It was given "
+        f"up in iteration {given_up.given_up}: the answer scores {answer} and is {own.errors.add_s_mm:.1f} mm off."
+    )
+    command = visit(snapshot, snapshot.at(max(given_up.iteration, 1)))
+    return [Finding(text, red=True, command=command, label="show it")]
 
 
 def _course(snapshot: Snapshot) -> Course:

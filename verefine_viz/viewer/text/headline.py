@@ -64,6 +64,32 @@ def headline(snapshot: Snapshot) -> str:
     return words
 
 
+def brief(snapshot: Snapshot) -> str:
+    """The iteration at the cursor in a few words, as in: Iteration 7 · hypothesis 4 of 5 · refined · 0.31 → 0.45.
+
+    Empty before the first one, and where the answer is shown.
+    """
+    iteration = snapshot.shown
+    if iteration is None or snapshot.is_answer or snapshot.cursor == 0:
+        return ""
+    stages, several = iteration.stages, len(snapshot.scene.objects) > 1
+    parts = [f"Iteration {iteration.index}", *([in_focus(snapshot).label] if several else [])]
+    parts.append(f"hypothesis {iteration.arm + 1} of {snapshot.n_arms}")
+    names = [stage.name for stage in stages]
+    if snapshot.is_partial and snapshot.options.stage in names:
+        k = names.index(snapshot.options.stage)
+        reached = stages[k].score
+        parts.append(f"{k + 1} of {len(names)}: {names[k]}")
+        parts += [f"{reached.score:.2f}"] if reached is not None else []
+    else:
+        before, after = stages[0].score, iteration.accepted_stage.score
+        parts.append(f"{iteration.accepted} accepted")
+        if before is not None and after is not None:
+            n = distinguishing_digits(abs(after.score - before.score))
+            parts.append(f"{before.score:.{n}f} → {after.score:.{n}f}")
+    return " · ".join(parts)
+
+
 def place_in_run(scene: SceneState, iteration: Iteration) -> str:
     """As in: cluster 1 of 2, pass 3. Empty where there is one object or neither clusters nor passes."""
     if len(scene.objects) < 2:

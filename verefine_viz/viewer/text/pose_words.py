@@ -73,11 +73,10 @@ def beside_answer(snapshot: Snapshot) -> str:
     answer, shown = in_focus(snapshot).answer, snapshot.shown
     if not snapshot.is_answer or shown is None or answer is None:
         return ""
-    last = f"iteration {shown.index}, the last one on it"
     if answer.iteration == shown.index:
-        return f"The answer is of {last}. "
-    own = f"of iteration {answer.iteration}" if answer.iteration else "an initial pose"
-    return f"The answer is {own}; shown here is {last}. "
+        return f"Answer: iteration {shown.index}, the last on this object. "
+    own = f"iteration {answer.iteration}" if answer.iteration else "an initial pose"
+    return f"Answer: {own}. Below: iteration {shown.index}, the last on this object. "
 
 
 def edited_score(snapshot: Snapshot) -> str:
@@ -117,10 +116,8 @@ def preferred_wrong(snapshot: Snapshot, wrong: PoseScore, right: PoseScore) -> s
 
 
 def preference(pose: EvaluatedPose | None, truth: EvaluatedPose | None) -> str:
-    """That the score prefers a pose to ground truth, and what to do; "" where it does not."""
-    if pose is None or not prefers(pose, truth):
-        return ""
-    return f"The score prefers {pose.label} to ground truth.{_what_to_do(pose)}"
+    """That the score prefers a pose to ground truth; "" where it does not."""
+    return f"The score prefers {pose.label} to ground truth." if pose is not None and prefers(pose, truth) else ""
 
 
 def _what_to_do(best: EvaluatedPose) -> str:
@@ -147,7 +144,7 @@ def compared(snapshot: Snapshot) -> str:
     instead = " and ".join(dict.fromkeys(pose.label for _, pose in pairs))
     # An iteration that is shown to its end will not make it any more.
     yet = "" if snapshot.shown is not None and not snapshot.is_partial else " yet"
-    words = f"No {' and no '.join(missing)} pose here{yet}; shown instead: {instead}." if missing else ""
+    words = f"No {' and no '.join(missing)} pose{yet}: {instead} instead." if missing else ""
     for pose, truth in ((a.pose, b.pose), (b.pose, a.pose)):
         if truth.name == "ground truth" != pose.name:
             words = f"{words} {preference(pose, truth)}".strip()

@@ -1,0 +1,229 @@
+"""The verdict: one line about the run, whatever the cursor shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier
+from tests.viewer.fake_tools import FakeTools
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import transform
+from verefine_viz.core.problem import Instance, Placed, Problem, Target
+from verefine_viz.core.records import Best
+from verefine_viz.core.scores import Scores
+from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.diagnosis.causes import TITLES, Cause
+from verefine_viz.diagnosis.signs import Course, Discarded
+from verefine_viz.evaluation.pose_errors import PoseErrors
+from verefine_viz.methods.registry import make_method
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.panels.verdict_panel import bar_html, why_html
+from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
+from verefine_viz.viewer.text.findings import findings
+from verefine_viz.viewer.text.verdict import DATA_DOUBTED, MOST_WORDS, verdict
+
+END = c.RunUntil("end")
+
+
+TRUE: dict[bytes, Float] = {}
+"""By the points of an instance, where it is: the fakes go by that, and the frames below lack it or have it wrong."""
+
+
+def seen(target: Target) -> Target:
+    """The target with ground truth where the object is."""
+    return replace(target, instance=replace(target.instance, T_cam_obj_gt=TRUE[target.instance.points_cam.tobytes()]))
+
+
+class Seeing(FakeVerifier):
+    def score(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Scores:
+        return super().score(seen(target), Ts_cam_obj, placed)
+
+
+class SeeingRefiner(FakeRefiner):
+    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        return super().refine(seen(target), T_cam_obj, fixed)
+
+
+class Blind(FakeTools):
+    """Frames without ground truth."""
+
+    def __init__(self, session: Session) -> None:
+        super().__init__(session)
+        self.verifier = Seeing()
+
+    @property
+    def method(self) -> Any:
+        return make_method(self.session.method, FakeSimulator(), SeeingRefiner(), self.verifier, 3)
+
+    def problem(self, frame: str) -> Problem:
+        problem = super().problem(frame)
+        for instance in problem.instances:
+            assert instance.T_cam_obj_gt is not None
+            TRUE[instance.points_cam.tobytes()] = instance.T_cam_obj_gt
+        return replace(problem, instances=tuple(self.known(i) for i in problem.instances))
+
+    def known(self, instance: Instance) -> Instance:
+        return replace(instance, T_cam_obj_gt=None)
+
+
+class Astray(Blind):
+    """Frames whose ground truth is 100 mm beside the pose that scores best."""
+
+    def known(self, instance: Instance) -> Instance:
+        assert instance.T_cam_obj_gt is not None
+        return replace(instance, T_cam_obj_gt=transform(np.eye(3), [0.1, 0, 0]) @ instance.T_cam_obj_gt)
+
+
+def debugger(tools: type[FakeTools] = FakeTools, name: str = "rir", frame: str = "0/1") -> Debugger:
+    d = Debugger(Session(method=MethodSettings(name=name, iterations=4)), None, tools)
+    return d.carry_out([c.OpenFrame(frame)])
+
+
+def with_finished(view: Snapshot, **changes: Any) -> Snapshot:
+    """The same with something else known of its one object."""
+    (own,) = view.finished
+    return replace(view, finished=(replace(own, **changes),))
+
+
+def off(mm: float, relative: float) -> PoseErrors:
+    return PoseErrors(10.0, mm, mm, mm, mm, relative)
+
+
+def test_before_the_run_it_says_what_there_is() -> None:
+    it = verdict(debugger().view())
+    assert (it.mark, it.number) == ("…", "ready")
+    assert it.cause.startswith("3 hypotheses, best score 0.")
+    assert it.cause.endswith(" mm off")
+    assert not debugger().view().finished
+
+
+def test_on_the_way_it_says_how_far_it_is() -> None:
+    d = debugger().carry_out([c.Step(), c.Step()])
+    it = verdict(d.view())
+    assert it.line.startswith("… 2 of 12: box, hypothesis ")
+    d.apply(END)
+    d.tick()
+    running = verdict(d.view(deep=False))
+    assert running.number == "3 of 12"
+    assert running.share == pytest.approx(3 / 12)
+
+
+def test_a_right_answer_says_how_it_won_wherever_the_cursor_is() -> None:
+    d = debugger().carry_out([END])
+    it = verdict(d.view())
+    assert it.mark == "✓"
+    assert it.number.endswith(" mm")
+    assert it.cause.startswith("score ")
+    assert it.pictured is not None
+    best = d.run.final_state.best[0]
+    np.testing.assert_array_equal(it.pictured[1], best.T_cam_obj)
+    back = verdict(d.carry_out([c.Seek(1)]).view())
+    assert (back.mark, back.number, back.cause) == (it.mark, it.number, it.cause)
+
+
+def test_a_wrong_answer_is_compared_with_ground_truth_until_the_user_chooses() -> None:
+    d = debugger(Astray).carry_out([END])
+    view = d.view()
+    assert verdict(view).mark == "✗"
+    assert (view.options.a, view.options.b) == ("best", "ground truth")
+    d.carry_out([c.Compare(a="initial", b="best"), c.Back(), END])
+    assert (d.view().options.a, d.view().options.b) == ("initial", "best")
+    d.carry_out([c.Restart(), END])
+    assert (d.view().options.a, d.view().options.b) == ("best", "ground truth")
+
+
+def test_without_ground_truth_the_answer_is_compared_with_the_runner_up() -> None:
+    d = debugger(Blind).carry_out([END])
+    view = d.view()
+    it = verdict(view)
+    assert it.mark == "?"
+    assert it.number.startswith("score ")
+    assert "hypothesis" in it.cause or "doubt" in it.cause
+    assert (view.options.a, view.options.b) == ("best", "runner-up")
+    assert view.b is not None
+    assert view.b.pose.name == "runner-up"
+    assert "runner-up" in view.options.layers
+    (own,) = view.finished
+    assert own.runner_up is not None
+    assert own.answer is not None
+    assert own.runner_up.pose.arm != own.answer.arm
+    assert own.runner_up.lead == pytest.approx(own.answer.score.score - view.b.pose.score.score)
+    assert "runner-up" not in d.carry_out([c.Back()]).view().poses
+
+
+def test_a_right_answer_is_compared_with_its_start() -> None:
+    view = debugger().carry_out([END]).view()
+    assert (view.options.a, view.options.b) == ("initial", "best")
+
+
+def test_a_correct_pose_that_was_given_up_is_named_with_its_margin() -> None:
+    view = debugger(Astray).carry_out([END]).view()
+    (own,) = view.finished
+    assert own.answer is not None
+    iteration = view.at(2)
+    lower = replace(own.answer.score, score=own.answer.score.score - 0.003)
+    given_up = Discarded(1, 2, iteration.accepted_stage, lower, 3, own.answer)
+    course = Course((off(50, 0.5),), (4,), off(15.7, 0.13), own.answer.score, None)
+    shown = with_finished(view, discarded=given_up, course=course, errors=course.answer)
+    it = verdict(shown)
+    assert it.line.startswith("✗ 15.7 mm: correct at iteration 2, given up for a score 0.003 higher")
+    assert it.look_at == ("iteration 3", visit(view, view.at(3)))
+    first = findings(shown)[0]
+    assert first.text.startswith("Hypothesis 2 had a correct pose in iteration 2, which scores ")
+    assert first.red
+    assert "correct pose" in why_html(shown, it, findings(shown))
+
+
+def test_data_in_doubt_come_before_every_cause() -> None:
+    view = replace(debugger(Astray).carry_out([END]).view(), doubts=("cam_K does not fit",))
+    assert verdict(view).cause == DATA_DOUBTED
+
+
+def test_of_several_objects_the_worst_is_named_and_one_in_focus_has_its_own() -> None:
+    d = debugger(Astray, frame="0/2").carry_out([END])
+    it = verdict(d.view())
+    assert (it.mark, it.number) == ("✗", "0 of 2 right")
+    assert it.cause.startswith("box #")
+    own = verdict(d.carry_out([c.Focus(1)]).view())
+    assert own.number.endswith(" mm")
+    right = verdict(debugger(frame="0/2").carry_out([END]).view())
+    assert (right.mark, right.number) == ("✓", "2 of 2 right")
+
+
+@pytest.mark.parametrize("tools", [FakeTools, Blind, Astray])
+@pytest.mark.parametrize("frame", ["0/1", "0/2"])
+@pytest.mark.parametrize("name", ["refine", "sir", "rir", "vf_depth"])
+def test_it_is_never_longer_than_a_glance(tools: type[FakeTools], frame: str, name: str) -> None:
+    d = debugger(tools, name, frame)
+    for command in (c.Seek(0), c.Step(), c.Step(), END, c.Focus(0), c.Back()):
+        it = verdict(d.carry_out([command]).view())
+        assert 0 < len(it.cause.replace("box #", "box").split()) <= MOST_WORDS, it.line
+
+
+def test_titles_of_causes_fit_the_line() -> None:
+    assert all(len(TITLES[cause].split()) <= MOST_WORDS - 3 for cause in Cause)
+
+
+def test_the_bar_escapes_names_and_counts_warnings() -> None:
+    view = debugger(Astray).carry_out([END]).view()
+    it = replace(verdict(view), cause="<i>mug</i>")
+    html = bar_html(it, "data:image/webp;base64,AA", "<p>because</p>", 2)
+    assert "<i>mug" not in html
+    assert 'class="bar-line wrong"' in html
+    assert "why (2)" in html
+    assert html.count("data:image/webp") == 2
+    assert "<p>because</p>" in html
+
+
+def test_a_best_pose_is_no_runner_up_where_one_hypothesis_alone_is_worked_on() -> None:
+    view = debugger(Blind, "sir").carry_out([END]).view()
+    (own,) = view.finished
+    assert isinstance(own.answer, Best)
+    assert own.runner_up is None
+    assert (view.options.a, view.options.b) == ("initial", "best")
