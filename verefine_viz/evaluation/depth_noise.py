@@ -1,9 +1,9 @@
 """The noise of a depth image, measured in the image itself, and what it does to the score of a pose.
 
-A stereo or structured-light sensor errs in disparity, so the noise of inverse depth 1/z is about the same everywhere and
-that of z grows with z² (Khoshelham and Elberink 2012; :mod:`verefine_viz.scenes.sensor` makes it so). Its size is that
-of the residuals of planes, which are linear in 1/z, in small blocks of the frame; how far neighbouring pixels share it
-is in the residuals as well. The noise is then resampled, normals are estimated again as they were, and the score's
+A stereo or structured-light sensor errs in disparity, so the noise of inverse depth 1/z is about the same everywhere
+and that of z grows with z² (Khoshelham and Elberink 2012; :mod:`verefine_viz.scenes.sensor` makes it so). Its size is
+that of the residuals of planes, which are linear in 1/z, in small blocks of the frame, and so is how far neighbouring
+pixels share it. The noise is then resampled, normals are estimated again as they were, and the score's
 answer to both is taken as linear: a pose costs one set of score maps instead of one score for every resampled image.
 """
 
@@ -140,8 +140,8 @@ class ScoreNoise:
             np.subtract(drawn_m, depth_m, out=change[..., 0])
             np.subtract(estimate_normals(drawn_m, part), before, out=change[..., 1:])
             # A cell stands for all of its pixels: its change is their mean.
-            cells = sum(change[i::step, j::step] for i in range(step) for j in range(step))
-            changes[k] = cells.ravel() / step**2
+            cells = [change[i::step, j::step] for i in range(step) for j in range(step)]
+            changes[k] = np.mean(cells, axis=0).ravel()
         self._changes = changes
         self._scores = verifier.settings
         n_pixels = int(verifier.score(target, T_cam_obj[None], placed).n_pixels[0])
@@ -155,7 +155,7 @@ class ScoreNoise:
         """
         return self._spread(self._slope_of(T_cam_obj, n_pixels) - self._slope)
 
-    def _spread(self, slope: Float) -> float:
+    def _spread(self, slope: NDArray[np.float32]) -> float:
         # Not by BLAS, whose bits depend on the number of threads.
         return float(np.sqrt(np.mean(np.einsum("ki,i->k", self._changes, slope) ** 2)))
 

@@ -23,6 +23,8 @@ from verefine_viz.evaluation.depth_noise import ScoreNoise
 
 Kind = Literal["shift", "turn"]
 Frame = Literal["table", "object"]
+Letter = Literal["x", "y", "z"]
+LETTERS: tuple[Letter, ...] = ("x", "y", "z")
 
 SHIFTS_MM = (1.0, 2.0, 4.0, 8.0, 16.0, 30.0)
 TURNS_DEG = (1.5, 3.0, 6.0, 12.0, 25.0, 45.0, 70.0, 90.0, 115.0, 135.0, 160.0, 180.0)
@@ -41,7 +43,7 @@ class Axis:
 
     kind: Kind
     frame: Frame
-    letter: Literal["x", "y", "z"]
+    letter: Letter
     direction_cam: Float
     """(3,) unit."""
     pivot_cam: Float
@@ -76,7 +78,7 @@ class Curve:
     scores: Float
     """(n,)."""
     noise: Float
-    """(n,) standard deviation of the difference to the score at 0; an upper bound of it where the score falls by more."""
+    """(n,) standard deviation of the difference to the score at 0; its upper bound where the score falls by more."""
     low: float
     high: float
     """From ``low`` ≤ 0 to ``high`` ≥ 0 the observation cannot tell [mm] or [deg]."""
@@ -173,10 +175,10 @@ def score_slice(
     """
     curves = around.curves[across], around.curves[up]
     axes = curves[0].axis, curves[1].axis
-    offsets = [np.linspace(-1, 1, SLICE) * _extent(curve) for curve in curves]
-    Ts = [axes[1].moved(axes[0].moved(around.T_cam_obj, a), b) for b in offsets[1] for a in offsets[0]]
+    columns, rows = (np.linspace(-1, 1, SLICE) * _extent(curve) for curve in curves)
+    Ts = [axes[1].moved(axes[0].moved(around.T_cam_obj, a), b) for b in rows for a in columns]
     scores = verifier.score(target, np.array(Ts), placed).score.reshape(SLICE, SLICE)
-    return Slice(*axes, *offsets, scores)
+    return Slice(*axes, columns, rows, scores)
 
 
 def _extent(curve: Curve) -> float:
@@ -197,21 +199,20 @@ def axes_of(target: Target, T_cam_obj: Float) -> tuple[Axis, ...]:
     else:
         up, right, vertical = np.array([0.0, -1, 0]), np.array([1.0, 0, 0]), "camera's vertical"
     away = np.cross(up, right)
-    table = (
-        ("x", right, "shift to the right", "tilt towards the camera"),
-        ("y", away, "shift away from the camera", "tilt to the side"),
-        ("z", up, f"shift along the {vertical}", f"turn about the {vertical}"),
+    words = (
+        ("shift to the right", "tilt towards the camera"),
+        ("shift away from the camera", "tilt to the side"),
+        (f"shift along the {vertical}", f"turn about the {vertical}"),
     )
-    model = tuple(
-        (letter, T_cam_obj[:3, k], f"shift along the object's {letter}", f"turn about the object's {letter}")
-        for k, letter in enumerate("xyz")
-    )
+    of_object = tuple((f"shift along the object's {k}", f"turn about the object's {k}") for k in LETTERS)
+    frames: tuple[tuple[Frame, tuple[Float, ...], tuple[tuple[str, str], ...]], ...]
+    frames = ("table", (right, away, up), words), ("object", tuple(T_cam_obj[:3, :3].T), of_object)
     surface = _seen_surface(target, T_cam_obj)
     axes: list[Axis] = []
-    frames: tuple[tuple[Frame, tuple], ...] = (("table", table), ("object", model))
-    for frame, rows in frames:
-        axes += [Axis("shift", frame, letter, d, T_cam_obj[:3, 3], words) for letter, d, words, _ in rows]
-        axes += [Axis("turn", frame, letter, d, _pivot(surface, d), words) for letter, d, _, words in rows]
+    for frame, directions, names in frames:
+        rows = list(zip(LETTERS, directions, names, strict=True))
+        axes += [Axis("shift", frame, k, d, T_cam_obj[:3, 3], shift) for k, d, (shift, _) in rows]
+        axes += [Axis("turn", frame, k, d, _pivot(surface, d), turn) for k, d, (_, turn) in rows]
     return tuple(axes)
 
 
