@@ -77,10 +77,10 @@ def other_pose(
     noise = ScoreNoise(verifier, target, answer, placed)
     alike: list[OtherPose] = []
     for k in np.argsort(fall, kind="stable")[:MOST_POSES]:
-        if fall[k] >= CANNOT_TELL * noise.most:
+        if fall[k] > CANNOT_TELL * noise.most:
             break
         spread = noise.of(others[k], int(scores.n_pixels[1 + k]))
-        if fall[k] < CANNOT_TELL * spread:
+        if fall[k] <= CANNOT_TELL * spread:
             apart_mm = add_s_mm(target.model, others[k], answer)
             two = float(scores.score[1 + k]), float(scores.score[0])
             alike.append(OtherPose(others[k], *two, spread, apart_mm))

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -20,7 +21,7 @@ from scipy.special import erf
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.geometry import apply
+from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
@@ -33,11 +34,14 @@ FEWEST_BLOCKS = 12
 """With fewer blocks of complete depth the noise of a usual sensor is assumed."""
 USUAL_PER_M, USUAL_GRAIN_PX = 1.6e-3, 1.2
 """Noise of 1/z [1/m] (0.8 mm at 0.7 m) and its grain, where a frame does not show its own."""
-MOST_GRAIN_PX = 4.0
+GRAINS_PX = (0.0, 0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 1.8, 2.2, 2.6, 3.0)
+"""Grains that are distinguished."""
 N_DRAWS = 12
 """How often the noise is resampled: a standard deviation is known to 20 %."""
 MOST_CELLS = 2500
 """Cells of pixels in which the score's answer to noise is worked out."""
+JITTER_MM = 0.03
+"""How far a pose is moved, or turned [deg], to see how finely its score resolves."""
 MARGIN_PX = 12
 """Shown around the object: as far as a normal's window reaches."""
 
@@ -73,18 +77,45 @@ def _measure(depth_m: NDArray[np.float32]) -> DepthNoise:
     blocks = blocks[(blocks > 0).all(axis=1)]
     if len(blocks) < FEWEST_BLOCKS:
         return DepthNoise(USUAL_PER_M, USUAL_GRAIN_PX)
-    v, u = np.mgrid[:BLOCK_PX, :BLOCK_PX].reshape(2, -1)
-    plane = np.linalg.qr(np.stack([np.ones(BLOCK_PX**2), u, v], axis=1))[0]
     inverse = 1.0 / blocks
-    rest = inverse - (inverse @ plane) @ plane.T
-    variance = (rest * rest).sum(axis=1) / (BLOCK_PX**2 - 3)
+    rest = inverse - (inverse @ _PLANE) @ _PLANE.T
+    variance = (rest * rest).mean(axis=1)
     # Half of the blocks may hold edges and curved surfaces without changing the median by much.
     typical = float(np.median(variance))
     smooth = rest[variance <= typical].reshape(-1, BLOCK_PX, BLOCK_PX)
     shared = float((smooth[:, :, 2:] * smooth[:, :, :-2]).mean() / max(float((smooth * smooth).mean()), 1e-30))
-    # Noise that a Gaussian of σ smoothed shares exp(−(k / 2σ)²) with the pixel k further.
-    grain_px = 1.0 / np.sqrt(-np.log(shared)) if 0.01 < shared < 1 else 0.0
-    return DepthNoise(float(np.sqrt(typical)), float(min(grain_px, MOST_GRAIN_PX)))
+    # What such residuals are for noise of each grain: a plane takes some of coarse noise along.
+    left, expected = _residuals()
+    grain_px = float(np.interp(shared, expected, GRAINS_PX))
+    return DepthNoise(float(np.sqrt(typical / np.interp(grain_px, GRAINS_PX, left))), grain_px)
+
+
+_V, _U = np.mgrid[:BLOCK_PX, :BLOCK_PX].reshape(2, -1)
+_PLANE = np.linalg.qr(np.stack([np.ones(BLOCK_PX**2), _U, _V], axis=1))[0]
+
+
+@cache
+def _residuals() -> tuple[Float, Float]:
+    """For each of the ``GRAINS_PX``: the share of the noise's variance that a plane leaves, and how far the residuals
+    of two pixels are alike that are two apart in a row.
+    """
+    square = (_U[:, None] - _U) ** 2 + (_V[:, None] - _V) ** 2
+    i, j = np.nonzero((_U[:, None] + 2 == _U) & (_V[:, None] == _V))
+    every = np.arange(BLOCK_PX**2)
+    left, shared = [], []
+    for grain_px in GRAINS_PX:
+        # Noise that a Gaussian smoothed is alike by exp(−(k / 2σ)²) k pixels further.
+        alike = np.exp(-square / (4 * max(grain_px, 0.1) ** 2))
+        by_plane = alike @ _PLANE
+        within = _PLANE.T @ by_plane
+
+        def of_rest(a: NDArray, b: NDArray, alike: Float = alike, x: Float = by_plane, y: Float = within) -> float:
+            taken = (_PLANE[a] * x[b]).sum(axis=1) + (x[a] * _PLANE[b]).sum(axis=1)
+            return float((alike[a, b] - taken + ((_PLANE[a] @ y) * _PLANE[b]).sum(axis=1)).mean())
+
+        left.append(of_rest(every, every))
+        shared.append(of_rest(i, j) / left[-1])
+    return np.array(left), np.array(shared)
 
 
 def resampled(depth_m: NDArray[np.floating], noise: DepthNoise, rng: np.random.Generator) -> NDArray[np.float32]:
@@ -106,7 +137,8 @@ def _gain(grain_px: float) -> float:
 class ScoreNoise:
     """How much the noise of the sensor changes the difference between the scores of two poses of one object.
 
-    Noise that moves both scores alike is no part of it.
+    Noise that moves both scores alike is no part of it. How finely a score resolves is: it counts whole pixels, and
+    which of those at the outline count changes with hundredths of a millimetre.
 
     Args:
         verifier: whose score it is.
@@ -144,15 +176,22 @@ class ScoreNoise:
             changes[k] = np.mean(cells, axis=0).ravel()
         self._changes = changes
         self._scores = verifier.settings
-        n_pixels = int(verifier.score(target, T_cam_obj[None], placed).n_pixels[0])
-        self._slope = self._slope_of(T_cam_obj, n_pixels)
-        self.most = 2.0 * self._spread(self._slope)
+        scores = verifier.score(target, np.concatenate([T_cam_obj[None], _jittered(T_cam_obj)]), placed)
+        # Moved to both sides, so that a score that rises or falls is not taken for one that jumps.
+        jumps = scores.score[1::2] + scores.score[2::2] - 2 * scores.score[0]
+        self._resolution = float(np.sqrt(np.mean(jumps**2) / 6))
+        self._slope = self._slope_of(T_cam_obj, int(scores.n_pixels[0]))
+        self.most = 2.0 * float(np.hypot(self._spread(self._slope), self._resolution))
         """About the largest noise of a difference: that of two poses whose scores share nothing."""
 
     def of(self, T_cam_obj: Float, n_pixels: int) -> float:
         """Standard deviation of the score of ``T_cam_obj`` (4, 4) minus that of the pose compared with; ``n_pixels``: N
         of that score.
         """
+        return float(np.hypot(self.of_depth(T_cam_obj, n_pixels), np.sqrt(2) * self._resolution))
+
+    def of_depth(self, T_cam_obj: Float, n_pixels: int) -> float:
+        """The part of it that is due to the noise of the depth image."""
         return self._spread(self._slope_of(T_cam_obj, n_pixels) - self._slope)
 
     def _spread(self, slope: NDArray[np.float32]) -> float:
@@ -173,6 +212,20 @@ class ScoreNoise:
         by_normal = maps.rendered_normals * ((maps.f_n > 0) & has_normal)[..., None] / s.alpha
         slope = np.dstack([by_depth, by_normal]).ravel() * (self._step**2 / (2.0 * max(n_pixels, 1)))
         return slope.astype(np.float32)
+
+
+def _jittered(T_cam_obj: Float) -> Float:
+    """(12, 4, 4) the pose moved along, and turned about, each of the camera's axes by a little, to both sides."""
+    Ts: list[Float] = []
+    for k in range(3):
+        for side in (-1.0, 1.0):
+            T = np.array(T_cam_obj)
+            T[k, 3] += side * 1e-3 * JITTER_MM
+            Ts.append(T)
+    for axis in np.eye(3):
+        turns = (axis_angle(axis, side * np.deg2rad(JITTER_MM)) @ T_cam_obj[:3, :3] for side in (-1.0, 1.0))
+        Ts += [transform(R, T_cam_obj[:3, 3]) for R in turns]
+    return np.array(Ts)
 
 
 def _window(target: Target, T_cam_obj: Float) -> tuple[int, int, int, int, int]:

@@ -208,11 +208,12 @@ def axes_of(target: Target, T_cam_obj: Float) -> tuple[Axis, ...]:
     frames: tuple[tuple[Frame, tuple[Float, ...], tuple[tuple[str, str], ...]], ...]
     frames = ("table", (right, away, up), words), ("object", tuple(T_cam_obj[:3, :3].T), of_object)
     surface = _seen_surface(target, T_cam_obj)
+    middle = apply(T_cam_obj, (target.model.vertices.min(axis=0) + target.model.vertices.max(axis=0))[None] / 2)[0]
     axes: list[Axis] = []
     for frame, directions, names in frames:
         rows = list(zip(LETTERS, directions, names, strict=True))
         axes += [Axis("shift", frame, k, d, T_cam_obj[:3, 3], shift) for k, d, (shift, _) in rows]
-        axes += [Axis("turn", frame, k, d, _pivot(surface, d), turn) for k, d, (_, turn) in rows]
+        axes += [Axis("turn", frame, k, d, _pivot(surface, middle, d), turn) for k, d, (_, turn) in rows]
     return tuple(axes)
 
 
@@ -223,12 +224,11 @@ def _seen_surface(target: Target, T_cam_obj: Float) -> tuple[Float, Float]:
     return (points[faces], normals[faces]) if faces.any() else (points, normals)
 
 
-def _pivot(surface: tuple[Float, Float], axis: Float) -> Float:
+def _pivot(surface: tuple[Float, Float], middle: Float, axis: Float) -> Float:
     """The point through which a turn about ``axis`` moves the seen surface least off itself: a mug's turn is about the
     axis of its body, wherever its handle puts the middle of the model.
     """
     points, normals = surface
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
     x = points - middle
     # A turn moves x off its surface by n · (axis × (x − c)) = n · (axis × x) − c · (n × axis).
     off, lever = np.einsum("ij,ij->i", normals, np.cross(axis, x)), np.cross(normals, axis)
@@ -236,7 +236,7 @@ def _pivot(surface: tuple[Float, Float], axis: Float) -> Float:
     for _ in range(8):
         A = (lever * weight[:, None]).T @ lever
         # A little pull towards the middle, and the place along the axis does not matter.
-        A += 0.01 * np.trace(A) * np.eye(3) + np.trace(A) * np.outer(axis, axis)
+        A += len(points) * (0.001 * np.eye(3) + np.outer(axis, axis))
         c = np.linalg.solve(A, lever.T @ (weight * off))
         weight = 1.0 / (1.0 + ((off - lever @ c) / ROBUST_M) ** 2)
     return middle + c
@@ -268,10 +268,10 @@ class _Walk:
         for i, ((k, side), (_, offset)) in enumerate(zip(going, offsets, strict=True)):
             score = float(scores.score[i])
             fall, noise = self._score - score, self._noise.most
-            if fall < CANNOT_TELL * noise:
+            if fall <= CANNOT_TELL * noise:
                 noise = self._noise.of(self._axes[k].moved(self._T, offset), int(scores.n_pixels[i]))
             self._samples[k, offset] = (score, noise)
-            if fall >= CANNOT_TELL * noise:
+            if fall > CANNOT_TELL * noise:
                 self._ends[k, side] = self._crossing(k, side, step)
             elif step + 1 < len(self._axes[k].steps):
                 on.append((k, side))
