@@ -31,6 +31,8 @@ TURNS_DEG = (1.5, 3.0, 6.0, 12.0, 25.0, 45.0, 70.0, 90.0, 115.0, 135.0, 160.0, 1
 """Distances from the pose, to both sides, at which it is scored."""
 CANNOT_TELL = 2.0
 """A difference of less than so many standard deviations of its noise is none."""
+N_AXES = 12
+"""Three shifts and three turns of the table, then of the model."""
 SLICE = 13
 """Poses along a side of a 2D slice."""
 ROBUST_M = 0.002

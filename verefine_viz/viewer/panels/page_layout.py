@@ -14,6 +14,7 @@ from verefine_viz.viewer.panels.bandit_panel import BanditPanel, CurvesPanel
 from verefine_viz.viewer.panels.batch_panel import BatchPanel
 from verefine_viz.viewer.panels.compare_panel import ComparePanel
 from verefine_viz.viewer.panels.errors_panel import ErrorsPanel, ScoreErrorPanel
+from verefine_viz.viewer.panels.landscape_panel import LandscapePanel
 from verefine_viz.viewer.panels.objects_panel import ObjectsPanel, height_px
 from verefine_viz.viewer.panels.order_panel import OrderPanel
 from verefine_viz.viewer.panels.physics_panel import PhysicsPanel
@@ -113,6 +114,8 @@ class Layout:
             self.bandit = BanditPanel(gui)
         with tabs.add_tab("Physics"):
             self.physics = PhysicsPanel(gui, send)
+        with tabs.add_tab("Landscape"):
+            self.landscape = LandscapePanel(gui)
         with tabs.add_tab("Errors"):
             self.errors = ErrorsPanel(gui, send)
         with tabs.add_tab("Order"):
@@ -183,6 +186,7 @@ class Layout:
         self.bandit.show(snapshot)
         self.physics.show(snapshot)
         self.errors.show(snapshot)
+        self.landscape.show(snapshot)
         self.compare.show(snapshot)
         self.order.show(snapshot)
         self.session.show(snapshot)
@@ -205,6 +209,7 @@ class Layout:
         self.run.show(snapshot)
         self._show_objects(snapshot)
         self.physics.show(snapshot)
+        self.landscape.show(snapshot)
 
     def _show_objects(self, snapshot: Snapshot) -> None:
         """The list of objects, where there are several; placed again for a frame with more or fewer of them."""
