@@ -169,7 +169,7 @@ def test_curves_go_through_the_score_of_the_pose_and_fall_off() -> None:
 def test_a_slice_holds_the_scores_of_its_poses() -> None:
     target, around = target_of("box"), landscape_of("box")
     axes = [c.axis.words for c in around.curves]
-    across, up = axes.index("turn about the vertical"), axes.index("shift to the right")
+    across, up = axes.index("turn about the vertical"), axes.index("shift right")
     two = score_slice(VERIFIER, target, around, across, up)
     n = len(two.across_offsets)
     assert two.scores.shape == (n, n)

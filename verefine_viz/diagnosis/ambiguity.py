@@ -21,6 +21,8 @@ from verefine_viz.evaluation.pose_errors import add_s_mm
 
 APART = 0.1
 """Poses closer to each other than this share of the diameter (ADD(-S)) count as one."""
+TURNS_DEG = np.arange(-175.0, 180.0, 5.0)
+"""Turns of a wrong answer among which the one that is nearest to ground truth is sought."""
 MOST_POSES = 150
 """Poses of a run that are compared with its answer, the best by score."""
 
@@ -94,7 +96,7 @@ def in_words(name: str, around: Landscape, other: OtherPose, of_other: str = "an
     hint = f"; {widest.in_words()}: depth cannot see it" if widest.width > widest.axis.steps[0] else ""
     return (
         f"The observation cannot tell the answer for the {name} (score {one}) from {of_other} {other.apart_mm:.0f} mm "
-        f"away ({two}): noise of the depth alone changes the difference by ±{other.noise:.4f}{hint}."
+        f"away ({two}): the noise of the difference is ±{other.noise:.4f}{hint}."
     )
 
 
@@ -106,7 +108,7 @@ def ambiguous(case: Case) -> Finding | None:
     placed = case.placed if case.lab.method(None).placed_may_hide else ()
     verifier, target = case.lab.verifier, case.target
     around = undetermined(verifier, target, case.answer.T_cam_obj, placed)
-    poses = [case.T_gt, *run_poses(target, case.own)]
+    poses = [case.T_gt, *_turned_towards_gt(case, around), *run_poses(target, case.own)]
 
     def is_right(T_cam_obj: Float) -> bool:
         return case.error_of(T_cam_obj) < case.threshold
@@ -124,3 +126,13 @@ def ambiguous(case: Case) -> Finding | None:
         "error": case.error,
     }
     return Finding(Cause.AMBIGUOUS, in_words(case.name, around, other, "a correct pose"), evidence, True)
+
+
+def _turned_towards_gt(case: Case, around: Landscape) -> list[Float]:
+    """The answer turned about each axis of its landscape as near to ground truth as that brings it."""
+    best: list[Float] = []
+    for curve in around.curves:
+        if curve.axis.kind == "turn":
+            turned = [curve.axis.moved(around.T_cam_obj, float(angle)) for angle in TURNS_DEG]
+            best.append(min(turned, key=case.error_of))
+    return best

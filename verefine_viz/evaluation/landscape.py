@@ -202,11 +202,11 @@ def axes_of(target: Target, T_cam_obj: Float) -> tuple[Axis, ...]:
         up, right, vertical = np.array([0.0, -1, 0]), np.array([1.0, 0, 0]), "camera's vertical"
     away = np.cross(up, right)
     words = (
-        ("shift to the right", "tilt towards the camera"),
-        ("shift away from the camera", "tilt to the side"),
-        (f"shift along the {vertical}", f"turn about the {vertical}"),
+        ("shift right", "tilt to the camera"),
+        ("shift away", "tilt sideways"),
+        ("shift up", f"turn about the {vertical}"),
     )
-    of_object = tuple((f"shift along the object's {k}", f"turn about the object's {k}") for k in LETTERS)
+    of_object = tuple((f"shift along its {k}", f"turn about its {k}") for k in LETTERS)
     frames: tuple[tuple[Frame, tuple[Float, ...], tuple[tuple[str, str], ...]], ...]
     frames = ("table", (right, away, up), words), ("object", tuple(T_cam_obj[:3, :3].T), of_object)
     surface = _seen_surface(target, T_cam_obj)

@@ -39,7 +39,7 @@ def curve_svg(curve: Curve, width: int = 168, height: int = 74, click: str = "")
     lowest = min(lowest, highest - LEAST_SPAN)
 
     def y(score: Float) -> Float:
-        return np.clip(bottom - (score - lowest) / (highest - lowest) * (bottom - top), top, bottom + 20)
+        return np.clip(bottom - (score - lowest) / (highest - lowest) * (bottom - top), top, bottom)
 
     left, right = np.interp([curve.low, curve.high], curve.offsets, x)
     band = [

@@ -14,8 +14,8 @@ from verefine_viz.viewer.drawing.markup import carries, choice, link, sentence, 
 from verefine_viz.viewer.panels.widgets import Block
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 
-CURVE_PX, CURVE_HEIGHT_PX = 168, 74
-SLICE_PX = 190
+CURVE_PX, CURVE_HEIGHT_PX = 168, 60
+SLICE_PX = 150
 
 
 class LandscapePanel:
@@ -59,7 +59,7 @@ def curves_html(snapshot: Snapshot, around: Landscape) -> str:
     frame = snapshot.options.curves_of
     whose = choice(
         "whose axes",
-        [("axes of the table", c.ShowLandscape("table")), ("axes of the object", c.ShowLandscape("object"))],
+        [("the table's axes", c.ShowLandscape("table")), ("its own axes", c.ShowLandscape("object"))],
         c.ShowLandscape(frame),
     )
     drawn = "".join(_curve(k, curve) for k, curve in enumerate(around.curves) if curve.axis.frame == frame)
