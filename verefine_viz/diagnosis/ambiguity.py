@@ -16,13 +16,15 @@ from verefine_viz.core.records import Iteration
 from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts
 from verefine_viz.evaluation.depth_noise import ScoreNoise
-from verefine_viz.evaluation.landscape import CANNOT_TELL, Landscape, undetermined
+from verefine_viz.evaluation.landscape import CANNOT_TELL, Curve, Landscape, undetermined
 from verefine_viz.evaluation.pose_errors import add_s_mm
 
 APART = 0.1
 """Poses closer to each other than this share of the diameter (ADD(-S)) count as one."""
 TURNS_DEG = np.arange(-175.0, 180.0, 5.0)
 """Turns of a wrong answer among which the one that is nearest to ground truth is sought."""
+MORE = 20
+"""Offsets between the ends of what is undetermined along an axis that are looked at as well."""
 MOST_POSES = 150
 """Poses of a run that are compared with its answer, the best by score."""
 
@@ -70,7 +72,7 @@ def other_pose(
     def is_apart(T_cam_obj: Float) -> bool:
         return is_wanted(T_cam_obj) and add_s_mm(target.model, T_cam_obj, answer) > APART * diameter_mm
 
-    sampled = [c.axis.moved(answer, x) for c in around.curves for x in c.offsets.tolist() if x]
+    sampled = [c.axis.moved(answer, x) for c in around.curves for x in (*c.offsets.tolist(), *_within(c)) if x]
     others = [T for T in (*poses, *sampled) if is_apart(T)]
     if not others:
         return None
@@ -87,6 +89,11 @@ def other_pose(
             two = float(scores.score[1 + k]), float(scores.score[0])
             alike.append(OtherPose(others[k], *two, spread, apart_mm))
     return max(alike, key=lambda other: other.apart_mm, default=None)
+
+
+def _within(curve: Curve) -> list[float]:
+    """More offsets of a curve where much is undetermined: its own are far apart there."""
+    return np.linspace(curve.low, curve.high, MORE).tolist() if curve.width > curve.axis.steps[0] else []
 
 
 def in_words(name: str, around: Landscape, other: OtherPose, of_other: str = "another pose") -> str:

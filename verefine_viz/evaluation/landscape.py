@@ -93,9 +93,13 @@ class Curve:
     def in_words(self) -> str:
         """As in "turn about the vertical undetermined within ±25°"."""
         at_end = " or more" if self.axis.kind == "shift" and self.width >= SHIFTS_MM[-1] else ""
-        digits = 0 if self.width >= 10 else 1
-        unit = "°" if self.axis.kind == "turn" else " mm"
-        return f"{self.axis.words} undetermined within ±{self.width:.{digits}f}{unit}{at_end}"
+        return f"{self.axis.words} undetermined within {self.width_text}{at_end}"
+
+    @property
+    def width_text(self) -> str:
+        """As in "±25°" or "±0.3 mm"."""
+        digits = 0 if self.width >= 10 else 1 if self.width >= 1 else 2
+        return f"±{self.width:.{digits}f}{'°' if self.axis.kind == 'turn' else ' mm'}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,7 +63,7 @@ def curve_svg(curve: Curve, width: int = 168, height: int = 74, click: str = "")
         f'<polyline points="{_points(list(zip(x, y(curve.scores), strict=True)))}" fill="none" stroke="rgb{LINE}" '
         f'stroke-width="1.5"/>'
         f'<g font-size="9.5" fill="currentColor" stroke="none"><text x="2" y="9">{escape(curve.axis.words)}</text>'
-        f'<text x="{width - 2}" y="9" text-anchor="end">{_width(curve)}</text>'
+        f'<text x="{width - 2}" y="9" text-anchor="end">{curve.width_text}</text>'
         f'<g opacity="0.7">{ticks}<text x="{middle:.1f}" y="{height - 1}" text-anchor="middle">0 {curve.axis.unit}'
         "</text></g></g></svg>"
     )
@@ -97,10 +97,6 @@ def worst_curves(around: Landscape) -> tuple[Curve, Curve]:
     """Where the observation cannot tell for longest: of the shifts, and of the turns."""
     shifts, turns = ([c for c in around.curves if c.axis.kind == kind] for kind in ("shift", "turn"))
     return max(shifts, key=lambda c: c.width), max(turns, key=lambda c: c.width)
-
-
-def _width(curve: Curve) -> str:
-    return f"±{curve.width:.{0 if curve.width >= 10 else 1}f} {curve.axis.unit}".replace(" °", "°")
 
 
 def _points(points: list[tuple[float, float]]) -> str:
