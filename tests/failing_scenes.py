@@ -111,6 +111,21 @@ def glass_handle(rng: np.random.Generator) -> Broken:
     return broken_by(Cause.SCORE, frame_of([thing], rng), session_of())
 
 
+def hidden_handle(rng: np.random.Generator) -> Broken:
+    """The jug's handle is behind its body, and all initial poses have it elsewhere behind the body."""
+    m = model("jug")
+    T = standing(m, rng, 0.0, yaw_deg=90 + float(rng.uniform(12, 15)))
+    pivot = apply(T, np.array([[-0.0251, 0, 0]]))[0]
+    poses = []
+    for _ in range(2):
+        # The body has 48 sides: turned by four of them it is the same.
+        turn = axis_angle(Z, np.deg2rad(-30))
+        poses.append(transform(turn @ T[:3, :3], pivot + turn @ (T[:3, 3] - pivot) + rng.uniform(-3, 3, 3) * 1e-3))
+    session = session_of(physics={"enabled": False})
+    problem = frame_of([Thing(m, T, tuple(poses))], rng, Viewpoint(elevation_deg=18, distance_m=0.52))
+    return broken_by(Cause.AMBIGUOUS, problem, session)
+
+
 def starving(rng: np.random.Generator) -> Broken:
     """Four initial poses fit well and are a quarter turn off; the fifth is right but for some degrees."""
     m = model("carton")
@@ -295,6 +310,7 @@ GENERATORS: dict[Cause, Callable[[np.random.Generator], Broken]] = {
     Cause.POOL: bad_pool,
     Cause.NO_HYPOTHESIS: empty_pool,
     Cause.UNIT: pool_in_metres,
+    Cause.AMBIGUOUS: hidden_handle,
 }
 """A new one goes to the end: the place of a cause is part of its scenes' seeds."""
 

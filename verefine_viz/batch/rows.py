@@ -69,6 +69,11 @@ class ObjectRow(Row):
     worst_iteration: int | None = None
     """The iteration that took this object furthest from its goal: by more than 3 % of the diameter, or by more than
     0.01 of the score where there is no ground truth. Empty where none took it so far."""
+    undetermined_mm: float | None = None
+    """The furthest shift of the answer, along an axis of the table or the model, by which the score falls no more than
+    noise of the depth image explains."""
+    undetermined_deg: float | None = None
+    """The same for a turn; 180 about an axis of symmetry."""
     n_hypotheses: int = 0
     n_iterations: int = 0
     events: str = ""

@@ -11,11 +11,13 @@ import numpy as np
 
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, left_out_facts
 from verefine_viz.core.problem import LeftOut, Problem, Target
+from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import DATA_FIRST
 from verefine_viz.diagnosis.data_doubts import answer_doubts
+from verefine_viz.evaluation.landscape import undetermined
 from verefine_viz.evaluation.pose_errors import add_s_mm, pose_errors
 from verefine_viz.session.edits import never_reached
 from verefine_viz.session.engine import Run
@@ -29,7 +31,7 @@ def frame_result(run: Run, session: Session) -> FrameResult:
     problem, state = run.problem, run.final_state
     doubts = answer_doubts(problem, [None if best is None else best.T_cam_obj for best in state.best])
     rows = tuple(
-        _object_row(problem, target, best, initial, run.iterations, session)
+        _object_row(problem, target, best, initial, run.iterations, session, run.final_verifier)
         for target, best, initial in zip(problem.targets, state.best, state.initial, strict=True)
     )
     if doubts:
@@ -74,6 +76,7 @@ def _object_row(
     initial: Scores | None,
     all_iterations: Sequence[Iteration],
     session: Session,
+    verifier: Verifier,
 ) -> ObjectRow:
     iterations = [i for i in all_iterations if i.instance_id == target.instance.instance_id]
     facts = {
@@ -83,6 +86,7 @@ def _object_row(
     }
     if best is None or initial is None:
         return ObjectRow(**facts, status="no_answer", message="no hypothesis to start from")
+    around = undetermined(verifier, target, best.T_cam_obj)
     return ObjectRow(
         **facts,
         status="ok",
@@ -92,6 +96,8 @@ def _object_row(
         best_hypothesis=best.arm + 1,
         best_iteration=best.iteration,
         worst_iteration=worst_iteration(target, iterations),
+        undetermined_mm=around.undetermined_mm,
+        undetermined_deg=around.undetermined_deg,
         n_iterations=len(iterations),
         events=_counted(iterations),
         **_times(iterations),

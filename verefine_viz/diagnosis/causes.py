@@ -22,6 +22,7 @@ class Cause(StrEnum):
     DEPTH = "depth"
     MASK = "mask"
     NEIGHBOUR = "neighbour"
+    AMBIGUOUS = "ambiguous"
     SCORE = "score"
     PLANE = "plane"
     COLLIDER = "collider"
@@ -39,6 +40,7 @@ TITLES: dict[Cause, str] = {
     Cause.DEPTH: "depth missing or unregistered",
     Cause.MASK: "mask leaks or misses",
     Cause.NEIGHBOUR: "neighbour misplaced first",
+    Cause.AMBIGUOUS: "the observation cannot tell two poses apart",
     Cause.SCORE: "score ranks a wrong pose above the ground truth",
     Cause.PLANE: "wrong support plane",
     Cause.COLLIDER: "collider too coarse",

@@ -14,6 +14,7 @@ from time import perf_counter
 from verefine_viz.calibration.camera_check import camera_notes
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Best
+from verefine_viz.diagnosis.ambiguity import ambiguous
 from verefine_viz.diagnosis.case import ALONE, Case, ErrorOf, Lab
 from verefine_viz.diagnosis.causes import DATA_FIRST, Diagnosis, Finding
 from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
@@ -28,7 +29,9 @@ from verefine_viz.session.toolbox import Toolbox
 THRESHOLD = 0.1
 """An answer whose ADD(-S) is at least this share of the diameter has failed."""
 
-_TESTS: tuple[Callable[[Case], Finding | None], ...] = (*INPUT_TESTS, neighbour, score, *SCENE_TESTS, *SEARCH_TESTS)
+_TESTS: tuple[Callable[[Case], Finding | None], ...] = (
+    *INPUT_TESTS, neighbour, ambiguous, score, *SCENE_TESTS, *SEARCH_TESTS,
+)  # fmt: skip
 _NO_RERUN = (score,)
 """Tested even after a cause is confirmed, as it costs next to nothing."""
 

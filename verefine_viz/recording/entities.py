@@ -39,6 +39,7 @@ GRAPH = "/dependencies"
 GRAPH_OBJECTS = f"{GRAPH}/objects"
 EVIDENCE = f"{GRAPH}/evidence"
 TREE = "/tree"
+LANDSCAPE = "/landscape"
 
 WORKED_ON = ("current", "simulated", "mixed", "refined")
 """Poses of the object being worked on that are drawn, in this order."""
@@ -92,3 +93,13 @@ def simulated_path(branch_name: str) -> str:
 def curve(group: str, branch_name: str) -> str:
     """One group of an object's curves."""
     return f"{CURVES}/{group}/{branch_name}"
+
+
+def landscape(branch_name: str, axis: int) -> str:
+    """The score around an object's answer along one axis."""
+    return f"{LANDSCAPE}/{branch_name}/axis_{axis}"
+
+
+def landscape_words(branch_name: str) -> str:
+    """What of an object's answer is undetermined."""
+    return f"{LANDSCAPE}/{branch_name}/undetermined"

@@ -19,10 +19,13 @@ from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import RunState, Verifier
 from verefine_viz.core.records import Best, Iteration, PlacedPose
 from verefine_viz.core.settings import Session
+from verefine_viz.evaluation.landscape import landscape
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.recording.background import log_background
 from verefine_viz.recording.drawn_iterations import Drawing
+from verefine_viz.recording.entities import branch
 from verefine_viz.recording.graphs import log_dependencies
+from verefine_viz.recording.landscapes import log_landscape
 from verefine_viz.recording.lossless_log import Entry, Journal
 from verefine_viz.recording.maps import SCENE_TILE_PX, Maps, PendingMaps, log_colors
 from verefine_viz.recording.recorded_layout import Layout, layout_of
@@ -123,7 +126,13 @@ class Recorder:
             self._file.flush()
 
     def on_finish(self, state: RunState) -> None:
-        """Completes the file and gives it its name."""
+        """Adds the score around the answers where score maps are recorded, completes the file and gives it its name."""
+        if self._file is not None and self._verifier_of is not None:
+            verifier = self._verifier_of(self._n_drawn + len(self._pending))
+            for target, best in zip(state.problem.targets, state.best, strict=True):
+                if best is not None:
+                    around = landscape(verifier, target, best.T_cam_obj)
+                    log_landscape(self._file, branch(target.instance, self._problem), around)
         self.close()
 
     def close(self) -> None:

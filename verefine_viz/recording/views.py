@@ -8,6 +8,7 @@ from typing import Any
 import rerun.blueprint as rrb
 
 from verefine_viz.recording import entities
+from verefine_viz.recording.landscapes import landscape_tab
 from verefine_viz.recording.maps import OBSERVED
 from verefine_viz.recording.recorded_layout import Layout
 
@@ -54,7 +55,7 @@ def blueprint_of(layout: Layout, has_maps: bool) -> rrb.Blueprint:
         row_shares=[3, 2],
         name="Scene" if layout.is_scene else "Object",
     )
-    tabs = [overview, *_scene_tabs(layout)]
+    tabs = [overview, *_scene_tabs(layout), *([landscape_tab(layout)] if has_maps else [])]
     return rrb.Blueprint(
         rrb.Tabs(*tabs) if len(tabs) > 1 else overview,
         rrb.BlueprintPanel(state="collapsed"),

@@ -10,11 +10,14 @@ from dataclasses import dataclass, replace
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import Problem, Target
 from verefine_viz.diagnosis.causes import cause_title
+from verefine_viz.evaluation.landscape import Curve, landscape
 from verefine_viz.pictures.answer_pictures import Pictures, picture_source, pictures
+from verefine_viz.pictures.landscape_picture import worst_curves
 from verefine_viz.recording.lossless_log import Entry
 from verefine_viz.recording.reader import read_recording
+from verefine_viz.rendering.cpu_verifier import CpuVerifier
 from verefine_viz.report.groups import Group, Progress, seed_words
 from verefine_viz.report.run_results import Key, LoadedRun, key
 from verefine_viz.scenes.source import SceneSource
@@ -74,6 +77,8 @@ class Failure:
     """The same object in the other run."""
     pictures: Pictures | None
     curve: ScoreCurve | None
+    around: tuple[Curve, Curve] | None = None
+    """The score around the answer along the shift and the turn that are least certain."""
 
     @property
     def row(self) -> ObjectRow:
@@ -117,7 +122,9 @@ def gallery_of(picks: Sequence[Pick], n_failures: int, progress: Progress) -> Ga
             progress(len(cards), len(picks))
             drawn = _pictures(pick.run, problem, pick.row, answers[id(pick.run)])
             other = None if pick.other is None else pick.other.row_of(pick.row)
-            cards[k] = Failure(pick, other, drawn, curves[id(pick.run)].get(pick.row.instance_id))
+            curve = curves[id(pick.run)].get(pick.row.instance_id)
+            around = _least_certain(pick.run, problem, pick.row, answers[id(pick.run)][0][1])
+            cards[k] = Failure(pick, other, drawn, curve, around)
     progress(len(picks), len(picks))
     in_order = tuple(cards[k] for k in range(len(picks)))
     return Gallery(in_order, n_failures - len(picks), tuple(dict.fromkeys(notes)))
@@ -152,13 +159,27 @@ def _pictures(
     row: ObjectRow,
     answers: Sequence[tuple[LoadedRun, Mapping[int, Float]]],
 ) -> Pictures | None:
-    if problem is None or row.instance_id is None:
-        return None
-    target = next((t for t in problem.targets if t.instance.instance_id == row.instance_id), None)
-    if target is None or target.instance.obj_id != row.obj_id:
+    target = _target(problem, row)
+    if target is None or row.instance_id is None:
         return None
     poses = [(Ts[row.instance_id], r.label or "best") for r, Ts in answers if row.instance_id in Ts]
     return pictures(target, poses, run.index.session.score.tau_m)
+
+
+def _target(problem: Problem | None, row: ObjectRow) -> Target | None:
+    """The object of a row in its frame; None where the data have another one by now."""
+    targets = () if problem is None else problem.targets
+    own = next((t for t in targets if t.instance.instance_id == row.instance_id), None)
+    return own if own is not None and own.instance.obj_id == row.obj_id else None
+
+
+def _least_certain(
+    run: LoadedRun, problem: Problem | None, row: ObjectRow, answers: Mapping[int, Float]
+) -> tuple[Curve, Curve] | None:
+    target = _target(problem, row)
+    if target is None or row.instance_id is None or row.instance_id not in answers:
+        return None
+    return worst_curves(landscape(CpuVerifier(run.index.session.score), target, answers[row.instance_id]))
 
 
 def _curves(run: LoadedRun, frame: str, notes: list[str]) -> dict[int | None, ScoreCurve]:

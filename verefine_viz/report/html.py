@@ -16,6 +16,7 @@ from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS, difference_scale
 from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.pictures.answer_pictures import color_of
+from verefine_viz.pictures.landscape_picture import curve_svg
 from verefine_viz.report import charts
 from verefine_viz.report import run_sentences as words
 from verefine_viz.report.failure_cards import Failure, Gallery
@@ -92,6 +93,8 @@ class Card:
     anchor: str
     """Its place on the page."""
     curve: Markup | None
+    around: Markup
+    """The score around the answer, as two small drawings; empty where it is unknown."""
     elsewhere: tuple[tuple[str, Share, str | None], ...]
     """Where groups are compared: how often each gets this object right, and where its card is, if it has one."""
 
@@ -99,7 +102,8 @@ class Card:
 def _card(card: Failure, anchors: Mapping[tuple[str, Key], str], shares: Mapping[str, Share]) -> Card:
     curve = charts.curve_figure(card.curve, card.row.worst_iteration) if card.curve else None
     elsewhere = tuple((name, share, anchors.get((name, key(card.row)))) for name, share in shares.items())
-    return Card(card, anchors[card.pick.place], figure_json(curve) if curve else None, elsewhere)
+    around = Markup("".join(curve_svg(one, 170, 64) for one in card.around or ()))
+    return Card(card, anchors[card.pick.place], figure_json(curve) if curve else None, around, elsewhere)
 
 
 def _card_of(anchors: Mapping[tuple[str, Key], str]) -> Callable[[ObjectRow], str | None]:

@@ -151,6 +151,7 @@ ADVICE = {
     Cause.DEPTH: "look at the depth images and how they are registered",
     Cause.MASK: "look at where the masks leak or miss",
     Cause.NEIGHBOUR: "mend the objects first that were placed before them",
+    Cause.AMBIGUOUS: "no setting tells what depth does not show; take another view, or use what colour shows",
     Cause.SCORE: "more iterations will not help where a wrong pose scores highest, so look at the score's maps first",
     Cause.PLANE: "look at the support plane, or give gravity (scene.gravity)",
     Cause.COLLIDER: "try convex parts (physics.collider)",

@@ -15,7 +15,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.protocols import Method, RunState, Watcher
+from verefine_viz.core.protocols import Method, RunState, Verifier, Watcher
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Edit
 
@@ -121,6 +121,11 @@ class Run:
     def method(self) -> Method[Any]:
         """The method that makes the iteration after the cursor."""
         return self._plan.method_at(self.cursor)
+
+    @property
+    def final_verifier(self) -> Verifier:
+        """What the answers so far are scored by."""
+        return self._plan.method_at(self.length).verifier
 
     @property
     def edits(self) -> tuple[Edit, ...]:

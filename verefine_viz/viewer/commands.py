@@ -334,6 +334,38 @@ class EditPose(Command):
     on: bool = True
 
 
+class ShowLandscape(ViewCommand):
+    """The score around the best pose: curves of one frame's axes, a heat map over two of all axes; None = as before."""
+
+    frame: Literal["table", "object"] | None = None
+    across: int | None = None
+    up: int | None = None
+
+
+class EditPoseOnCurve(Command):
+    """Edit the pose at a sample of a curve of the landscape."""
+
+    keeps_edited_pose = True
+    curve: int
+    u: int
+    v: int = 0
+    """Of a click; it does not matter."""
+
+
+class EditPoseInSlice(Command):
+    """Edit the pose at a point of the landscape's heat map: column, and row from the top."""
+
+    keeps_edited_pose = True
+    u: int
+    v: int
+
+
+class EditOtherPose(Command):
+    """Edit the pose that the observation cannot tell from the answer."""
+
+    keeps_edited_pose = True
+
+
 class DragPose(Command):
     """The edited pose, while it is dragged."""
 

@@ -16,6 +16,7 @@ from typing import Any, get_args
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.scores import MAP_NAMES
+from verefine_viz.evaluation.landscape import N_AXES
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.handlers import comparison_handlers, edit_handlers, gallery_handlers, navigation, open_handlers
@@ -267,6 +268,16 @@ def _enlarge(options: ViewOptions, command: c.Enlarge) -> ViewOptions:
     return replace(options, enlarged=None if command.pane == options.enlarged else command.pane)
 
 
+def _show_landscape(options: ViewOptions, command: c.ShowLandscape) -> ViewOptions:
+    across = options.slice_axes[0] if command.across is None else command.across
+    up = options.slice_axes[1] if command.up is None else command.up
+    for axis in (across, up):
+        if axis not in range(N_AXES):
+            raise InputError(unknown("axis", axis, range(N_AXES)))
+    frame = command.frame or options.curves_of
+    return replace(options, landscape_wanted=True, curves_of=frame, slice_axes=(across, up))
+
+
 _CHANGES: dict[type[Command], Callable[[ViewOptions, Any], ViewOptions]] = {
     c.Focus: lambda o, x: replace(o.unedited(), focus=x.instance_id, whole_scene=False, arm=None),
     c.ShowScene: lambda o, x: replace(o.unedited(), focus=None, whole_scene=True, arm=None),
@@ -280,6 +291,7 @@ _CHANGES: dict[type[Command], Callable[[ViewOptions, Any], ViewOptions]] = {
     c.ShowLayer: _show_layer,
     c.ShowLayout: _show_layout,
     c.Enlarge: _enlarge,
+    c.ShowLandscape: _show_landscape,
     c.ScrubPath: lambda o, x: replace(o, path_pose=x.pose),
     c.Animate: lambda o, x: replace(o, animate=x.on),
     c.SortBatch: lambda o, x: replace(o, batch_order=x.order, batch_page=0),

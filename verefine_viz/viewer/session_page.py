@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import suppress
+from itertools import chain
 from time import monotonic
 from typing import Literal
 
@@ -16,9 +17,15 @@ from verefine_viz.viewer.debugger import STOP, Debugger, RequestQueue
 from verefine_viz.viewer.panels.page_layout import Layout
 from verefine_viz.viewer.scene3d.object_nodes import ComparisonNodes
 from verefine_viz.viewer.scene3d.scene_view import SceneView, look_again
-from verefine_viz.viewer.snapshot.build import deferred_physics, plausibility_stages
+from verefine_viz.viewer.snapshot.build import (
+    deferred_landscape,
+    deferred_physics,
+    lacks_landscape,
+    plausibility_stages,
+)
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.batch_gallery import Gallery
+from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator
 from verefine_viz.viewer.state.state import Unconfirmed
 from verefine_viz.viewer.web.server import Server
 
@@ -158,8 +165,7 @@ class Page:
                 self.layout.show_deep(snapshot)
                 self._image_waits = True
         self._server.flush()
-        if not snapshot.physics.complete or _lacks_plausibility(snapshot):
-            self._later = deferred_physics(snapshot, self._debugger.workspace.branch.evaluator)
+        self._later = _deferred(snapshot, self._debugger.workspace.branch.evaluator)
 
     def _show_physics(self) -> None:
         """What was worked out about the whole scene."""
@@ -177,6 +183,16 @@ def _is_known(snapshot: Snapshot, shown: Snapshot | None) -> bool:
         and snapshot.problem is shown.problem
         and snapshot.target.instance.instance_id == shown.target.instance.instance_id
     )
+
+
+def _deferred(snapshot: Snapshot, evaluator: CachedEvaluator) -> Iterator[None] | None:
+    """What takes longest, one thing per turn: the score around the answer, the scene's physics; None = all is known."""
+    wanted = []
+    if lacks_landscape(snapshot, evaluator):
+        wanted.append(deferred_landscape(snapshot, evaluator))
+    if not snapshot.physics.complete or _lacks_plausibility(snapshot):
+        wanted.append(deferred_physics(snapshot, evaluator))
+    return chain(*wanted) if wanted else None
 
 
 def _lacks_plausibility(snapshot: Snapshot) -> bool:

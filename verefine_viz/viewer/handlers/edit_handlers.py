@@ -73,6 +73,37 @@ def _hint_for(state: State, snapshot: Snapshot, T_cam_obj: Float) -> str:
     return CAN_CONTINUE if state_of(tried.state, snapshot.target).edited_arms else ONLY_SCORED
 
 
+def _edit_at(state: State, T_cam_obj: Float | None) -> None:
+    """Edits the pose of the landscape that was clicked; refused where there is none."""
+    if T_cam_obj is None:
+        raise InputError("there is no such pose: the score around the best pose is not known here")
+    if state.options.edited is None:
+        _edit(state, c.EditPose())
+    _drag(state, c.DragPose(tuple(float(x) for x in T_cam_obj.ravel())))
+
+
+def _edit_on_curve(state: State, command: c.EditPoseOnCurve) -> None:
+    around, T = snapshot_of(state, deep=False).landscape, None
+    if around is not None and 0 <= command.curve < len(around.curves):
+        curve = around.curves[command.curve]
+        if 0 <= command.u < len(curve.offsets):
+            T = curve.axis.moved(around.T_cam_obj, float(curve.offsets[command.u]))
+    _edit_at(state, T)
+
+
+def _edit_in_slice(state: State, command: c.EditPoseInSlice) -> None:
+    snapshot, T = snapshot_of(state, deep=False), None
+    two, around = snapshot.score_slice, snapshot.landscape
+    if two is not None and around is not None and 0 <= command.u < len(two.scores) > command.v >= 0:
+        T = two.pose(around.T_cam_obj, command.u, len(two.scores) - 1 - command.v)
+    _edit_at(state, T)
+
+
+def _edit_other(state: State, command: c.EditOtherPose) -> None:
+    other = snapshot_of(state, deep=False).other_pose
+    _edit_at(state, None if other is None else other.T_cam_obj)
+
+
 def _drag(state: State, command: c.DragPose) -> None:
     if state.options.edited is None:
         raise InputError("no pose is being edited; press Edit pose first")
@@ -113,4 +144,11 @@ def _continued(snapshot: Snapshot) -> str:
     return f"{who} goes on from where you put it, with a score of {score:.3f}. Step or Run: it is refined {when}."
 
 
-HANDLERS = {c.EditPose: _edit, c.DragPose: _drag, c.ForkFromPose: _fork_from_pose}
+HANDLERS = {
+    c.EditPose: _edit,
+    c.EditPoseOnCurve: _edit_on_curve,
+    c.EditPoseInSlice: _edit_in_slice,
+    c.EditOtherPose: _edit_other,
+    c.DragPose: _drag,
+    c.ForkFromPose: _fork_from_pose,
+}

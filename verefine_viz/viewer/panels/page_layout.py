@@ -17,6 +17,7 @@ from verefine_viz.viewer.panels.batch_panel import BatchPanel
 from verefine_viz.viewer.panels.compare_panel import ComparePanel
 from verefine_viz.viewer.panels.errors_panel import ErrorsPanel, ScoreErrorPanel
 from verefine_viz.viewer.panels.image_panel import ImagePanel
+from verefine_viz.viewer.panels.landscape_panel import LandscapePanel
 from verefine_viz.viewer.panels.objects_panel import ObjectsPanel
 from verefine_viz.viewer.panels.order_panel import OrderPanel
 from verefine_viz.viewer.panels.physics_panel import PhysicsPanel
@@ -125,6 +126,8 @@ class Layout:
             self.bandit = BanditPanel(gui)
         with tabs.add_tab("Physics"):
             self.physics = PhysicsPanel(gui, send)
+        with tabs.add_tab("Landscape"):
+            self.landscape = LandscapePanel(gui)
         with tabs.add_tab("Errors"):
             self.errors = ErrorsPanel(gui, send)
         with tabs.add_tab("Order"):
@@ -199,6 +202,7 @@ class Layout:
         self.bandit.show(snapshot)
         self.physics.show(snapshot)
         self.errors.show(snapshot)
+        self.landscape.show(snapshot)
         self.compare.show(snapshot)
         self.order.show(snapshot)
         self.session.show(snapshot)
@@ -224,6 +228,7 @@ class Layout:
         self.run.show(snapshot)
         self.objects.show(snapshot)
         self.physics.show(snapshot)
+        self.landscape.show(snapshot)
 
     def _add_objects(self, gui: viser.GuiApi, panel: viser.PanelHandle) -> None:
         with panel.add_tab("Objects"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -122,6 +122,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         undeclared=evaluator.undeclared_turn(target, poses["best"].T_cam_obj)
         if "best" in poses and not running
         else None,
+        **_landscape(evaluator, target, poses, own, options),
         scene=scene,
         finished=finished,
         frame_score=_frame_score(evaluator, scene, branch.settings),
@@ -260,6 +261,42 @@ def deferred_physics(snapshot: Snapshot, evaluator: CachedEvaluator) -> Iterator
     """What the scene's physics still lacks, one thing per turn."""
     poses = [(snapshot.target, snapshot.poses[k].T_cam_obj) for k in plausibility_stages(snapshot.poses)]
     return work_out(snapshot.scene, evaluator, poses if len(snapshot.scene.objects) > 1 else ())
+
+
+def _landscape(
+    evaluator: CachedEvaluator,
+    target: Target,
+    poses: dict[str, EvaluatedPose],
+    own: Sequence[Iteration],
+    options: ViewOptions,
+) -> dict[str, Any]:
+    """What is known of the score around the best pose, as fields of the snapshot."""
+    if "best" not in poses:
+        return {"landscape": None, "score_slice": None, "other_pose": None}
+    T = poses["best"].T_cam_obj
+    return {
+        "landscape": evaluator.known_landscape(target, T),
+        "score_slice": evaluator.known_slice(target, T, options.slice_axes),
+        "other_pose": evaluator.known_other_pose(target, T, own)[1],
+    }
+
+
+def lacks_landscape(snapshot: Snapshot, evaluator: CachedEvaluator) -> bool:
+    """Whether the score around the best pose is still to be worked out."""
+    if not snapshot.wants_landscape:
+        return False
+    T, own = snapshot.poses["best"].T_cam_obj, snapshot.own_iterations
+    return snapshot.score_slice is None or not evaluator.known_other_pose(snapshot.target, T, own)[0]
+
+
+def deferred_landscape(snapshot: Snapshot, evaluator: CachedEvaluator) -> Iterator[None]:
+    """The score around the best pose, one batch of poses per turn."""
+    target, T = snapshot.target, snapshot.poses["best"].T_cam_obj
+    evaluator.landscape(target, T)
+    yield
+    evaluator.score_slice(target, T, snapshot.options.slice_axes)
+    yield
+    evaluator.other_pose(target, T, snapshot.own_iterations)
 
 
 # The two poses that are compared, or the two combinations of poses where the whole scene is shown

@@ -15,7 +15,9 @@ from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore, ScoreMaps
 from verefine_viz.core.settings import Edit, Session
+from verefine_viz.diagnosis.ambiguity import OtherPose
 from verefine_viz.diagnosis.symmetry import UndeclaredTurn
+from verefine_viz.evaluation.landscape import Landscape, Slice
 from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.session.edits import edits_of, never_reached
 from verefine_viz.viewer import commands as c
@@ -148,6 +150,12 @@ class Snapshot:
     undeclared: UndeclaredTurn | None
     """The turn that alone makes the best pose so far count as wrong; None where it is right, or wrong otherwise, and
     while a run is on."""
+    landscape: Landscape | None
+    """The score around the best pose of the object in focus; None where it is not known, or not asked for."""
+    score_slice: Slice | None
+    """The same over the two axes that are chosen."""
+    other_pose: OtherPose | None
+    """A pose that the observation cannot tell from that answer; None also where that is not known."""
     scene: SceneState
     """All objects of the frame."""
     finished: tuple[FinishedObject, ...]
@@ -219,6 +227,12 @@ class Snapshot:
     def at_end(self) -> bool:
         """Whether the cursor is at the end of a finished run."""
         return self.cursor == self.progress.done == self.progress.total
+
+    @property
+    def wants_landscape(self) -> bool:
+        """Whether the score around the best pose is to be worked out: at the end, or where it is asked for."""
+        is_idle = not self.progress.running and not self.is_whole_scene
+        return "best" in self.poses and is_idle and (self.at_end or self.options.landscape_wanted)
 
     @cached_property
     def data_doubts(self) -> tuple[str, ...]:

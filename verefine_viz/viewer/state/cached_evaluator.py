@@ -14,10 +14,13 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
+from verefine_viz.core.records import Iteration
 from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Session
+from verefine_viz.diagnosis.ambiguity import OtherPose, other_pose, run_poses
 from verefine_viz.diagnosis.symmetry import UndeclaredTurn, undeclared_turn
 from verefine_viz.evaluation.answers import CORRECT
+from verefine_viz.evaluation.landscape import Landscape, Slice, landscape, score_slice
 from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
 
 if TYPE_CHECKING:
@@ -94,6 +97,39 @@ class CachedEvaluator:
             return None
         key = _key("undeclared turn", target, T_cam_obj)
         return self._remember(key, lambda: undeclared_turn(target.model, T_cam_obj, T_gt, CORRECT))
+
+    def landscape(self, target: Target, T_cam_obj: Float) -> Landscape:
+        """The score around a pose."""
+        key = _key("landscape", target, T_cam_obj)
+        return self._remember(key, lambda: landscape(self.verifier, target, T_cam_obj))
+
+    def known_landscape(self, target: Target, T_cam_obj: Float) -> Landscape | None:
+        """What :meth:`landscape` returned if it was called before, else None."""
+        return self._numbers.get(_key("landscape", target, T_cam_obj))
+
+    def score_slice(self, target: Target, T_cam_obj: Float, axes: tuple[int, int]) -> Slice:
+        """The score over two axes of a pose's landscape."""
+        around = self.landscape(target, T_cam_obj)
+        key = (*_key("slice", target, T_cam_obj), axes)
+        return self._remember(key, lambda: score_slice(self.verifier, target, around, *axes))
+
+    def known_slice(self, target: Target, T_cam_obj: Float, axes: tuple[int, int]) -> Slice | None:
+        """What :meth:`score_slice` returned if it was called before, else None."""
+        return self._numbers.get((*_key("slice", target, T_cam_obj), axes))
+
+    def other_pose(self, target: Target, T_cam_obj: Float, iterations: Sequence[Iteration]) -> OtherPose | None:
+        """A pose of a run, or of the landscape, that the observation cannot tell from an answer; None = none is."""
+        around = self.landscape(target, T_cam_obj)
+        key = (*_key("other pose", target, T_cam_obj), len(iterations))
+        poses = run_poses(target, iterations)
+        return self._remember(key, lambda: other_pose(self.verifier, target, around, poses))
+
+    def known_other_pose(
+        self, target: Target, T_cam_obj: Float, iterations: Sequence[Iteration]
+    ) -> tuple[bool, OtherPose | None]:
+        """Whether :meth:`other_pose` was called before, and its result."""
+        key = (*_key("other pose", target, T_cam_obj), len(iterations))
+        return key in self._numbers, self._numbers.get(key)
 
     def plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
         """Gap, penetration, support polygon and stability among ``others``; None where no support is known."""

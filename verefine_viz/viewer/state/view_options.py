@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -65,6 +66,12 @@ class ViewOptions:
     """T_cam_obj of the pose with which the editing began."""
     compared_before: tuple[str, str] | None = None
     """What was compared before a pose was edited; None where the user has chosen since."""
+    landscape_wanted: bool = False
+    """Whether the score around the best pose is asked for before the run is over."""
+    curves_of: Literal["table", "object"] = "table"
+    """Whose axes the landscape's curves are along."""
+    slice_axes: tuple[int, int] = (5, 0)
+    """Numbers of the heat map's two axes, across and up: at first turn about the vertical, shift to the right."""
     batch_order: Order = "error"
     batch_only: Mapping[str, str] = field(default_factory=dict)
     """Filters of the batch's answers, by what they filter."""
@@ -88,7 +95,7 @@ class ViewOptions:
 
     def moved(self) -> ViewOptions:
         """The same after the cursor moved: what belonged to the iteration is dropped, the object in focus is not."""
-        return replace(self.unedited(), arm=None, stage=None, path_pose=None)
+        return replace(self.unedited(), arm=None, stage=None, path_pose=None, landscape_wanted=False)
 
     def editing(self, edited: c.Pose, arm: int) -> ViewOptions:
         """The same with a pose of a hypothesis being edited, beside the accepted one."""
@@ -109,6 +116,7 @@ class ViewOptions:
         return ViewOptions(
             cloud=self.cloud, layers=self.layers, map=self.map, animate=self.animate, batch_order=self.batch_order,
             batch_only=self.batch_only, batch_page=self.batch_page, preset=self.preset, enlarged=self.enlarged,
+            curves_of=self.curves_of, slice_axes=self.slice_axes,
         )  # fmt: skip
 
 

@@ -1,0 +1,246 @@
+"""The noise of a depth image, measured in the image itself, and what it does to the score of a pose.
+
+A stereo or structured-light sensor errs in disparity, so the noise of inverse depth 1/z is about the same everywhere
+and that of z grows with z² (Khoshelham and Elberink 2012; :mod:`verefine_viz.scenes.sensor` makes it so). Its size is
+that of the residuals of planes, which are linear in 1/z, in small blocks of the frame, and so is how far neighbouring
+pixels share it. The noise is then resampled, normals are estimated again as they were, and the score's
+answer to both is taken as linear: a pose costs one set of score maps instead of one score for every resampled image.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+from scipy.special import erf
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.geometry import apply, axis_angle, transform
+from verefine_viz.core.observation import Observation
+from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.protocols import Verifier
+from verefine_viz.core.scores import PixelGrid
+from verefine_viz.observation.normals import estimate_normals
+
+BLOCK_PX = 15
+"""Side of the blocks in which a plane is fitted."""
+FEWEST_BLOCKS = 12
+"""With fewer blocks of complete depth the noise of a usual sensor is assumed."""
+USUAL_PER_M, USUAL_GRAIN_PX = 1.6e-3, 1.2
+"""Noise of 1/z [1/m] (0.8 mm at 0.7 m) and its grain, where a frame does not show its own."""
+GRAINS_PX = (0.0, 0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 1.8, 2.2, 2.6, 3.0)
+"""Grains that are distinguished."""
+N_DRAWS = 12
+"""How often the noise is resampled: a standard deviation is known to 20 %."""
+MOST_CELLS = 2500
+"""Cells of pixels in which the score's answer to noise is worked out."""
+JITTER_MM = 0.03
+"""How far a pose is moved, or turned [deg], to see how finely its score resolves."""
+MARGIN_PX = 12
+"""Shown around the object: as far as a normal's window reaches."""
+
+
+@dataclass(frozen=True)
+class DepthNoise:
+    """How noisy a depth image is."""
+
+    per_m: float
+    """Standard deviation of 1/z [1/m]."""
+    grain_px: float
+    """Standard deviation of the Gaussian that would smooth white noise to this one [px]: 0 = white."""
+
+    def at_m(self, z_m: float) -> float:
+        """Standard deviation of z at a distance [m]."""
+        return self.per_m * z_m * z_m
+
+
+_measured: WeakKeyDictionary[Observation, DepthNoise] = WeakKeyDictionary()
+
+
+def depth_noise(observation: Observation) -> DepthNoise:
+    """The noise of a frame; measured once."""
+    if observation not in _measured:
+        _measured[observation] = _measure(observation.depth_m)
+    return _measured[observation]
+
+
+def _measure(depth_m: NDArray[np.float32]) -> DepthNoise:
+    rows, columns = (n // BLOCK_PX for n in depth_m.shape)
+    z = depth_m[: rows * BLOCK_PX, : columns * BLOCK_PX].astype(np.float64)
+    blocks = z.reshape(rows, BLOCK_PX, columns, BLOCK_PX).swapaxes(1, 2).reshape(-1, BLOCK_PX**2)
+    blocks = blocks[(blocks > 0).all(axis=1)]
+    if len(blocks) < FEWEST_BLOCKS:
+        return DepthNoise(USUAL_PER_M, USUAL_GRAIN_PX)
+    inverse = 1.0 / blocks
+    rest = inverse - (inverse @ _PLANE) @ _PLANE.T
+    variance = (rest * rest).mean(axis=1)
+    # Half of the blocks may hold edges and curved surfaces without changing the median by much.
+    typical = float(np.median(variance))
+    smooth = rest[variance <= typical].reshape(-1, BLOCK_PX, BLOCK_PX)
+    shared = float((smooth[:, :, 2:] * smooth[:, :, :-2]).mean() / max(float((smooth * smooth).mean()), 1e-30))
+    # What such residuals are for noise of each grain: a plane takes some of coarse noise along.
+    left, expected = _residuals()
+    grain_px = float(np.interp(shared, expected, GRAINS_PX))
+    return DepthNoise(float(np.sqrt(typical / np.interp(grain_px, GRAINS_PX, left))), grain_px)
+
+
+_V, _U = np.mgrid[:BLOCK_PX, :BLOCK_PX].reshape(2, -1)
+_PLANE = np.linalg.qr(np.stack([np.ones(BLOCK_PX**2), _U, _V], axis=1))[0]
+
+
+@cache
+def _residuals() -> tuple[Float, Float]:
+    """For each of the ``GRAINS_PX``: the share of the noise's variance that a plane leaves, and how far the residuals
+    of two pixels are alike that are two apart in a row.
+    """
+    square = (_U[:, None] - _U) ** 2 + (_V[:, None] - _V) ** 2
+    i, j = np.nonzero((_U[:, None] + 2 == _U) & (_V[:, None] == _V))
+    every = np.arange(BLOCK_PX**2)
+    left, shared = [], []
+    for grain_px in GRAINS_PX:
+        # Noise that a Gaussian smoothed is alike by exp(−(k / 2σ)²) k pixels further.
+        alike = np.exp(-square / (4 * max(grain_px, 0.1) ** 2))
+        by_plane = alike @ _PLANE
+        within = _PLANE.T @ by_plane
+
+        def of_rest(a: NDArray, b: NDArray, alike: Float = alike, x: Float = by_plane, y: Float = within) -> float:
+            taken = (_PLANE[a] * x[b]).sum(axis=1) + (x[a] * _PLANE[b]).sum(axis=1)
+            return float((alike[a, b] - taken + ((_PLANE[a] @ y) * _PLANE[b]).sum(axis=1)).mean())
+
+        left.append(of_rest(every, every))
+        shared.append(of_rest(i, j) / left[-1])
+    return np.array(left), np.array(shared)
+
+
+def resampled(depth_m: NDArray[np.floating], noise: DepthNoise, rng: np.random.Generator) -> NDArray[np.float32]:
+    """The depth image (H, W) [m] with as much noise again; 0 stays 0."""
+    grain = rng.standard_normal(depth_m.shape, dtype=np.float32)
+    if noise.grain_px > 0:
+        # Divided by the norm of the filter, so that the noise has variance 1 again.
+        grain = gaussian_filter(grain, noise.grain_px, mode="wrap", truncate=3) * _gain(noise.grain_px)
+    # 1 / (1/z + ε) = z / (1 + ε z)
+    return (depth_m / np.maximum(1 + np.float32(noise.per_m) * grain * depth_m, np.float32(0.1))).astype(np.float32)
+
+
+def _gain(grain_px: float) -> float:
+    impulse = np.zeros(2 * int(4 * grain_px + 2) + 1)
+    impulse[len(impulse) // 2] = 1.0
+    return float(1.0 / (gaussian_filter(impulse, grain_px, truncate=3) ** 2).sum())
+
+
+class ScoreNoise:
+    """How much the noise of the sensor changes the difference between the scores of two poses of one object.
+
+    Noise that moves both scores alike is no part of it. How finely a score resolves is: it counts whole pixels, and
+    which of those at the outline count changes with hundredths of a millimetre.
+
+    Args:
+        verifier: whose score it is.
+        target: the object in its frame.
+        T_cam_obj: (4, 4) the pose that others are compared with.
+        placed: other objects that may hide parts.
+    """
+
+    def __init__(self, verifier: Verifier, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = ()) -> None:
+        self._verifier, self._target, self._placed = verifier, target, tuple(placed)
+        observation = target.observation
+        noise = depth_noise(observation)
+        top, left, rows, columns, step = _window(target, T_cam_obj)
+        self._step = step
+        here = np.s_[top : top + rows * step, left : left + columns * step]
+        depth_m, camera = observation.depth_m[here], observation.camera
+        K = np.array([[camera.fx, 0, camera.cx - left], [0, camera.fy, camera.cy - top], [0, 0, 1]])
+        part = Camera(K, depth_m.shape[1], depth_m.shape[0])
+        self._grid = PixelGrid(
+            top + step // 2 + step * np.arange(rows, dtype=np.int64),
+            left + step // 2 + step * np.arange(columns, dtype=np.int64),
+        )
+        centre_m = depth_m[step // 2 :: step, step // 2 :: step][:rows, :columns].astype(np.float64)
+        self._spread_m = np.maximum(noise.per_m * centre_m * centre_m, 1e-9)
+        rng = np.random.default_rng(0)
+        before = estimate_normals(depth_m, part)
+        change = np.empty((*depth_m.shape, 4), np.float32)
+        changes = np.empty((N_DRAWS, rows * columns * 4), np.float32)
+        for k in range(N_DRAWS):
+            drawn_m = resampled(depth_m, noise, rng)
+            np.subtract(drawn_m, depth_m, out=change[..., 0])
+            np.subtract(estimate_normals(drawn_m, part), before, out=change[..., 1:])
+            # A cell stands for all of its pixels: its change is their mean.
+            cells = [change[i::step, j::step] for i in range(step) for j in range(step)]
+            changes[k] = np.mean(cells, axis=0).ravel()
+        self._changes = changes
+        self._scores = verifier.settings
+        scores = verifier.score(target, np.concatenate([T_cam_obj[None], _jittered(T_cam_obj)]), placed)
+        # Moved to both sides, so that a score that rises or falls is not taken for one that jumps.
+        jumps = scores.score[1::2] + scores.score[2::2] - 2 * scores.score[0]
+        self._resolution = float(np.sqrt(np.mean(jumps**2) / 6))
+        self._slope = self._slope_of(T_cam_obj, int(scores.n_pixels[0]))
+        self.most = 2.0 * float(np.hypot(self._spread(self._slope), self._resolution))
+        """About the largest noise of a difference: that of two poses whose scores share nothing."""
+
+    def of(self, T_cam_obj: Float, n_pixels: int) -> float:
+        """Standard deviation of the score of ``T_cam_obj`` (4, 4) minus that of the pose compared with; ``n_pixels``: N
+        of that score.
+        """
+        return float(np.hypot(self.of_depth(T_cam_obj, n_pixels), np.sqrt(2) * self._resolution))
+
+    def of_depth(self, T_cam_obj: Float, n_pixels: int) -> float:
+        """The part of it that is due to the noise of the depth image."""
+        return self._spread(self._slope_of(T_cam_obj, n_pixels) - self._slope)
+
+    def _spread(self, slope: NDArray[np.float32]) -> float:
+        # Not by BLAS, whose bits depend on the number of threads.
+        return float(np.sqrt(np.mean(np.einsum("ki,i->k", self._changes, slope) ** 2)))
+
+    def _slope_of(self, T_cam_obj: Float, n_pixels: int) -> NDArray[np.float32]:
+        """(cells · 4,) how the score changes with depth [1/m] and the three parts of the normal in each cell."""
+        s = self._scores
+        maps = self._verifier.maps(self._target, T_cam_obj, self._placed, self._grid)
+        off_m = np.nan_to_num(maps.depth_difference_m.astype(np.float64))
+        # Eq. 1: f_d = 1 − |d − d̂| / τ; |x| of a noisy x has the slope erf(x / √2σ) on average.
+        by_depth = -erf(off_m / (np.sqrt(2) * self._spread_m)) / s.tau_m * (maps.f_d > 0)
+        has_normal = np.isfinite(maps.angle_rad)
+        # Where no normal was observed, f_d counts in its place (docs/methods.md 1.8.26).
+        by_depth = np.where(has_normal | (s.pixels == "published"), by_depth, 2 * by_depth)
+        # Eq. 1: f_n = 1 − (1 − n·n̂) / α.
+        by_normal = maps.rendered_normals * ((maps.f_n > 0) & has_normal)[..., None] / s.alpha
+        slope = np.dstack([by_depth, by_normal]).ravel() * (self._step**2 / (2.0 * max(n_pixels, 1)))
+        return slope.astype(np.float32)
+
+
+def _jittered(T_cam_obj: Float) -> Float:
+    """(12, 4, 4) the pose moved along, and turned about, each of the camera's axes by a little, to both sides."""
+    Ts: list[Float] = []
+    for k in range(3):
+        for side in (-1.0, 1.0):
+            T = np.array(T_cam_obj)
+            T[k, 3] += side * 1e-3 * JITTER_MM
+            Ts.append(T)
+    for axis in np.eye(3):
+        turns = (axis_angle(axis, side * np.deg2rad(JITTER_MM)) @ T_cam_obj[:3, :3] for side in (-1.0, 1.0))
+        Ts += [transform(R, T_cam_obj[:3, 3]) for R in turns]
+    return np.array(Ts)
+
+
+def _window(target: Target, T_cam_obj: Float) -> tuple[int, int, int, int, int]:
+    """Top, left, rows and columns of cells, and side of a cell [px], around the object's mask and its model."""
+    camera, mask = target.observation.camera, target.instance.mask
+    v, u = np.nonzero(mask)
+    pixels = [np.stack([u, v], axis=1).astype(np.float64)]
+    points_cam = apply(T_cam_obj, target.model.points)
+    pixels.append(camera.project(points_cam[points_cam[:, 2] > 0.01]))
+    limits = np.array([camera.width, camera.height], np.float64)
+    around = np.clip(np.concatenate(pixels), 0, limits)
+    around = around if len(around) else np.array([[0.0, 0.0], limits])
+    low = np.clip(np.floor(around.min(axis=0)) - MARGIN_PX, 0, limits - 1).astype(int)
+    high = np.clip(np.ceil(around.max(axis=0)) + MARGIN_PX, 1, limits).astype(int)
+    size = np.maximum(high - low, 1)
+    step = max(1, int(np.ceil(np.sqrt(size[0] * size[1] / MOST_CELLS))))
+    columns, rows = np.maximum(size // step, 1)
+    return int(low[1]), int(low[0]), int(rows), int(columns), step

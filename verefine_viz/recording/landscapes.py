@@ -1,0 +1,33 @@
+"""The score around each answer of a finished run: a bar chart for each axis, and in words what is undetermined."""
+
+from __future__ import annotations
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from verefine_viz.core.palette import STAGE_COLORS
+from verefine_viz.evaluation.landscape import N_AXES, Landscape
+from verefine_viz.recording import entities
+from verefine_viz.recording.recorded_layout import Layout
+from verefine_viz.recording.recording_file import RecordingFile
+
+
+def log_landscape(file: RecordingFile, branch_name: str, around: Landscape) -> None:
+    """The landscape of one object's answer."""
+    for k, curve in enumerate(around.curves):
+        chart = rr.BarChart(curve.scores, abscissa=curve.offsets, color=STAGE_COLORS["best"])
+        file.log(entities.landscape(branch_name, k), chart)
+    widest = sorted(around.curves, key=lambda curve: curve is not around.least_certain)
+    words = "\n".join(f"- {curve.in_words()}" for curve in widest)
+    file.log(entities.landscape_words(branch_name), rr.TextDocument(words, media_type=rr.MediaType.MARKDOWN))
+
+
+def landscape_tab(layout: Layout) -> rrb.Container:
+    """A tab of the whole window: for each object its words and its curves."""
+    return rrb.Tabs(*(_of_object(name) for name in layout.names), name="Landscape")
+
+
+def _of_object(branch_name: str) -> rrb.Container:
+    words = rrb.TextDocumentView(origin=entities.landscape_words(branch_name), name="Undetermined")
+    charts = [rrb.BarChartView(origin=entities.landscape(branch_name, k), name=f"Axis {k + 1}") for k in range(N_AXES)]
+    return rrb.Horizontal(words, rrb.Grid(*charts, grid_columns=4), column_shares=[1, 3], name=branch_name)

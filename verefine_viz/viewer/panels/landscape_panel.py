@@ -1,0 +1,92 @@
+"""The score around the answer: six curves, a heat map over two axes, and what the observation cannot tell."""
+
+from __future__ import annotations
+
+import json
+
+import viser
+
+from verefine_viz.diagnosis.ambiguity import in_words
+from verefine_viz.evaluation.landscape import Curve, Landscape, Slice
+from verefine_viz.pictures.landscape_picture import curve_svg, slice_svg
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.drawing.markup import carries, choice, link, sentence, small, warning
+from verefine_viz.viewer.panels.widgets import Block
+from verefine_viz.viewer.snapshot.snapshot import Snapshot
+
+CURVE_PX, CURVE_HEIGHT_PX = 168, 60
+SLICE_PX = 150
+
+
+class LandscapePanel:
+    """Worked out when the run is over, or on demand; a click on a curve or on the map edits the pose there."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._block = Block(gui)
+
+    def show(self, snapshot: Snapshot) -> None:
+        """What is known by now; it does not change while the pose around which it was scored stays the best."""
+        self._block.show(landscape_html(snapshot))
+
+
+def landscape_html(snapshot: Snapshot) -> str:
+    """The whole panel, or how to get it."""
+    if snapshot.is_whole_scene:
+        return sentence("Choose an object: the score around its answer is shown here.")
+    if "best" not in snapshot.poses:
+        return sentence("No pose yet.")
+    around = snapshot.landscape
+    if around is None:
+        if snapshot.wants_landscape:
+            return sentence("Scoring the poses around the answer …")
+        wanted = link("Score the poses around the best one", c.ShowLandscape())
+        return sentence("Shown when the run is over.") + f"<p>{wanted}</p>"
+    return verdict_html(snapshot, around) + curves_html(snapshot, around) + _slice_html(snapshot, around)
+
+
+def verdict_html(snapshot: Snapshot, around: Landscape) -> str:
+    """The least certain axis, and a pose that cannot be told from the answer."""
+    words = around.least_certain.in_words()
+    verdict = sentence(f"{words[0].upper()}{words[1:]}.")
+    other = snapshot.other_pose
+    if other is None:
+        return verdict
+    return verdict + warning(in_words(snapshot.name, around, other), link("edit it", c.EditOtherPose()))
+
+
+def curves_html(snapshot: Snapshot, around: Landscape) -> str:
+    """The six curves of the chosen axes."""
+    frame = snapshot.options.curves_of
+    whose = choice(
+        "whose axes",
+        [("the table's axes", c.ShowLandscape("table")), ("its own axes", c.ShowLandscape("object"))],
+        c.ShowLandscape(frame),
+    )
+    drawn = "".join(_curve(k, curve) for k, curve in enumerate(around.curves) if curve.axis.frame == frame)
+    return f'{whose}<div style="display:grid;grid-template-columns:1fr 1fr;gap:4px 6px;margin:5px 0">{drawn}</div>'
+
+
+def _curve(k: int, curve: Curve) -> str:
+    area = json.dumps([0, 0, len(curve.offsets), 1])
+    click = f'{carries(c.EditPoseOnCurve(k, 0))} data-crop="{area}" style="cursor:crosshair;max-width:100%"'
+    return curve_svg(curve, CURVE_PX, CURVE_HEIGHT_PX, click)
+
+
+def _slice_html(snapshot: Snapshot, around: Landscape) -> str:
+    across, up = snapshot.options.slice_axes
+    names = [(k, curve.axis.words) for k, curve in enumerate(around.curves)]
+    lists = choice(
+        "across", [(f"→ {name}", c.ShowLandscape(across=k)) for k, name in names], c.ShowLandscape(across=across)
+    )
+    lists += choice("up", [(f"↑ {name}", c.ShowLandscape(up=k)) for k, name in names], c.ShowLandscape(up=up))
+    two = snapshot.score_slice
+    picture = _map(two) if two is not None else f'<div style="height:{SLICE_PX}px"></div>'
+    hint = small("A click edits the pose there. Shaded: undetermined. Band: twice the noise.")
+    side = f'<div style="flex:1;min-width:0;display:grid;gap:4px;align-content:start">{lists}{hint}</div>'
+    return f'<div style="display:flex;gap:8px">{picture}{side}</div>'
+
+
+def _map(two: Slice) -> str:
+    area = json.dumps([0, 0, len(two.scores), len(two.scores)])
+    click = f'{carries(c.EditPoseInSlice(0, 0))} data-crop="{area}" style="cursor:crosshair;flex:none"'
+    return slice_svg(two, SLICE_PX, click)
