@@ -280,6 +280,17 @@ def misplaced_neighbour(rng: np.random.Generator) -> Broken:
     return broken_by(Cause.NEIGHBOUR, problem, session, 1)
 
 
+def outscored(rng: np.random.Generator) -> Broken:
+    """Nothing is refined: a correct pose lies a little too far from the camera, and a turned one scores more."""
+    m = model("jug")
+    T = standing(m, rng)
+    error_of = ErrorOf(m, T)
+    correct = moved(T, Z, 0.0, (0, 0, 1e3 * rng.uniform(0.07, 0.09) * m.diameter_m))
+    turned = next(P for deg in range(5, 90, 3) if error_of(P := moved(T, Z, deg, (0, 0, 0))) > 0.12)
+    session = session_of("rir", 2, method={"refiner": "identity"}, physics={"enabled": False})
+    return broken_by(Cause.DISCARDED, frame_of([Thing(m, T, (turned, correct))], rng), session)
+
+
 GENERATORS: dict[Cause, Callable[[np.random.Generator], Broken]] = {
     Cause.SYMMETRIC: undeclared_symmetry,
     Cause.DEPTH: bad_depth,
@@ -295,6 +306,7 @@ GENERATORS: dict[Cause, Callable[[np.random.Generator], Broken]] = {
     Cause.POOL: bad_pool,
     Cause.NO_HYPOTHESIS: empty_pool,
     Cause.UNIT: pool_in_metres,
+    Cause.DISCARDED: outscored,
 }
 """A new one goes to the end: the place of a cause is part of its scenes' seeds."""
 

@@ -16,7 +16,10 @@ from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import DATA_FIRST
 from verefine_viz.diagnosis.data_doubts import answer_doubts
+from verefine_viz.diagnosis.signs import discarded
+from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.pose_errors import add_s_mm, pose_errors
+from verefine_viz.methods.registry import method_of
 from verefine_viz.session.edits import never_reached
 from verefine_viz.session.engine import Run
 
@@ -91,7 +94,7 @@ def _object_row(
         **_errors(target, best, initial),
         best_hypothesis=best.arm + 1,
         best_iteration=best.iteration,
-        worst_iteration=worst_iteration(target, iterations),
+        worst_iteration=worst_iteration(target, iterations, best if method_of(session.method.name).verifies else None),
         n_iterations=len(iterations),
         events=_counted(iterations),
         **_times(iterations),
@@ -142,11 +145,17 @@ def _errors(target: Target, best: Best, initial: Scores) -> dict[str, Any]:
     }
 
 
-def worst_iteration(target: Target, iterations: Sequence[Iteration]) -> int | None:
-    """The iteration after which this object was further from its goal than before it, by most.
+def worst_iteration(target: Target, iterations: Sequence[Iteration], answer: Best | None = None) -> int | None:
+    """The iteration that gave up a correct pose for a wrong answer; else the one after which this object was further
+    from its goal than before it, by most.
 
-    Measured by the error of the accepted pose against the one it started from, or by the score where there is no
-    ground truth. None if no iteration lost much (:data:`MUCH`, :data:`MUCH_SCORE`).
+    The latter is measured by the error of the accepted pose against the one it started from, or by the score where
+    there is no ground truth. None if no iteration lost much (:data:`MUCH`, :data:`MUCH_SCORE`).
+
+    Args:
+        target: the object.
+        iterations: its own.
+        answer: where the best score decided what the answer is.
     """
     T_gt = target.instance.T_cam_obj_gt
 
@@ -156,6 +165,11 @@ def worst_iteration(target: Target, iterations: Sequence[Iteration]) -> int | No
         assert T_gt is not None
         return add_s_mm(target.model, np.frombuffer(pose).reshape(4, 4), T_gt)
 
+    if T_gt is not None:
+        correct_mm = CORRECT * target.model.diameter_m * 1e3
+        given_up = discarded(iterations, answer, lambda T: error_mm(T.tobytes()) < correct_mm)
+        if given_up is not None:
+            return given_up.given_up
     worst, most = None, MUCH * target.model.diameter_m * 1e3 if T_gt is not None else MUCH_SCORE
     for iteration in iterations:
         before, after = iteration.stages[0], iteration.accepted_stage

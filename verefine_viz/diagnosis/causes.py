@@ -25,6 +25,7 @@ class Cause(StrEnum):
     SCORE = "score"
     PLANE = "plane"
     COLLIDER = "collider"
+    DISCARDED = "discarded"
     SIMULATION = "simulation"
     ARM_STARVED = "arm_starved"
     BUDGET = "budget"
@@ -42,6 +43,7 @@ TITLES: dict[Cause, str] = {
     Cause.SCORE: "score ranks a wrong pose above the ground truth",
     Cause.PLANE: "wrong support plane",
     Cause.COLLIDER: "collider too coarse",
+    Cause.DISCARDED: "correct pose discarded for one that scores more",
     Cause.SIMULATION: "simulation pushed it away",
     Cause.ARM_STARVED: "best hypothesis tried too little",
     Cause.BUDGET: "budget too small",

@@ -18,8 +18,8 @@ from verefine_viz.diagnosis.case import ALONE, Case, ErrorOf, Lab
 from verefine_viz.diagnosis.causes import DATA_FIRST, Diagnosis, Finding
 from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
 from verefine_viz.diagnosis.input_causes import INPUT_TESTS
-from verefine_viz.diagnosis.scene_causes import SCENE_TESTS, neighbour
-from verefine_viz.diagnosis.score_causes import score
+from verefine_viz.diagnosis.scene_causes import WORLD_TESTS, neighbour, simulation
+from verefine_viz.diagnosis.score_causes import discarded, score
 from verefine_viz.diagnosis.search_causes import SEARCH_TESTS, no_hypothesis
 from verefine_viz.session.comparison import Trace, trace_of
 from verefine_viz.session.engine import Run
@@ -28,7 +28,11 @@ from verefine_viz.session.toolbox import Toolbox
 THRESHOLD = 0.1
 """An answer whose ADD(-S) is at least this share of the diameter has failed."""
 
-_TESTS: tuple[Callable[[Case], Finding | None], ...] = (*INPUT_TESTS, neighbour, score, *SCENE_TESTS, *SEARCH_TESTS)
+_GIVEN = (*INPUT_TESTS, neighbour, score, *WORLD_TESTS)
+"""What the run was given. Whatever it made of a wrong mask or plane does not tell what is wrong with the run."""
+_DONE = (discarded, simulation, *SEARCH_TESTS)
+"""What the run did. A correct pose that it had is looked for first: whatever led away from others did not decide."""
+_TESTS: tuple[Callable[[Case], Finding | None], ...] = (*_GIVEN, *_DONE)
 _NO_RERUN = (score,)
 """Tested even after a cause is confirmed, as it costs next to nothing."""
 
@@ -98,7 +102,7 @@ def _diagnosed(case: Case, every_cause: bool) -> Diagnosis:
 def _tests_for(case: Case) -> tuple[Callable[[Case], Finding | None], ...]:
     if not case.target.instance.hypotheses:
         return (no_hypothesis,)
-    return _TESTS if not _solved_alone(case) else (*INPUT_TESTS[:1], neighbour, score, *SEARCH_TESTS)
+    return _TESTS if not _solved_alone(case) else (*INPUT_TESTS[:1], neighbour, score, discarded, *SEARCH_TESTS)
 
 
 def _solved_alone(case: Case) -> bool:

@@ -215,4 +215,5 @@ def _stands_on(case: Case) -> str:
     return " and the ".join(names)
 
 
-SCENE_TESTS: tuple[Callable[[Case], Finding | None], ...] = (plane, collider, simulation)
+WORLD_TESTS: tuple[Callable[[Case], Finding | None], ...] = (plane, collider)
+"""Of what physics was given."""

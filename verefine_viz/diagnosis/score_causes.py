@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
+from verefine_viz.diagnosis import signs
 from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts
-from verefine_viz.diagnosis.signs import prefers
 from verefine_viz.evaluation.pose_errors import rotation_error_deg, turning_on
 from verefine_viz.rendering.explained import ExplainedPixels
 
@@ -29,7 +31,7 @@ def score(case: Case) -> Finding | None:
         return _cost(case, case.answer.T_cam_obj)
     wrong = _scored(case, case.answer.T_cam_obj[None])[0]
     right = max(_scored(case, _poses_at_gt(case)), key=lambda s: s.score)
-    if not prefers(wrong, right):
+    if not signs.prefers(wrong, right):
         return None
     evidence = {
         "score": wrong.score,
@@ -45,23 +47,60 @@ def score(case: Case) -> Finding | None:
     return Finding(Cause.SCORE, preferred(case.name, case.error, wrong, right, _way(case)), evidence, True)
 
 
+def discarded(case: Case) -> Finding | None:
+    """A correct pose was reached, and another preferred: by its own score, or by that of the scene that it stood in."""
+    if case.answer is None or not case.lab.traits.verifies:
+        return None
+    seen = signs.discarded(case.own, case.answer, lambda T: case.error_of(T) < case.threshold)
+    if seen is None:
+        return None
+    T, error = seen.stage.T_cam_obj, case.error_of(seen.stage.T_cam_obj)
+    evidence = {
+        "hypothesis": float(seen.arm),
+        "iteration": float(seen.iteration),
+        "given_up_in_iteration": float(seen.given_up),
+        "error_of_correct": error,
+        "error": case.error,
+        "hypothesis_of_answer": float(case.answer.arm),
+        "iteration_of_answer": float(case.answer.iteration),
+    }
+    if case.lab.traits.has_tree:
+        correct_px, answer_px = _unexplained_px(case, [T, case.answer.T_cam_obj])
+        by = f"with it {correct_px} pixels of the scene are unexplained, with the answer {answer_px}"
+        evidence |= {"unexplained_px_of_correct": float(correct_px), "unexplained_px": float(answer_px)}
+    else:
+        if case.group:
+            correct, answer = (one.score for one in _scored(case, np.array([T, case.answer.T_cam_obj])))
+            which, suffix = "the scene scores", "scene_score"
+        else:
+            correct, answer = seen.score.score, case.answer.score.score
+            which, suffix = "it scores", "score"
+        texts = distinct_texts(correct, answer, 3)
+        by = f"{which} {texts[0]}" + (" with it" if case.group else "") + f", the answer {texts[1]}"
+        evidence |= {f"{suffix}_of_correct": correct, suffix: answer, "margin": answer - correct}
+    mm = 1e3 * case.target.model.diameter_m
+    made = (
+        f"made by iteration {seen.iteration} ({seen.stage.name}, hypothesis {seen.arm + 1})"
+        if seen.iteration
+        else f"the start of hypothesis {seen.arm + 1}"
+    )
+    at = case.answer
+    of_answer = f"iteration {at.iteration}, {at.stage}, hypothesis {at.arm + 1}"
+    if not at.iteration:
+        of_answer = f"the start of hypothesis {at.arm + 1}"
+    return Finding(
+        Cause.DISCARDED,
+        f"A correct pose of the {case.name}, {error * mm:.1f} mm off, {made}, was given up in iteration "
+        f"{seen.given_up} for one that is {case.error * mm:.1f} mm off ({of_answer}): {by}.",
+        evidence,
+        True,
+    )
+
+
 def _cost(case: Case, T_wrong: Float) -> Finding | None:
     """The search counts the pixels that a scene leaves unexplained: no more with the answer than at ground truth."""
-    s = case.lab.toolbox.session
-    pixels = ExplainedPixels(s.mcts.explained_m, s.score)
-    problem, answers = case.trace.problem, case.trace.answers[-1]
-    others = [
-        Placed(i, problem.target(i).model, answers[i].T_cam_obj)
-        for i in case.group
-        if i != case.instance_id and i in answers
-    ]
-
-    def unexplained_px(T_cam_obj: Float) -> int:
-        scene = [*others, Placed(case.instance_id, case.target.model, T_cam_obj)]
-        return pixels.unexplained_px(problem.observation, scene)
-
-    wrong_px = unexplained_px(T_wrong)
-    right_px = min(unexplained_px(T) for T in _poses_at_gt(case))
+    wrong_px, *at_gt_px = _unexplained_px(case, [T_wrong, *_poses_at_gt(case)])
+    right_px = min(at_gt_px)
     if wrong_px > right_px:
         return None
     pose = f"a pose of the {case.name} that is wrong by {case.error:.0%} of the diameter"
@@ -77,6 +116,22 @@ def _cost(case: Case, T_wrong: Float) -> Finding | None:
         {"unexplained_px": float(wrong_px), "unexplained_px_of_truth": float(right_px), "error": case.error},
         True,
     )
+
+
+def _unexplained_px(case: Case, poses: Sequence[Float]) -> list[int]:
+    """Pixels that the scene leaves unexplained with each of the object's poses, the others at their answers."""
+    s = case.lab.toolbox.session
+    pixels = ExplainedPixels(s.mcts.explained_m, s.score)
+    problem, answers = case.trace.problem, case.trace.answers[-1]
+    others = [
+        Placed(i, problem.target(i).model, answers[i].T_cam_obj)
+        for i in case.group
+        if i != case.instance_id and i in answers
+    ]
+    return [
+        pixels.unexplained_px(problem.observation, [*others, Placed(case.instance_id, case.target.model, T)])
+        for T in poses
+    ]
 
 
 def _poses_at_gt(case: Case) -> Float:

@@ -6,8 +6,11 @@ score prefers a wrong pose. Where a diagnosis would let a re-run decide, a sign 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.records import Best, Iteration, Stage
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.pose_errors import PoseErrors
@@ -76,6 +79,64 @@ def starved(course: Course) -> tuple[int, PoseErrors] | None:
         return None
     even_split = sum(course.n_tried) / len(course.n_tried)
     return course.nearest if course.n_tried[course.nearest[0]] <= max(1, STARVED * even_split) else None
+
+
+@dataclass(frozen=True, eq=False)
+class Discarded:
+    """A correct pose that a run had and gave up for a wrong one."""
+
+    arm: int
+    """Of the hypothesis that it came from."""
+    iteration: int
+    """Which made it; 0 = it is the initial pose of the hypothesis."""
+    stage: Stage
+    score: PoseScore
+    """The same pose's, as the iteration had it."""
+    given_up: int
+    """The first iteration from then on after which the object's best pose was a wrong one."""
+    answer: Best
+    """What was preferred to it in the end."""
+
+    @property
+    def margin(self) -> float:
+        """By how much the answer scores more; negative where the scene decided, not the object's own score."""
+        return self.answer.score.score - self.score.score
+
+
+def discarded(own: Sequence[Iteration], answer: Best | None, is_correct: Callable[[Float], bool]) -> Discarded | None:
+    """The highest-scoring correct pose among all that a run scored on its way to a wrong answer; None if there is none.
+
+    Only for methods that answer with the pose that scores best. A hypothesis that was never tried is not on the way.
+
+    Args:
+        own: all iterations of the object.
+        answer: of the run.
+        is_correct: whether a pose T_cam_obj (4, 4) is, by its ADD(-S).
+    """
+    known: dict[bytes, bool] = {}  # An iteration starts where an earlier one ended: half of the poses come twice.
+
+    def correct(T_cam_obj: Float) -> bool:
+        key = T_cam_obj.tobytes()
+        if key not in known:
+            known[key] = is_correct(T_cam_obj)
+        return known[key]
+
+    if answer is None or correct(answer.T_cam_obj):
+        return None
+    highest: tuple[Iteration, Stage, PoseScore] | None = None
+    for iteration in own:
+        for stage in iteration.stages:
+            if stage.score is None or (highest is not None and stage.score.score <= highest[2].score):
+                continue
+            if correct(stage.T_cam_obj):
+                highest = (iteration, stage, stage.score)
+    if highest is None:
+        return None
+    iteration, stage, score = highest
+    is_initial = stage is iteration.stages[0] and iteration.arm_iteration == 1
+    made = 0 if is_initial else iteration.index
+    given_up = next((i.index for i in own if i.index >= made and not correct(i.best.T_cam_obj)), own[-1].index)
+    return Discarded(iteration.arm, made, stage, score, given_up, answer)
 
 
 def leaks(score: PoseScore) -> bool:
