@@ -281,14 +281,15 @@ def misplaced_neighbour(rng: np.random.Generator) -> Broken:
 
 
 def outscored(rng: np.random.Generator) -> Broken:
-    """Nothing is refined: a correct pose lies a little too far from the camera, and a turned one scores more."""
-    m = model("jug")
-    T = standing(m, rng)
-    error_of = ErrorOf(m, T)
-    correct = moved(T, Z, 0.0, (0, 0, 1e3 * rng.uniform(0.07, 0.09) * m.diameter_m))
-    turned = next(P for deg in range(5, 90, 3) if error_of(P := moved(T, Z, deg, (0, 0, 0))) > 0.12)
-    session = session_of("rir", 2, method={"refiner": "identity"}, physics={"enabled": False})
-    return broken_by(Cause.DISCARDED, frame_of([Thing(m, T, (turned, correct))], rng), session)
+    """Nothing is refined: a correct pose is too far away, and one that lies aside by more scores higher."""
+    m = model("carton")
+    T, view = standing(m, rng, yaw_deg=float(rng.uniform(85, 95))), Viewpoint(elevation_deg=40, distance_m=0.52)
+    right, _down, away = 1e3 * m.diameter_m * view.T_world_cam[:3, :3].T
+    poses = [moved(T, Z, 0.0, share * way) for share, way in ((0.12, right), (rng.uniform(0.08, 0.09), away))]
+    session = session_of(
+        "rir", 2, method={"refiner": "identity", "exploration": 5.0}, physics={"enabled": False}, score={"tau_m": 0.01}
+    )
+    return broken_by(Cause.DISCARDED, frame_of([Thing(m, T, tuple(poses))], rng, view), session)
 
 
 GENERATORS: dict[Cause, Callable[[np.random.Generator], Broken]] = {
