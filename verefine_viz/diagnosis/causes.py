@@ -31,6 +31,7 @@ class Cause(StrEnum):
     BUDGET = "budget"
     REFINER = "refiner"
     POOL = "pool"
+    UNDECIDED = "undecided"
     NO_HYPOTHESIS = "no_hypothesis"
 
 
@@ -49,6 +50,7 @@ TITLES: dict[Cause, str] = {
     Cause.BUDGET: "budget too small",
     Cause.REFINER: "refiner diverged or got stuck",
     Cause.POOL: "no good hypothesis in the pool",
+    Cause.UNDECIDED: "undecided: the same run also comes out right",
     Cause.NO_HYPOTHESIS: "no hypothesis at all",
 }
 """For tables, bar charts, filters."""
@@ -65,6 +67,8 @@ class Finding:
     """Names carry their unit; errors are ADD(-S) as a share of the diameter."""
     is_confirmed: bool
     """Whether it alone explains the failure: a re-run without it came out right, or nothing else can."""
+    rests_on: str = ""
+    """The re-run that came out right; empty where none was needed."""
 
 
 @dataclass(frozen=True)

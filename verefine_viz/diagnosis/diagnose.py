@@ -14,8 +14,8 @@ from time import perf_counter
 from verefine_viz.calibration.camera_check import camera_notes
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Best
-from verefine_viz.diagnosis.case import ALONE, Case, ErrorOf, Lab
-from verefine_viz.diagnosis.causes import DATA_FIRST, Diagnosis, Finding
+from verefine_viz.diagnosis.case import ALONE, HELPS, Case, Control, ErrorOf, Lab
+from verefine_viz.diagnosis.causes import DATA_FIRST, Cause, Diagnosis, Finding
 from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
 from verefine_viz.diagnosis.input_causes import INPUT_TESTS
 from verefine_viz.diagnosis.scene_causes import WORLD_TESTS, neighbour, simulation
@@ -33,6 +33,8 @@ _GIVEN = (*INPUT_TESTS, neighbour, score, *WORLD_TESTS)
 _DONE = (discarded, simulation, *SEARCH_TESTS)
 """What the run did. A correct pose that it had is looked for first: whatever led away from others did not decide."""
 _TESTS: tuple[Callable[[Case], Finding | None], ...] = (*_GIVEN, *_DONE)
+_SEEN = frozenset({Cause.SYMMETRIC, Cause.SCORE, Cause.DISCARDED, Cause.NO_HYPOTHESIS})
+"""Causes that are plain to see in what the run did, and need no control."""
 _NO_RERUN = (score,)
 """Tested even after a cause is confirmed, as it costs next to nothing."""
 
@@ -77,14 +79,19 @@ def _diagnosed(case: Case, every_cause: bool) -> Diagnosis:
     began, before = perf_counter(), case.lab.n_reruns
     findings: list[Finding] = []
     main: Finding | None = None
+    between: Control | None = None
     for test in _tests_for(case):
         if main is not None and not every_cause and test not in _NO_RERUN:
             continue
         finding = test(case)
         if finding is not None:
+            finding, control = _controlled(case, finding)
+            between = between or control
             findings.append(finding)
             if main is None and finding.is_confirmed:
                 main = finding
+    if main is None and between is not None:
+        main = _undecided(case, between)
     main = main or _likeliest(findings)
     others = tuple(sorted((f for f in findings if f is not main), key=lambda f: not f.is_confirmed))
     return Diagnosis(
@@ -96,6 +103,36 @@ def _diagnosed(case: Case, every_cause: bool) -> Diagnosis:
         others,
         case.lab.n_reruns - before,
         (perf_counter() - began) * 1e3,
+    )
+
+
+def _controlled(case: Case, finding: Finding) -> tuple[Finding, Control | None]:
+    """The finding, confirmed only if it explains clearly more than chance does; else also how often chance helps.
+
+    A repair has to come out right more often than re-runs with nothing changed do. Where nothing is put right, as where
+    no hypothesis leads to the ground truth, none of those may come out right.
+    """
+    if not finding.is_confirmed or finding.cause in _SEEN:
+        return finding, None
+    chance = case.unchanged(finding.rests_on)
+    if not chance.n_right:
+        return finding, None
+    evidence = {"reruns": float(chance.n), "reruns_right": float(chance.n_right)}
+    if finding.rests_on:
+        repaired = case.repeated(finding.rests_on)
+        evidence |= {"repaired": float(repaired.n), "repaired_right": float(repaired.n_right)}
+        if repaired.n_right / repaired.n - chance.n_right / chance.n >= HELPS:
+            return replace(finding, evidence={**finding.evidence, **evidence}), None
+    return replace(finding, evidence={**finding.evidence, **evidence}, is_confirmed=False), chance
+
+
+def _undecided(case: Case, chance: Control) -> Finding:
+    return Finding(
+        Cause.UNDECIDED,
+        f"The {case.name} is between two basins: right in {chance.n_right} of {chance.n} re-runs that differ only in "
+        "which of the observed points are used, and nothing that was put right helps clearly more often.",
+        {"reruns": float(chance.n), "reruns_right": float(chance.n_right), "error": case.error},
+        True,
     )
 
 

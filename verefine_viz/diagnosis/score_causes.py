@@ -29,8 +29,8 @@ def score(case: Case) -> Finding | None:
         return None
     if case.lab.traits.has_tree:
         return _cost(case, case.answer.T_cam_obj)
-    wrong = _scored(case, case.answer.T_cam_obj[None])[0]
-    right = max(_scored(case, _poses_at_gt(case)), key=lambda s: s.score)
+    wrong = scored(case, case.answer.T_cam_obj[None])[0]
+    right = max(scored(case, _poses_at_gt(case)), key=lambda s: s.score)
     if not signs.prefers(wrong, right):
         return None
     evidence = {
@@ -70,7 +70,7 @@ def discarded(case: Case) -> Finding | None:
         evidence |= {"unexplained_px_of_correct": float(correct_px), "unexplained_px": float(answer_px)}
     else:
         if case.group:
-            correct, answer = (one.score for one in _scored(case, np.array([T, case.answer.T_cam_obj])))
+            correct, answer = (one.score for one in scored(case, np.array([T, case.answer.T_cam_obj])))
             which, suffix = "the scene scores", "scene_score"
         else:
             correct, answer = seen.score.score, case.answer.score.score
@@ -145,7 +145,7 @@ def _poses_at_gt(case: Case) -> Float:
     return np.array(poses)
 
 
-def _scored(case: Case, poses: Float) -> list[PoseScore]:
+def scored(case: Case, poses: Float) -> list[PoseScore]:
     """The score that decided: of the object, or of the whole scene with the others at their answers."""
     if not case.lab.traits.takes_turns:
         fixed = case.placed if case.lab.method(None).placed_may_hide else ()

@@ -161,6 +161,8 @@ ADVICE = {
     Cause.BUDGET: "try more iterations (method.iterations)",
     Cause.REFINER: "try another refiner, or other settings of it (method.refiner)",
     Cause.POOL: "no initial pose led to the ground truth, so more or better ones are needed ([hypotheses])",
+    Cause.UNDECIDED: "the same run comes out right for another scene.seed, so more hypotheses make it more certain "
+    "([hypotheses], max_per_object)",
     Cause.NO_HYPOTHESIS: "without an initial pose nothing is refined, so name further results files or an estimator "
     "(hypotheses.files, hypotheses.estimate)",
 }
