@@ -32,7 +32,7 @@ from verefine_viz.core.arrays import Mask
 from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
-from verefine_viz.diagnosis.case import ErrorOf
+from verefine_viz.diagnosis.case import ErrorOf, sampled_again
 from verefine_viz.diagnosis.causes import Cause, Diagnosis
 from verefine_viz.diagnosis.diagnose import diagnose
 from verefine_viz.physics.simulator import BulletSimulator, settle_to_rest
@@ -258,7 +258,24 @@ def undeclared_symmetry(rng: np.random.Generator) -> Broken:
 
 
 def misplaced_neighbour(rng: np.random.Generator) -> Broken:
-    """A mirroring can gives no depth, stays where its estimator put it, and that is where the next object is."""
+    """A mirroring can gives no depth, stays where its estimator put it, and that is where the next object is.
+
+    That decides, not which of the observed points are used.
+    """
+    while True:
+        broken = _misplaced_neighbour(rng)
+        settings = broken.toolbox.session.scene
+        samples = [
+            replace(
+                broken.problem, instances=tuple(sampled_again(t, settings, k).instance for t in broken.problem.targets)
+            )
+            for k in range(1, 4)
+        ]
+        if not any(comes_right(broken.toolbox, problem, 1) for problem in samples):
+            return broken
+
+
+def _misplaced_neighbour(rng: np.random.Generator) -> Broken:
     other, m = model(str(rng.choice(["can", "bottle"]))), model(str(rng.choice(["duck", "carton"])))
     T = standing(m, rng, 0.01)
     T[0, 3] += 0.05

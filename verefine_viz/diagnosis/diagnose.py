@@ -14,7 +14,7 @@ from time import perf_counter
 from verefine_viz.calibration.camera_check import camera_notes
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Best
-from verefine_viz.diagnosis.case import ALONE, HELPS, Case, Control, ErrorOf, Lab
+from verefine_viz.diagnosis.case import ALONE, HELPS, TOGETHER, Case, Control, ErrorOf, Lab
 from verefine_viz.diagnosis.causes import DATA_FIRST, Cause, Diagnosis, Finding
 from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
 from verefine_viz.diagnosis.input_causes import INPUT_TESTS
@@ -114,7 +114,7 @@ def _controlled(case: Case, finding: Finding) -> tuple[Finding, Control | None]:
     """
     if not finding.is_confirmed or finding.cause in _SEEN:
         return finding, None
-    chance = case.unchanged(finding.rests_on)
+    chance = case.unchanged(finding.rests_on or (TOGETHER if case.group else ALONE))
     if not chance.n_right:
         return finding, None
     evidence = {"reruns": float(chance.n), "reruns_right": float(chance.n_right)}

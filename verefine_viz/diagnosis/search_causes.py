@@ -274,7 +274,7 @@ def leads_there(case: Case) -> Finding | None:
 
 
 def _refined_alone(case: Case, T_cam_obj: Float) -> tuple[Float, int] | None:
-    """The first correct pose that the refiner alone makes of one, and after how many calls; None where it makes none."""
+    """The first correct pose that the refiner alone makes of one, and after how many calls; None if it makes none."""
     T = T_cam_obj
     for calls in range(1, CONVERGED + 1):
         before, T = T, case.lab.refiner.refine(case.target, T, case.placed)
