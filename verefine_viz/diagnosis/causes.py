@@ -50,7 +50,7 @@ TITLES: dict[Cause, str] = {
     Cause.BUDGET: "budget too small",
     Cause.REFINER: "refiner diverged or got stuck",
     Cause.POOL: "no good hypothesis in the pool",
-    Cause.UNDECIDED: "undecided: the same run also comes out right",
+    Cause.UNDECIDED: "undecided: between two basins",
     Cause.NO_HYPOTHESIS: "no hypothesis at all",
 }
 """For tables, bar charts, filters."""
