@@ -320,25 +320,36 @@ class Case:
     def unchanged(self, like: str) -> Control:
         """How often the run comes out right by itself, solved in the way that the re-run ``like`` was."""
         if like.startswith(TOGETHER):
-            again = self._solving_together({})
-            return self._control(f"{TOGETHER}{ALONE}", again, FIRST_CONTROLS_TOGETHER, CONTROLS_TOGETHER)
-        return self._control(ALONE, self._solving(self.target), FIRST_CONTROLS, CONTROLS)
+            return self._control(f"{TOGETHER}{ALONE}", FIRST_CONTROLS_TOGETHER, CONTROLS_TOGETHER)
+        return self._control(ALONE, FIRST_CONTROLS, CONTROLS)
 
     def repeated(self, what: str) -> Control:
         """How often a re-run that was made comes out right."""
         n = CONTROLS_TOGETHER if what.startswith(TOGETHER) else CONTROLS
-        return self._control(what, self._again[what], n, n)
+        return self._control(what, n, n)
 
-    def _control(self, what: str, again: Again, first: int, n: int) -> Control:
+    def _control(self, what: str, first: int, n: int) -> Control:
         """Of ``n`` re-runs; of only the ``first`` of them if none of those comes out right."""
         if what not in self._controls:
-            n_right = n_made = 0
-            while n_made < n and (n_made < first or n_right):
-                n_made += 1
-                n_right += self._error_of_best(again(n_made)) < self.threshold
-            self.lab.n_reruns += n_made
+            n_made, n_right = first, self.n_right(what, range(1, first + 1))
+            if n_right and n > first:
+                n_made, n_right = n, n_right + self.n_right(what, range(first + 1, n + 1))
             self._controls[what] = Control(n_right, n_made)
         return self._controls[what]
+
+    def n_right(self, what: str, samples: Sequence[int]) -> int:
+        """On how many samples of the observed points a re-run comes out right that was made before, or changes nothing.
+
+        Args:
+            what: its name; one that changes nothing is called :data:`ALONE`.
+            samples: see :func:`sampled_again`.
+        """
+        if what == f"{TOGETHER}{ALONE}":
+            again = self._solving_together({})
+        else:
+            again = self._solving(self.target) if what == ALONE else self._again[what]
+        self.lab.n_reruns += len(samples)
+        return sum(self._error_of_best(again(sample)) < self.threshold for sample in samples)
 
     def with_pool(self, *poses: Float) -> Target:
         """The target with these initial poses instead."""

@@ -88,6 +88,8 @@ class Diagnosis:
     """Time it took [ms]."""
     doubts: tuple[str, ...] = ()
     """What is off with the data of the frame, and may be behind the cause; the sentence ends with it."""
+    rests_on: str = ""
+    """As in :class:`Finding`."""
 
 
 DATA_FIRST = "Look at the data first:"

@@ -7,7 +7,7 @@ it; the first confirmed one is the main cause, and only re-runs that are needed 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from time import perf_counter
 
@@ -55,18 +55,7 @@ def diagnose(
         every_cause: goes on after the main cause is confirmed, so that all others are tested as well.
     """
     trace = trace_of(run) if isinstance(run, Run) else run
-    frame = FrameGroundTruth(trace.problem)
-    lab = Lab(toolbox)
-    diagnoses: list[Diagnosis] = []
-    for target in trace.problem.targets:
-        T_gt = target.instance.T_cam_obj_gt
-        if T_gt is None:
-            continue
-        answer = trace.answers[-1].get(target.instance.instance_id)
-        if answer is not None and ErrorOf(target.model, T_gt)(answer.T_cam_obj) < threshold:
-            continue
-        case = Case(trace, lab, target, T_gt, frame, threshold, answer, _placed(trace, target, answer))
-        diagnoses.append(_diagnosed(case, every_cause))
+    diagnoses = [diagnosed(case, every_cause) for case in failed_cases(trace, toolbox, threshold)]
     if not diagnoses:
         return ()
     # A wrong camera changes all objects.
@@ -75,7 +64,19 @@ def diagnose(
     return tuple(replace(one, sentence=one.sentence + notes, doubts=doubts) for one in diagnoses)
 
 
-def _diagnosed(case: Case, every_cause: bool) -> Diagnosis:
+def failed_cases(trace: Trace, toolbox: Toolbox, threshold: float = THRESHOLD) -> Iterator[Case]:
+    """The instances that failed, for :func:`diagnosed`; the arguments are those of :func:`diagnose`."""
+    frame, lab = FrameGroundTruth(trace.problem), Lab(toolbox)
+    for target in trace.problem.targets:
+        T_gt = target.instance.T_cam_obj_gt
+        answer = trace.answers[-1].get(target.instance.instance_id)
+        if T_gt is None or (answer is not None and ErrorOf(target.model, T_gt)(answer.T_cam_obj) < threshold):
+            continue
+        yield Case(trace, lab, target, T_gt, frame, threshold, answer, _placed(trace, target, answer))
+
+
+def diagnosed(case: Case, every_cause: bool = False) -> Diagnosis:
+    """Why one instance failed, before what is off with the data of its frame."""
     began, before = perf_counter(), case.lab.n_reruns
     findings: list[Finding] = []
     main: Finding | None = None
@@ -103,6 +104,7 @@ def _diagnosed(case: Case, every_cause: bool) -> Diagnosis:
         others,
         case.lab.n_reruns - before,
         (perf_counter() - began) * 1e3,
+        rests_on=main.rests_on,
     )
 
 
