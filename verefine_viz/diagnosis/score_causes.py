@@ -15,8 +15,11 @@ from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts
 from verefine_viz.evaluation.pose_errors import rotation_error_deg, turning_on
 from verefine_viz.rendering.explained import ExplainedPixels
 
-POLISHING = 3
-"""Refiner calls from ground truth, which must not lose by being a millimetre off."""
+POLISHING = 12
+"""Most refiner calls from ground truth, which must not lose by being a millimetre off. While its pose is correct it
+is in the basin of ground truth: the 28 objects of eight YCB-V frames come to rest 0.3 to 6.3 % of the diameter away."""
+AT_REST = 1e-6
+"""The refiner moves such a pose no more."""
 WORTH_A_WAY_DEG = 5.0
 """Of a smaller rotation it does not matter which way it goes."""
 BLAMED = ("missed", "protruding")
@@ -33,9 +36,10 @@ def score(case: Case) -> Finding | None:
     right = max(scored(case, _poses_at_gt(case)), key=lambda s: s.score)
     if not signs.prefers(wrong, right):
         return None
+    of = "scene_score" if case.lab.traits.takes_turns else "score"
     evidence = {
-        "score": wrong.score,
-        "score_of_truth": right.score,
+        of: wrong.score,
+        f"{of}_of_truth": right.score,
         "error": case.error,
         **{f"{name}_share": wrong.shares[name] for name in PIXEL_CLASSES},
         **{f"{name}_share_of_truth": right.shares[name] for name in PIXEL_CLASSES},
@@ -44,7 +48,8 @@ def score(case: Case) -> Finding | None:
         "normal_fit": wrong.normal_fit,
         "normal_fit_of_truth": right.normal_fit,
     }
-    return Finding(Cause.SCORE, preferred(case.name, case.error, wrong, right, _way(case)), evidence, True)
+    whose = "The scene's score" if case.lab.traits.takes_turns else "The score"
+    return Finding(Cause.SCORE, preferred(case.name, case.error, wrong, right, _way(case), whose), evidence, True)
 
 
 def discarded(case: Case) -> Finding | None:
@@ -69,14 +74,14 @@ def discarded(case: Case) -> Finding | None:
         by = f"with it {correct_px} pixels of the scene are unexplained, with the answer {answer_px}"
         evidence |= {"unexplained_px_of_correct": float(correct_px), "unexplained_px": float(answer_px)}
     else:
-        if case.group:
+        if case.lab.traits.takes_turns:
             correct, answer = (one.score for one in scored(case, np.array([T, case.answer.T_cam_obj])))
             which, suffix = "the scene scores", "scene_score"
         else:
             correct, answer = seen.score.score, case.answer.score.score
             which, suffix = "it scores", "score"
         texts = distinct_texts(correct, answer, 3)
-        by = f"{which} {texts[0]}" + (" with it" if case.group else "") + f", the answer {texts[1]}"
+        by = f"{which} {texts[0]}" + (" with it" if case.lab.traits.takes_turns else "") + f", the answer {texts[1]}"
         evidence |= {f"{suffix}_of_correct": correct, suffix: answer, "margin": answer - correct}
     mm = 1e3 * case.target.model.diameter_m
     made = (
@@ -139,7 +144,7 @@ def _poses_at_gt(case: Case) -> Float:
     poses = [case.T_gt]
     for _ in range(POLISHING):
         T = case.lab.refiner.refine(case.target, poses[-1], case.placed)
-        if case.error_of(T) > case.threshold / 2:
+        if case.error_of(T) >= case.threshold or np.abs(T - poses[-1]).max() < AT_REST:
             break
         poses.append(T)
     return np.array(poses)
@@ -170,7 +175,9 @@ def _way(case: Case) -> str:
     return f" ({rotation_error_deg(case.target.model, case.answer.T_cam_obj, case.T_gt):.0f}°: {way.in_words(0)})"
 
 
-def preferred(name: str, error: float, wrong: PoseScore, right: PoseScore, way: str = "") -> str:
+def preferred(
+    name: str, error: float, wrong: PoseScore, right: PoseScore, way: str = "", whose: str = "The score"
+) -> str:
     """The sentence about a score that prefers a wrong pose, or gives it as much as the ground truth.
 
     Args:
@@ -179,12 +186,13 @@ def preferred(name: str, error: float, wrong: PoseScore, right: PoseScore, way: 
         wrong: its score.
         right: that of ground truth, which is not higher.
         way: which way the pose is turned, in words.
+        whose: score it is: the object's, or that of its scene.
     """
     pose = f"a pose of the {name} that is wrong by {error:.0%} of the diameter{way}"
     of_wrong, of_gt = distinct_texts(wrong.score, right.score, 3)
     if of_wrong == of_gt:
-        return f"The score gives {pose} as much as the ground truth: {of_gt}."
-    return f"The score prefers {pose}: {of_wrong} against {of_gt} for the ground truth{_why(wrong, right)}."
+        return f"{whose} gives {pose} as much as the ground truth: {of_gt}."
+    return f"{whose} prefers {pose}: {of_wrong} against {of_gt} for the ground truth{_why(wrong, right)}."
 
 
 def _why(wrong: PoseScore, right: PoseScore) -> str:

@@ -289,7 +289,7 @@ def no_hypothesis(case: Case) -> Finding:
     """The pool is empty, so that nothing was done."""
     again = _from_gt(case)
     what = f"There is no hypothesis for the {case.name}"
-    if np.isfinite(again.error):
+    if again.best is not None and again.best.iteration:
         what += f"; started at the ground truth, it ends {share(again.error)} of the diameter away"
     return Finding(Cause.NO_HYPOTHESIS, f"{what}.", {"hypotheses": 0.0, "error_from_truth": again.error}, True)
 
@@ -337,11 +337,18 @@ def pool(case: Case) -> Finding | None:
     return Finding(
         Cause.POOL,
         f"No hypothesis of the {case.name} leads to the ground truth: the nearest of {len(case.initial_errors)} "
-        f"(hypothesis {j + 1}) starts {far.rotation_deg:.0f}°{direction} and {far.translation_mm:.0f} mm away{wrong}; "
-        f"started at the ground truth {instead(again.error, case.error)}.",
+        f"(hypothesis {j + 1}) starts {far.rotation_deg:.0f}°{direction} and {far.translation_mm:.0f} mm away{wrong}"
+        f"{_started_at_gt(case, again)}.",
         evidence,
         True,
     )
+
+
+def _started_at_gt(case: Case, again: Rerun) -> str:
+    """What a re-run from ground truth shows; nothing where it answers with the start itself."""
+    if again.best is None or again.best.iteration == 0:
+        return ""
+    return f"; started at the ground truth {instead(again.error, case.error)}"
 
 
 def _from_gt(case: Case) -> Rerun:
