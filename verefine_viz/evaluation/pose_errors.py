@@ -139,7 +139,7 @@ class Turning:
     turn_deg: float
     """Angle of the turn about the axis; 0 where the tilt is 180°, which leaves none [deg]."""
     rolls: bool = False
-    """Whether the object stays as high and as deep all through the tilt, as a lying can that rolls."""
+    """Whether the tilt leaves the object as high as it is, as a lying can that rolls."""
 
     def in_words(self, digits: int = 1) -> str:
         """As in: 3.6° of tilt against the table, 8.8° of turn on it."""
@@ -170,19 +170,16 @@ def turning(model: ObjectModel, T_est: Float, T_gt: Float, up_cam: Float) -> Tur
 
 
 def _rolls(points_cam: Float, R: Float, up_cam: Float) -> bool:
-    """Whether an object is as high above the middle of its points, and as deep below, at each part of a tilt."""
+    """Whether an object is as high above the middle of its points, and as deep below, all the way round a tilt."""
     middle = points_cam.mean(axis=0)
     size_m = float(np.linalg.norm(points_cam - middle, axis=1).max())
-    axis = np.cross(up_cam, R @ up_cam)
-    sine = float(np.linalg.norm(axis))
+    across = np.cross(up_cam, R @ up_cam)
+    sine = float(np.linalg.norm(across))
     if sine < ROUNDED:
         return False
-    tilt = float(np.arctan2(sine, up_cam @ R @ up_cam))
-    heights = [
-        (points_cam - middle) @ axis_angle(axis / sine, part * tilt).T @ up_cam for part in (0.0, 0.25, 0.5, 0.75, 1.0)
-    ]
-    tops, bottoms = [h.max() for h in heights], [h.min() for h in heights]
-    return bool(max(np.ptp(tops), np.ptp(bottoms)) < ROLLS * size_m)
+    turned = [axis_angle(across / sine, np.deg2rad(deg)) for deg in range(0, 180, 30)]
+    heights = [(points_cam - middle) @ R_turn.T @ up_cam for R_turn in turned]
+    return bool(max(np.ptp([h.max() for h in heights]), np.ptp([h.min() for h in heights])) < ROLLS * size_m)
 
 
 def turning_on(target: Target, T_est: Float) -> Turning | None:
