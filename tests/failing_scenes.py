@@ -32,7 +32,7 @@ from verefine_viz.core.arrays import Mask
 from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
-from verefine_viz.diagnosis.case import ErrorOf
+from verefine_viz.diagnosis.case import ErrorOf, sampled_again
 from verefine_viz.diagnosis.causes import Cause, Diagnosis
 from verefine_viz.diagnosis.diagnose import diagnose
 from verefine_viz.physics.simulator import BulletSimulator, settle_to_rest
@@ -273,7 +273,27 @@ def undeclared_symmetry(rng: np.random.Generator) -> Broken:
 
 
 def misplaced_neighbour(rng: np.random.Generator) -> Broken:
-    """A mirroring can gives no depth, stays where its estimator put it, and that is where the next object is."""
+    """A mirroring can gives no depth, stays where its estimator put it, and that is where the next object is.
+
+    That decides, not which of the observed points are used.
+    """
+    while True:
+        broken = _misplaced_neighbour(rng)
+        if not _right_by_chance(broken, 3):
+            return broken
+
+
+def _right_by_chance(broken: Broken, n: int) -> int:
+    """In how many of ``n`` runs on other samples of the observed points it comes out right."""
+    scene, problem = broken.toolbox.session.scene, broken.problem
+    again = [
+        replace(problem, instances=tuple(sampled_again(t, scene, k).instance for t in problem.targets))
+        for k in range(1, n + 1)
+    ]
+    return sum(comes_right(broken.toolbox, other, broken.instance_id) for other in again)
+
+
+def _misplaced_neighbour(rng: np.random.Generator) -> Broken:
     other, m = model(str(rng.choice(["can", "bottle"]))), model(str(rng.choice(["duck", "carton"])))
     T = standing(m, rng, 0.01)
     T[0, 3] += 0.05
@@ -295,6 +315,30 @@ def misplaced_neighbour(rng: np.random.Generator) -> Broken:
     return broken_by(Cause.NEIGHBOUR, problem, session, 1)
 
 
+def outscored(rng: np.random.Generator) -> Broken:
+    """Nothing is refined: a correct pose is too far away, and one that lies aside by more scores higher."""
+    m = model("carton")
+    T, view = standing(m, rng, yaw_deg=float(rng.uniform(85, 95))), Viewpoint(elevation_deg=40, distance_m=0.52)
+    right, _down, away = 1e3 * m.diameter_m * view.T_world_cam[:3, :3].T
+    poses = [moved(T, Z, 0.0, share * way) for share, way in ((0.12, right), (rng.uniform(0.08, 0.09), away))]
+    session = session_of(
+        "rir", 2, method={"refiner": "identity", "exploration": 5.0}, physics={"enabled": False}, score={"tau_m": 0.01}
+    )
+    return broken_by(Cause.DISCARDED, frame_of([Thing(m, T, tuple(poses))], rng, view), session)
+
+
+def between_two_basins(rng: np.random.Generator) -> Broken:
+    """Half of a quarter turn off: which way ICP turns a square carton depends on the points that it is given."""
+    m = model("carton")
+    session = session_of("rir", 2, physics={"enabled": False})
+    while True:
+        T = standing(m, rng)
+        start = moved(T, Z, rng.choice([-1, 1]) * rng.uniform(40, 52), (*rng.uniform(-4, 4, 2), 3))
+        broken = broken_by(Cause.UNDECIDED, frame_of([Thing(m, T, (start,))], rng), session)
+        if not comes_right(broken.toolbox, broken.problem) and _right_by_chance(broken, 5) in (2, 3):
+            return broken
+
+
 GENERATORS: dict[Cause, Callable[[np.random.Generator], Broken]] = {
     Cause.SYMMETRIC: undeclared_symmetry,
     Cause.DEPTH: bad_depth,
@@ -311,6 +355,8 @@ GENERATORS: dict[Cause, Callable[[np.random.Generator], Broken]] = {
     Cause.NO_HYPOTHESIS: empty_pool,
     Cause.UNIT: pool_in_metres,
     Cause.AMBIGUOUS: hidden_handle,
+    Cause.DISCARDED: outscored,
+    Cause.UNDECIDED: between_two_basins,
 }
 """A new one goes to the end: the place of a cause is part of its scenes' seeds."""
 

@@ -14,7 +14,7 @@ from tests.made_up_frames import Thing as Made
 from verefine_viz.core.geometry import apply, axis_angle, inverse, random_unit_vector, transform
 from verefine_viz.diagnosis.case import ErrorOf
 from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth, registration, supporting_plane
-from verefine_viz.diagnosis.symmetry import nearby_symmetry
+from verefine_viz.diagnosis.symmetry import nearby_symmetry, undeclared_turn
 from verefine_viz.evaluation.pose_errors import pose_errors
 
 
@@ -93,6 +93,35 @@ def test_declared_symmetries_are_found_without_being_declared(name: str) -> None
         errors = pose_errors(full, found, np.eye(4))
         assert errors.rotation_deg < 4  # The declared turns of round things are a few degrees apart.
         assert errors.translation_mm < 1
+
+
+@pytest.mark.parametrize("deg", [20, 45, 90, 150])
+def test_a_can_that_is_nearly_round_counts_as_round(deg: float) -> None:
+    can = model("can", symmetric=False)
+    # A dent on one side and a seam: 3 mm from round, more than 2 % of the diameter.
+    around = np.arctan2(can.points[:, 1], can.points[:, 0])
+    out = 1.0 + 0.003 * np.cos(around) / np.linalg.norm(can.points[:, :2], axis=1).max()
+    points = can.points * np.stack([out, out, np.ones_like(out)], axis=1)
+    found = nearby_symmetry(
+        replace(can, points=points), transform(axis_angle(np.array([0, 0, 1.0]), np.deg2rad(deg)), [0.002, 0, 0])
+    )
+    assert found is not None
+    assert np.rad2deg(np.arccos((np.trace(found[:3, :3]) - 1) / 2)) == pytest.approx(deg, abs=5)
+
+
+def test_a_turn_that_keeps_the_shape_says_whether_texture_could_tell() -> None:
+    can = model("can", symmetric=False)
+    T_est = transform(axis_angle(np.array([0, 0, 1.0]), np.deg2rad(60)), np.zeros(3))
+    half = np.where(can.vertices[:, :1] > 0, [[255, 0, 0]], [[0, 0, 255]]).astype(np.uint8)
+    plain = np.full_like(half, 128)
+    said = {}
+    for name, colors in (("none", None), ("half", half), ("plain", plain)):
+        turn = undeclared_turn(replace(can, vertex_colors=colors), T_est, np.eye(4), 0.1)
+        assert turn is not None
+        said[name] = turn.in_words("can")
+    assert said["none"].endswith("the model has no colours.")
+    assert said["half"].endswith("Its texture could tell, as colours differ there; depth cannot.")
+    assert said["plain"].endswith("Its colours are alike as well.")
 
 
 @pytest.mark.parametrize("name", ["duck", "mug", "carton", "jug", "teddy"])

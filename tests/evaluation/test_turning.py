@@ -10,6 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.fakes import box_model
+from tests.made_up_frames import model
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between, axis_angle, transform
 from verefine_viz.evaluation.pose_errors import rotation_error_deg, turning, turning_of
@@ -75,3 +76,13 @@ def test_a_turn_that_looks_the_same_is_none(tilt: float, turn: float, k: int, se
     assert (found.tilt_deg, found.turn_deg) == pytest.approx((tilt, turn), abs=EXACT_DEG)
     whole = np.cos(np.radians(rotation_error_deg(model, T_est, T_gt)) / 2)
     assert whole == pytest.approx(np.cos(np.radians(tilt) / 2) * np.cos(np.radians(turn) / 2), abs=1e-9)
+
+
+def test_a_lying_can_rolls_and_a_standing_one_tilts() -> None:
+    can, up = model("can", symmetric=False), np.array([0.0, 0.0, 1.0])
+    lying = transform(axis_angle(np.array([1.0, 0, 0]), np.pi / 2), np.zeros(3))
+    along = transform(axis_angle(np.array([0, 1.0, 0]), np.deg2rad(40.0)), np.zeros(3))  # The can's axis, as it lies.
+    assert turning(can, along @ lying, lying, up).in_words(0) == "all of it roll on the table"
+    assert turning(can, along, np.eye(4), up).in_words(0) == "all of it tilt against the table"
+    block = model("cereal", symmetric=False)
+    assert turning(block, along @ lying, lying, up).in_words(0) == "all of it tilt against the table"

@@ -69,6 +69,17 @@ def score_of(stage: Stage) -> float:
     return stage.score.score
 
 
+@pytest.mark.parametrize("name", sorted(FAILURES))
+def test_every_failure_ends_wrong_and_neither_title_nor_notes_say_why(name: str) -> None:
+    played = play(name)
+    assert played.errors(played.best.T_cam_obj).relative > 0.1
+    title = played.toolbox.session.title
+    assert title.startswith("What went wrong? ")
+    assert not set(name.removeprefix("failure_").split("_")) & set(title.lower().split())
+    notes = played.toolbox.problem(played.toolbox.frames[0]).notes
+    assert all(note.startswith("the initial poses belong to this scene") for note in notes)
+
+
 def test_every_failure_has_its_session() -> None:
     assert {p.stem for p in SESSIONS.glob("failure_*.toml")} == set(FAILURES)
 
@@ -106,7 +117,7 @@ def test_icp_slides() -> None:
 
 
 def test_simulation_topples() -> None:
-    played = play("failure_simulation_topples")
+    played = play("failure_simulation_topples", method={"name": "rir"})
     for arm in (0, 1):
         first = next(i for i in played.iterations if i.arm == arm)
         current, simulated = staged(first, "current"), staged(first, "simulated")
@@ -122,7 +133,7 @@ def test_simulation_topples() -> None:
 
 @pytest.mark.parametrize("steps", [3, 20])
 def test_what_topples_is_marked_however_short_the_simulation(steps: int) -> None:
-    played = play("failure_simulation_topples", physics={"steps": steps})
+    played = play("failure_simulation_topples", method={"name": "rir"}, physics={"steps": steps})
     for arm in (0, 1):
         first = next(i for i in played.iterations if i.arm == arm)
         (text,) = (e.text for e in first.events if e.kind == "unstable")
@@ -176,11 +187,11 @@ def test_the_plane_is_wrong() -> None:
     vertices = apply(support.T_world_cam @ _truth(played).T_cam_obj, played.target.model.vertices)
     heights = vertices @ support.normal_world
     assert heights.min() < -0.02  # It cuts the box …
-    assert heights.max() > 0.1
-    first = played.iterations[0]
-    lifted = staged(first, "simulated").T_cam_obj[:3, 3] - staged(first, "current").T_cam_obj[:3, 3]
+    assert heights.max() > 0.05
+    last = played.iterations[-1]
+    lifted = staged(last, "simulated").T_cam_obj[:3, 3] - staged(last, "refined").T_cam_obj[:3, 3]
     assert (support.T_world_cam[:3, :3] @ lifted) @ support.normal_world > 0.005  # … which is pushed up.
-    assert score_of(staged(first, "simulated")) < score_of(staged(first, "current")) - 0.1
+    assert score_of(staged(last, "simulated")) < score_of(staged(last, "refined")) - 0.1
 
 
 def _truth(played: Played):

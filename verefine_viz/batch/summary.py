@@ -17,8 +17,11 @@ from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import DATA_FIRST
 from verefine_viz.diagnosis.data_doubts import answer_doubts
+from verefine_viz.diagnosis.signs import discarded
+from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.landscape import undetermined
-from verefine_viz.evaluation.pose_errors import add_s_mm, pose_errors
+from verefine_viz.evaluation.pose_errors import add_over_symmetries_mm, add_s_mm, adds_mm, pose_errors
+from verefine_viz.methods.registry import method_of
 from verefine_viz.session.edits import never_reached
 from verefine_viz.session.engine import Run
 
@@ -95,13 +98,13 @@ def _object_row(
         **_errors(target, best, initial),
         best_hypothesis=best.arm + 1,
         best_iteration=best.iteration,
-        worst_iteration=worst_iteration(target, iterations),
+        worst_iteration=worst_iteration(target, iterations, best if method_of(session.method.name).verifies else None),
         undetermined_mm=around.undetermined_mm,
         undetermined_deg=around.undetermined_deg,
         n_iterations=len(iterations),
         events=_counted(iterations),
         **_times(iterations),
-        message=_no_physics(problem, session),
+        message="; ".join(filter(None, (_no_physics(problem, session), _right_by_add_s_only(target, best)))),
     )
 
 
@@ -148,11 +151,30 @@ def _errors(target: Target, best: Best, initial: Scores) -> dict[str, Any]:
     }
 
 
-def worst_iteration(target: Target, iterations: Sequence[Iteration]) -> int | None:
-    """The iteration after which this object was further from its goal than before it, by most.
+def _right_by_add_s_only(target: Target, best: Best) -> str:
+    """That an answer counts as right though it is not near any pose that looks the same; empty where that is not so."""
+    model, T_gt = target.model, target.instance.T_cam_obj_gt
+    correct_mm = CORRECT * model.diameter_m * 1e3
+    if T_gt is None or not model.is_symmetric or adds_mm(model, best.T_cam_obj, T_gt) >= correct_mm:
+        return ""
+    add_mm = add_over_symmetries_mm(model, best.T_cam_obj, T_gt)
+    if add_mm < correct_mm:
+        return ""
+    of_diameter = add_mm / (model.diameter_m * 1e3)
+    return f"right by ADD-S only: ADD over the declared symmetries is {of_diameter:.0%} of the diameter"
 
-    Measured by the error of the accepted pose against the one it started from, or by the score where there is no
-    ground truth. None if no iteration lost much (:data:`MUCH`, :data:`MUCH_SCORE`).
+
+def worst_iteration(target: Target, iterations: Sequence[Iteration], answer: Best | None = None) -> int | None:
+    """The iteration that gave up a correct pose for a wrong answer; else the one after which this object was further
+    from its goal than before it, by most.
+
+    The latter is measured by the error of the accepted pose against the one it started from, or by the score where
+    there is no ground truth. None if no iteration lost much (:data:`MUCH`, :data:`MUCH_SCORE`).
+
+    Args:
+        target: the object.
+        iterations: its own.
+        answer: where the best score decided what the answer is.
     """
     T_gt = target.instance.T_cam_obj_gt
 
@@ -162,6 +184,11 @@ def worst_iteration(target: Target, iterations: Sequence[Iteration]) -> int | No
         assert T_gt is not None
         return add_s_mm(target.model, np.frombuffer(pose).reshape(4, 4), T_gt)
 
+    if T_gt is not None:
+        correct_mm = CORRECT * target.model.diameter_m * 1e3
+        given_up = discarded(iterations, answer, lambda T: error_mm(T.tobytes()) < correct_mm)
+        if given_up is not None:
+            return given_up.given_up
     worst, most = None, MUCH * target.model.diameter_m * 1e3 if T_gt is not None else MUCH_SCORE
     for iteration in iterations:
         before, after = iteration.stages[0], iteration.accepted_stage

@@ -10,7 +10,7 @@ right on their own; and larger budgets where there is reason to think that it wa
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -24,11 +24,12 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis, Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner, Simulator
 from verefine_viz.core.records import Best, Iteration
-from verefine_viz.core.settings import MethodSettings, PhysicsSettings
+from verefine_viz.core.settings import MethodSettings, PhysicsSettings, SceneSettings
 from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
 from verefine_viz.methods.object_method import ObjectMethod
 from verefine_viz.methods.physim_mcts import mcts_physics, mcts_tricp
 from verefine_viz.methods.registry import make_method, method_of
+from verefine_viz.observation.observed_frame import segment_cloud
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 from verefine_viz.session.comparison import Trace
@@ -39,10 +40,21 @@ Pools = Mapping[int, Sequence[Hypothesis]]
 """Initial poses by instance_id, instead of an instance's own."""
 ALONE = "alone"
 """A re-run with nothing changed, but for the methods of whole scenes, which RIR replaces."""
+TOGETHER = "together: "
+"""Begins the name of a re-run of all objects that are solved together."""
 FAR = 0.35
 """A start further away than this share of the diameter is not near, whatever the refiner."""
 CLEARLY = 0.8
 """A repair that leaves more than this share of the error repairs nothing."""
+CONTROLS, FIRST_CONTROLS = 5, 3
+"""Re-runs on other samples of the observed points, with nothing changed and as many with a repair; and after how many
+of them it is enough that none came out right."""
+CONTROLS_TOGETHER, FIRST_CONTROLS_TOGETHER = 3, 2
+"""The same where each solves a whole scene."""
+HELPS = 0.5
+"""A repair helps if it comes out right more often by this share of the re-runs."""
+LEFT_OUT = 0.1
+"""Of points that are all used, so that none can be chosen otherwise, this share is left out in another sample."""
 
 
 class ErrorOf:
@@ -69,8 +81,25 @@ def cluster_of(problem: Problem, instance_id: int) -> tuple[int, ...]:
     return tuple(i for i in cluster if problem.target(i).instance.hypotheses)
 
 
+def sampled_again(target: Target, settings: SceneSettings, sample: int) -> Target:
+    """The target with other points of its segment, as another ``scene.seed`` would have it; sample 0 is its own."""
+    if not sample:
+        return target
+    instance, depth_m = target.instance, target.observation.depth_m
+    n_pixels = int(np.count_nonzero(instance.mask & (depth_m > 0)))
+    n_points = min(settings.cloud_points, int((1 - LEFT_OUT) * n_pixels))
+    cloud = segment_cloud(depth_m, target.observation.camera, instance.mask, n_points, settings.seed + sample)
+    return replace(target, instance=replace(instance, points_cam=cloud))
+
+
 def solved_together(
-    toolbox: Toolbox, problem: Problem, instance_id: int, pools: Pools, times: int = 1, iterations: int | None = None
+    toolbox: Toolbox,
+    problem: Problem,
+    instance_id: int,
+    pools: Pools,
+    times: int = 1,
+    iterations: int | None = None,
+    sample: int = 0,
 ) -> Best | None:
     """The answer for one instance when the session's method solves its cluster again.
 
@@ -83,6 +112,7 @@ def solved_together(
         pools: other initial poses.
         times: multiple of the run's budget.
         iterations: K, per hypothesis, instead of the run's; the search counts expansions, whatever the pools.
+        sample: of the observed points (:func:`sampled_again`).
     """
     session = toolbox.session
     fields: dict[str, dict[str, Any]] = {}
@@ -97,7 +127,10 @@ def solved_together(
     last = next(k for k, cluster in enumerate(clusters) if instance_id in cluster)
     first = 0 if not method_of(session.method.name).has_tree and session.method.carry_clusters else last
     part = problem.only([i for cluster in clusters[first : last + 1] for i in cluster])
-    instances = tuple(replace(i, hypotheses=tuple(pools.get(i.instance_id, i.hypotheses))) for i in part.instances)
+    targets = [sampled_again(t, session.scene, sample) for t in part.targets]
+    instances = tuple(
+        replace(t.instance, hypotheses=tuple(pools.get(t.instance.instance_id, t.instance.hypotheses))) for t in targets
+    )
     run = Run(toolbox.restarted(fields).method, replace(part, instances=instances))
     answers = run.finish().best
     ids = [i.instance_id for i in instances]
@@ -159,6 +192,20 @@ class Rerun:
     """ADD(-S) as a share of the diameter; infinite where there is no answer."""
     repaired: bool
     """Whether the answer is right now, and clearly better than it was."""
+    what: str
+    """Names the change, for its control."""
+
+
+@dataclass(frozen=True)
+class Control:
+    """How often re-runs on other samples of the observed points come out right."""
+
+    n_right: int
+    n: int
+
+
+Again = Callable[[int], Best | None]
+"""Makes a re-run on the n-th sample of the observed points; 0 is the run's own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,6 +224,9 @@ class Case:
     """Other objects as they were placed when this one was last worked on."""
     reruns: dict[str, Rerun] = field(default_factory=dict)
     """Those made so far, by what was changed."""
+    _again: dict[str, Again] = field(default_factory=dict)
+    """How each is made again."""
+    _controls: dict[str, Control] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -229,14 +279,16 @@ class Case:
             fixed: instead of the objects as they were placed.
             method: instead of the run's.
         """
-        if what not in self.reruns:
-            best = solved(
-                method or self.lab.method(self.lab.simulator),
-                target or self.target,
-                self.placed if fixed is None else fixed,
-            )
-            self._save(what, best)
-        return self.reruns[what]
+        return self._made(what, self._solving(target or self.target, fixed, method))
+
+    def _solving(
+        self, target: Target, fixed: Sequence[Placed] | None = None, method: ObjectMethod | None = None
+    ) -> Again:
+        return lambda sample: solved(
+            method or self.lab.method(self.lab.simulator),
+            sampled_again(target, self.lab.toolbox.session.scene, sample),
+            self.placed if fixed is None else fixed,
+        )
 
     @cached_property
     def group(self) -> tuple[int, ...]:
@@ -246,17 +298,58 @@ class Case:
 
     def rerun_together(self, what: str, pools: Pools, times: int = 1, iterations: int | None = None) -> Rerun:
         """Solves it again with its group by the session's own method; see :func:`solved_together`."""
-        key = f"together: {what}"
-        if key not in self.reruns:
-            toolbox, problem = self.lab.toolbox, self.trace.problem
-            self._save(key, solved_together(toolbox, problem, self.instance_id, pools, times, iterations))
-        return self.reruns[key]
+        return self._made(f"{TOGETHER}{what}", self._solving_together(pools, times, iterations))
 
-    def _save(self, what: str, best: Best | None) -> None:
-        self.lab.n_reruns += 1
-        error = float("inf") if best is None else self.error_of(best.T_cam_obj)
-        repaired = error < self.threshold and error < CLEARLY * self.error
-        self.reruns[what] = Rerun(best, error, repaired)
+    def _solving_together(self, pools: Pools, times: int = 1, iterations: int | None = None) -> Again:
+        toolbox, problem = self.lab.toolbox, self.trace.problem
+        return lambda sample: solved_together(toolbox, problem, self.instance_id, pools, times, iterations, sample)
+
+    def _made(self, what: str, again: Again) -> Rerun:
+        if what not in self.reruns:
+            self._again[what] = again
+            self.lab.n_reruns += 1
+            best = again(0)
+            error = self._error_of_best(best)
+            repaired = error < self.threshold and error < CLEARLY * self.error
+            self.reruns[what] = Rerun(best, error, repaired, what)
+        return self.reruns[what]
+
+    def _error_of_best(self, best: Best | None) -> float:
+        return float("inf") if best is None else self.error_of(best.T_cam_obj)
+
+    def unchanged(self, like: str) -> Control:
+        """How often the run comes out right by itself, solved in the way that the re-run ``like`` was."""
+        if like.startswith(TOGETHER):
+            return self._control(f"{TOGETHER}{ALONE}", FIRST_CONTROLS_TOGETHER, CONTROLS_TOGETHER)
+        return self._control(ALONE, FIRST_CONTROLS, CONTROLS)
+
+    def repeated(self, what: str) -> Control:
+        """How often a re-run that was made comes out right."""
+        n = CONTROLS_TOGETHER if what.startswith(TOGETHER) else CONTROLS
+        return self._control(what, n, n)
+
+    def _control(self, what: str, first: int, n: int) -> Control:
+        """Of ``n`` re-runs; of only the ``first`` of them if none of those comes out right."""
+        if what not in self._controls:
+            n_made, n_right = first, self.n_right(what, range(1, first + 1))
+            if n_right and n > first:
+                n_made, n_right = n, n_right + self.n_right(what, range(first + 1, n + 1))
+            self._controls[what] = Control(n_right, n_made)
+        return self._controls[what]
+
+    def n_right(self, what: str, samples: Sequence[int]) -> int:
+        """On how many samples of the observed points a re-run comes out right that was made before, or changes nothing.
+
+        Args:
+            what: its name; one that changes nothing is called :data:`ALONE`.
+            samples: see :func:`sampled_again`.
+        """
+        if what == f"{TOGETHER}{ALONE}":
+            again = self._solving_together({})
+        else:
+            again = self._solving(self.target) if what == ALONE else self._again[what]
+        self.lab.n_reruns += len(samples)
+        return sum(self._error_of_best(again(sample)) < self.threshold for sample in samples)
 
     def with_pool(self, *poses: Float) -> Target:
         """The target with these initial poses instead."""

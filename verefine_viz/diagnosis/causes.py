@@ -26,11 +26,13 @@ class Cause(StrEnum):
     SCORE = "score"
     PLANE = "plane"
     COLLIDER = "collider"
+    DISCARDED = "discarded"
     SIMULATION = "simulation"
     ARM_STARVED = "arm_starved"
     BUDGET = "budget"
     REFINER = "refiner"
     POOL = "pool"
+    UNDECIDED = "undecided"
     NO_HYPOTHESIS = "no_hypothesis"
 
 
@@ -44,11 +46,13 @@ TITLES: dict[Cause, str] = {
     Cause.SCORE: "score ranks a wrong pose above the ground truth",
     Cause.PLANE: "wrong support plane",
     Cause.COLLIDER: "collider too coarse",
+    Cause.DISCARDED: "correct pose discarded for one that scores more",
     Cause.SIMULATION: "simulation pushed it away",
     Cause.ARM_STARVED: "best hypothesis tried too little",
     Cause.BUDGET: "budget too small",
     Cause.REFINER: "refiner diverged or got stuck",
     Cause.POOL: "no good hypothesis in the pool",
+    Cause.UNDECIDED: "undecided: between two basins",
     Cause.NO_HYPOTHESIS: "no hypothesis at all",
 }
 """For tables, bar charts, filters."""
@@ -65,6 +69,8 @@ class Finding:
     """Names carry their unit; errors are ADD(-S) as a share of the diameter."""
     is_confirmed: bool
     """Whether it alone explains the failure: a re-run without it came out right, or nothing else can."""
+    rests_on: str = ""
+    """The re-run that came out right; empty where none was needed."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +90,8 @@ class Diagnosis:
     """Time it took [ms]."""
     doubts: tuple[str, ...] = ()
     """What is off with the data of the frame, and may be behind the cause; the sentence ends with it."""
+    rests_on: str = ""
+    """As in :class:`Finding`."""
 
 
 DATA_FIRST = "Look at the data first:"

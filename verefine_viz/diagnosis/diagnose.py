@@ -7,7 +7,7 @@ it; the first confirmed one is the main cause, and only re-runs that are needed 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from time import perf_counter
 
@@ -15,12 +15,12 @@ from verefine_viz.calibration.camera_check import camera_notes
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Best
 from verefine_viz.diagnosis.ambiguity import ambiguous
-from verefine_viz.diagnosis.case import ALONE, Case, ErrorOf, Lab
-from verefine_viz.diagnosis.causes import DATA_FIRST, Diagnosis, Finding
+from verefine_viz.diagnosis.case import ALONE, HELPS, TOGETHER, Case, Control, ErrorOf, Lab
+from verefine_viz.diagnosis.causes import DATA_FIRST, Cause, Diagnosis, Finding
 from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
 from verefine_viz.diagnosis.input_causes import INPUT_TESTS
-from verefine_viz.diagnosis.scene_causes import SCENE_TESTS, neighbour
-from verefine_viz.diagnosis.score_causes import score
+from verefine_viz.diagnosis.scene_causes import WORLD_TESTS, neighbour, simulation
+from verefine_viz.diagnosis.score_causes import discarded, score
 from verefine_viz.diagnosis.search_causes import SEARCH_TESTS, no_hypothesis
 from verefine_viz.session.comparison import Trace, trace_of
 from verefine_viz.session.engine import Run
@@ -29,9 +29,13 @@ from verefine_viz.session.toolbox import Toolbox
 THRESHOLD = 0.1
 """An answer whose ADD(-S) is at least this share of the diameter has failed."""
 
-_TESTS: tuple[Callable[[Case], Finding | None], ...] = (
-    *INPUT_TESTS, neighbour, ambiguous, score, *SCENE_TESTS, *SEARCH_TESTS,
-)  # fmt: skip
+_GIVEN = (*INPUT_TESTS, neighbour, ambiguous, score, *WORLD_TESTS)
+"""What the run was given. Whatever it made of a wrong mask or plane does not tell what is wrong with the run."""
+_DONE = (discarded, simulation, *SEARCH_TESTS)
+"""What the run did. A correct pose that it had is looked for first: whatever led away from others did not decide."""
+_TESTS: tuple[Callable[[Case], Finding | None], ...] = (*_GIVEN, *_DONE)
+_SEEN = frozenset({Cause.SYMMETRIC, Cause.AMBIGUOUS, Cause.SCORE, Cause.DISCARDED, Cause.NO_HYPOTHESIS})
+"""Causes that are plain to see in what the run did, and need no control."""
 _NO_RERUN = (score,)
 """Tested even after a cause is confirmed, as it costs next to nothing."""
 
@@ -52,18 +56,7 @@ def diagnose(
         every_cause: goes on after the main cause is confirmed, so that all others are tested as well.
     """
     trace = trace_of(run) if isinstance(run, Run) else run
-    frame = FrameGroundTruth(trace.problem)
-    lab = Lab(toolbox)
-    diagnoses: list[Diagnosis] = []
-    for target in trace.problem.targets:
-        T_gt = target.instance.T_cam_obj_gt
-        if T_gt is None:
-            continue
-        answer = trace.answers[-1].get(target.instance.instance_id)
-        if answer is not None and ErrorOf(target.model, T_gt)(answer.T_cam_obj) < threshold:
-            continue
-        case = Case(trace, lab, target, T_gt, frame, threshold, answer, _placed(trace, target, answer))
-        diagnoses.append(_diagnosed(case, every_cause))
+    diagnoses = [diagnosed(case, every_cause) for case in failed_cases(trace, toolbox, threshold)]
     if not diagnoses:
         return ()
     # A wrong camera changes all objects.
@@ -72,18 +65,35 @@ def diagnose(
     return tuple(replace(one, sentence=one.sentence + notes, doubts=doubts) for one in diagnoses)
 
 
-def _diagnosed(case: Case, every_cause: bool) -> Diagnosis:
+def failed_cases(trace: Trace, toolbox: Toolbox, threshold: float = THRESHOLD) -> Iterator[Case]:
+    """The instances that failed, for :func:`diagnosed`; the arguments are those of :func:`diagnose`."""
+    frame, lab = FrameGroundTruth(trace.problem), Lab(toolbox)
+    for target in trace.problem.targets:
+        T_gt = target.instance.T_cam_obj_gt
+        answer = trace.answers[-1].get(target.instance.instance_id)
+        if T_gt is None or (answer is not None and ErrorOf(target.model, T_gt)(answer.T_cam_obj) < threshold):
+            continue
+        yield Case(trace, lab, target, T_gt, frame, threshold, answer, _placed(trace, target, answer))
+
+
+def diagnosed(case: Case, every_cause: bool = False) -> Diagnosis:
+    """Why one instance failed, before what is off with the data of its frame."""
     began, before = perf_counter(), case.lab.n_reruns
     findings: list[Finding] = []
     main: Finding | None = None
+    between: Control | None = None
     for test in _tests_for(case):
         if main is not None and not every_cause and test not in _NO_RERUN:
             continue
         finding = test(case)
         if finding is not None:
+            finding, control = _controlled(case, finding)
+            between = between or control
             findings.append(finding)
             if main is None and finding.is_confirmed:
                 main = finding
+    if main is None and between is not None:
+        main = _undecided(case, between)
     main = main or _likeliest(findings)
     others = tuple(sorted((f for f in findings if f is not main), key=lambda f: not f.is_confirmed))
     return Diagnosis(
@@ -95,13 +105,44 @@ def _diagnosed(case: Case, every_cause: bool) -> Diagnosis:
         others,
         case.lab.n_reruns - before,
         (perf_counter() - began) * 1e3,
+        rests_on=main.rests_on,
+    )
+
+
+def _controlled(case: Case, finding: Finding) -> tuple[Finding, Control | None]:
+    """The finding, confirmed only if it explains clearly more than chance does; else also how often chance helps.
+
+    A repair has to come out right more often than re-runs with nothing changed do. Where nothing is put right, as where
+    no hypothesis leads to the ground truth, none of those may come out right.
+    """
+    if not finding.is_confirmed or finding.cause in _SEEN:
+        return finding, None
+    chance = case.unchanged(finding.rests_on or (TOGETHER if case.group else ALONE))
+    if not chance.n_right:
+        return finding, None
+    evidence = {"reruns": float(chance.n), "reruns_right": float(chance.n_right)}
+    if finding.rests_on:
+        repaired = case.repeated(finding.rests_on)
+        evidence |= {"repaired": float(repaired.n), "repaired_right": float(repaired.n_right)}
+        if repaired.n_right / repaired.n - chance.n_right / chance.n >= HELPS:
+            return replace(finding, evidence={**finding.evidence, **evidence}), None
+    return replace(finding, evidence={**finding.evidence, **evidence}, is_confirmed=False), chance
+
+
+def _undecided(case: Case, chance: Control) -> Finding:
+    return Finding(
+        Cause.UNDECIDED,
+        f"The {case.name} is between two basins: right in {chance.n_right} of {chance.n} re-runs that differ only in "
+        "which of the observed points are used, and nothing that was put right helps clearly more often.",
+        {"reruns": float(chance.n), "reruns_right": float(chance.n_right), "error": case.error},
+        True,
     )
 
 
 def _tests_for(case: Case) -> tuple[Callable[[Case], Finding | None], ...]:
     if not case.target.instance.hypotheses:
         return (no_hypothesis,)
-    return _TESTS if not _solved_alone(case) else (*INPUT_TESTS[:1], neighbour, score, *SEARCH_TESTS)
+    return _TESTS if not _solved_alone(case) else (*INPUT_TESTS[:1], neighbour, score, discarded, *SEARCH_TESTS)
 
 
 def _solved_alone(case: Case) -> bool:

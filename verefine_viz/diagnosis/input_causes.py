@@ -73,6 +73,7 @@ def unit(case: Case) -> Finding | None:
             "error_repaired": again.error,
         },
         again.repaired,
+        again.what,
     )
 
 
@@ -111,6 +112,7 @@ def depth(case: Case) -> Finding | None:
         f"{missing:.0%} of the {case.name}'s pixels have no depth; {then}.",
         {"missing_share": missing, "error": case.error, "error_repaired": again.error},
         again.repaired,
+        again.what,
     )
 
 
@@ -133,7 +135,7 @@ def _unregistered(case: Case) -> Finding:
         "error": case.error,
         "error_repaired": again.error,
     }
-    return Finding(Cause.DEPTH, f"{how}; {then}.", evidence, again.repaired)
+    return Finding(Cause.DEPTH, f"{how}; {then}.", evidence, again.repaired, again.what)
 
 
 def mask(case: Case) -> Finding | None:
@@ -157,6 +159,7 @@ def mask(case: Case) -> Finding | None:
         f"{what[0].upper()}{what[1:]}; with the true outline {instead(again.error, case.error)}.",
         {"leak_share": leak, "miss_share": miss, "error": case.error, "error_repaired": again.error},
         again.repaired,
+        again.what,
     )
 
 

@@ -45,6 +45,7 @@ def neighbour(case: Case) -> Finding | None:
             "error_repaired": again.error,
         },
         again.repaired,
+        again.what,
     )
 
 
@@ -60,7 +61,9 @@ def plane(case: Case) -> Finding | None:
     again = case.rerun("true plane", target)
     if given is None:
         sentence = f"No support plane was found, so nothing was simulated; with it {instead(again.error, case.error)}."
-        return Finding(Cause.PLANE, sentence, {"error": case.error, "error_repaired": again.error}, again.repaired)
+        return Finding(
+            Cause.PLANE, sentence, {"error": case.error, "error_repaired": again.error}, again.repaired, again.what
+        )
     where = f"{abs(off_m) * 1e3:.0f} mm too {'high' if off_m > 0 else 'low'} under the {case.name}"
     if tilt_deg >= TILT_DEG:
         where += f" and tilted by {tilt_deg:.0f}°"
@@ -78,6 +81,7 @@ def plane(case: Case) -> Finding | None:
             "error_repaired": again.error,
         },
         again.repaired,
+        again.what,
     )
 
 
@@ -103,6 +107,7 @@ def collider(case: Case) -> Finding | None:
         f"with convex parts {instead(again.error, case.error)}.",
         {"deviation_mm": deviation_m * 1e3, "error": case.error, "error_repaired": again.error},
         again.repaired,
+        again.what,
     )
 
 
@@ -139,6 +144,7 @@ def simulation(case: Case) -> Finding | None:
         f"{shares}; without physics {instead(again.error, case.error)}.",
         evidence,
         again.repaired,
+        again.what,
     )
 
 
@@ -215,4 +221,5 @@ def _stands_on(case: Case) -> str:
     return " and the ".join(names)
 
 
-SCENE_TESTS: tuple[Callable[[Case], Finding | None], ...] = (plane, collider, simulation)
+WORLD_TESTS: tuple[Callable[[Case], Finding | None], ...] = (plane, collider)
+"""Of what physics was given."""

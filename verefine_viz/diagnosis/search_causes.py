@@ -8,10 +8,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Hypothesis
-from verefine_viz.core.records import StageName
+from verefine_viz.core.records import Best, StageName
+from verefine_viz.diagnosis import score_causes
 from verefine_viz.diagnosis.case import ALONE, FAR, Case, Pools, Rerun
-from verefine_viz.diagnosis.causes import Cause, Finding, instead, share
+from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts, instead, share
 from verefine_viz.diagnosis.input_causes import of_another_unit
 from verefine_viz.evaluation.pose_errors import pose_errors, turning_on
 from verefine_viz.refiners.registry import make_refiner
@@ -87,6 +89,7 @@ def beaten_by_icp(case: Case) -> Finding | None:
             "error_repaired": again.error,
         },
         True,
+        again.what,
     )
 
 
@@ -155,6 +158,9 @@ def starved(case: Case) -> Finding | None:
         )
         if again.repaired and case.group:
             again = case.rerun_together(f"all on hypothesis {j + 1}", _only_hypothesis(case, j), iterations=each)
+        # Alone it has nothing to be compared with: where the answer scores more, it would have won all the same.
+        if again.repaired and not case.group and not case.lab.traits.first_only and _is_outscored(case, again.best):
+            continue
         if again.repaired:
             got = f"got {pulls[j]} of {len(case.own)} iterations"
             if case.lab.traits.first_only:
@@ -172,6 +178,7 @@ def starved(case: Case) -> Finding | None:
                     "error_repaired": again.error,
                 },
                 True,
+                again.what,
             )
     return None
 
@@ -210,6 +217,7 @@ def budget(case: Case) -> Finding | None:
                 f"{still}; with {times} × the budget {instead(again.error, case.error)}.",
                 {"falling": falling, "times": float(times), "error": case.error, "error_repaired": again.error},
                 True,
+                again.what,
             )
     return None
 
@@ -222,11 +230,66 @@ def _with_budget(case: Case, times: int) -> Rerun:
     return case.rerun(what, method=case.lab.method(case.lab.simulator, iterations=times * own.iterations))
 
 
+def _is_outscored(case: Case, other: Best | None) -> bool:
+    """Whether the answer scores more than another pose."""
+    return other is not None and case.answer is not None and case.answer.score.score > other.score.score
+
+
+CONVERGED = 20
+"""Calls of the refiner, with nothing simulated between them, after which it does not get any further."""
+TRIED_TO_CONVERGE = 10
+"""Hypotheses that are refined so, the nearest first."""
+
+
+def leads_there(case: Case) -> Finding | None:
+    """The refiner alone takes a hypothesis to the ground truth, whatever the run made of it."""
+    if case.group:
+        return None
+    pulls = np.bincount([i.arm for i in case.own], minlength=len(case.initial_errors))
+    for j in np.argsort(case.initial_errors)[:TRIED_TO_CONVERGE].tolist():
+        reached = _refined_alone(case, case.target.instance.hypotheses[j].T_cam_obj)
+        if reached is None:
+            continue
+        T, calls = reached
+        (at_end,) = score_causes.scored(case, T[None])
+        evidence = {
+            "hypothesis": float(j),
+            "calls": float(calls),
+            "iterations_of_it": float(pulls[j]),
+            "score_of_correct": at_end.score,
+            "error": case.error,
+            "error_repaired": case.error_of(T),
+        }
+        what = f"Refined alone, hypothesis {j + 1} of the {case.name} is correct after {calls} call{'s' * (calls > 1)}"
+        if case.answer is not None and case.lab.traits.verifies and case.answer.score.score > at_end.score:
+            scores = distinct_texts(at_end.score, case.answer.score.score, 3)
+            sentence = f"{what}, but scores {scores[0]} there, less than the answer, which is wrong: {scores[1]}."
+            return Finding(Cause.DISCARDED, sentence, evidence | {"score": case.answer.score.score}, True)
+        if pulls[j] < calls:
+            sentence = f"{what}; it got {pulls[j]} of {len(case.own)} iterations."
+            return Finding(Cause.ARM_STARVED, sentence, evidence, True)
+        sentence = f"{what}; simulated before each call, as in the run, it was not in {pulls[j]}."
+        return Finding(Cause.SIMULATION, sentence, evidence, case.lab.traits.simulates)
+    return None
+
+
+def _refined_alone(case: Case, T_cam_obj: Float) -> tuple[Float, int] | None:
+    """The first correct pose that the refiner alone makes of one, and after how many calls; None if it makes none."""
+    T = T_cam_obj
+    for calls in range(1, CONVERGED + 1):
+        before, T = T, case.lab.refiner.refine(case.target, T, case.placed)
+        if case.error_of(T) < case.threshold:
+            return T, calls
+        if np.abs(T - before).max() < 1e-6:
+            break
+    return None
+
+
 def no_hypothesis(case: Case) -> Finding:
     """The pool is empty, so that nothing was done."""
     again = _from_gt(case)
     what = f"There is no hypothesis for the {case.name}"
-    if np.isfinite(again.error):
+    if again.best is not None and again.best.iteration:
         what += f"; started at the ground truth, it ends {share(again.error)} of the diameter away"
     return Finding(Cause.NO_HYPOTHESIS, f"{what}.", {"hypotheses": 0.0, "error_from_truth": again.error}, True)
 
@@ -274,11 +337,18 @@ def pool(case: Case) -> Finding | None:
     return Finding(
         Cause.POOL,
         f"No hypothesis of the {case.name} leads to the ground truth: the nearest of {len(case.initial_errors)} "
-        f"(hypothesis {j + 1}) starts {far.rotation_deg:.0f}°{direction} and {far.translation_mm:.0f} mm away{wrong}; "
-        f"started at the ground truth {instead(again.error, case.error)}.",
+        f"(hypothesis {j + 1}) starts {far.rotation_deg:.0f}°{direction} and {far.translation_mm:.0f} mm away{wrong}"
+        f"{_started_at_gt(case, again)}.",
         evidence,
         True,
     )
+
+
+def _started_at_gt(case: Case, again: Rerun) -> str:
+    """What a re-run from ground truth shows; nothing where it answers with the start itself."""
+    if again.best is None or again.best.iteration == 0:
+        return ""
+    return f"; started at the ground truth {instead(again.error, case.error)}"
 
 
 def _from_gt(case: Case) -> Rerun:
@@ -293,4 +363,4 @@ def _accepted(case: Case) -> list[float]:
     return [float(case.initial_errors[case.answer.arm]), *accepted]
 
 
-SEARCH_TESTS: tuple[Callable[[Case], Finding | None], ...] = (starved, budget, refiner, pool)
+SEARCH_TESTS: tuple[Callable[[Case], Finding | None], ...] = (starved, budget, refiner, leads_there, pool)

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
 from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import apply, quat_wxyz
+from verefine_viz.core.geometry import apply, axis_angle, quat_wxyz
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Target
 from verefine_viz.refiners.nearest import mean_distance, model_index
 
+ROLLS = 0.05
+"""Heights that change by less of an object's size do not change."""
 ROUNDED = 1e-6
 """How far RᵀR of a rotation may be from the identity before distances differ from frame to frame."""
 
@@ -99,6 +101,14 @@ def _mean_length(points: Float, D: Float) -> float:
     return total / len(points)
 
 
+def add_over_symmetries_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
+    """The smallest ADD over the poses that look like ground truth by the declared symmetries [mm]; ADD-S is no larger.
+
+    ADD-S takes each point's nearest neighbour, and so a slim object for right that is clearly turned.
+    """
+    return min(add_mm(model, T_est, T_gt @ S) for S in model.symmetries)
+
+
 def rotation_error_deg(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
     """Smallest angle [deg] between the estimate and ground truth turned by any of the model's symmetries."""
     return float(np.rad2deg(symmetric_angles_rad(model, T_est, T_gt).min()))
@@ -128,15 +138,18 @@ class Turning:
     """Angle between the axis and where R takes it [deg]."""
     turn_deg: float
     """Angle of the turn about the axis; 0 where the tilt is 180°, which leaves none [deg]."""
+    rolls: bool = False
+    """Whether the tilt leaves the object as high as it is, as a lying can that rolls."""
 
     def in_words(self, digits: int = 1) -> str:
         """As in: 3.6° of tilt against the table, 8.8° of turn on it."""
         none_deg = 0.5 * 10.0**-digits
+        tilt = "roll on the table" if self.rolls else "tilt against the table"
         if self.turn_deg < none_deg:
-            return "all of it tilt against the table"
+            return f"all of it {tilt}"
         if self.tilt_deg < none_deg:
             return "all of it a turn on the table"
-        return f"{self.tilt_deg:.{digits}f}° of tilt against the table, {self.turn_deg:.{digits}f}° of turn on it"
+        return f"{self.tilt_deg:.{digits}f}° of {tilt}, {self.turn_deg:.{digits}f}° of turn on it"
 
 
 def turning(model: ObjectModel, T_est: Float, T_gt: Float, up_cam: Float) -> Turning:
@@ -152,7 +165,21 @@ def turning(model: ObjectModel, T_est: Float, T_gt: Float, up_cam: Float) -> Tur
         up_cam: (3,) unit normal of the support plane, camera frame.
     """
     nearest = model.symmetries[np.argmin(symmetric_angles_rad(model, T_est, T_gt)), :3, :3]
-    return turning_of(T_est[:3, :3] @ (T_gt[:3, :3] @ nearest).T, up_cam)
+    R = T_est[:3, :3] @ (T_gt[:3, :3] @ nearest).T
+    return replace(turning_of(R, up_cam), rolls=_rolls(apply(T_gt, model.points), R, up_cam))
+
+
+def _rolls(points_cam: Float, R: Float, up_cam: Float) -> bool:
+    """Whether an object is as high above the middle of its points, and as deep below, all the way round a tilt."""
+    middle = points_cam.mean(axis=0)
+    size_m = float(np.linalg.norm(points_cam - middle, axis=1).max())
+    across = np.cross(up_cam, R @ up_cam)
+    sine = float(np.linalg.norm(across))
+    if sine < ROUNDED:
+        return False
+    turned = [axis_angle(across / sine, np.deg2rad(deg)) for deg in range(0, 180, 30)]
+    heights = [(points_cam - middle) @ R_turn.T @ up_cam for R_turn in turned]
+    return bool(max(np.ptp([h.max() for h in heights]), np.ptp([h.min() for h in heights])) < ROLLS * size_m)
 
 
 def turning_on(target: Target, T_est: Float) -> Turning | None:

@@ -155,11 +155,15 @@ ADVICE = {
     Cause.SCORE: "more iterations will not help where a wrong pose scores highest, so look at the score's maps first",
     Cause.PLANE: "look at the support plane, or give gravity (scene.gravity)",
     Cause.COLLIDER: "try convex parts (physics.collider)",
+    Cause.DISCARDED: "a correct pose was there, so better initial poses are not what is missing; look where its score "
+    "maps differ from those of the answer",
     Cause.SIMULATION: "look at what the simulation pushed, and try it without (physics.enabled)",
     Cause.ARM_STARVED: f"{_STARVED}more iterations (method.iterations) or more exploration (method.exploration)",
     Cause.BUDGET: "try more iterations (method.iterations)",
     Cause.REFINER: "try another refiner, or other settings of it (method.refiner)",
     Cause.POOL: "no initial pose led to the ground truth, so more or better ones are needed ([hypotheses])",
+    Cause.UNDECIDED: "the same run comes out right for another scene.seed, so more hypotheses make it more certain "
+    "([hypotheses], max_per_object)",
     Cause.NO_HYPOTHESIS: "without an initial pose nothing is refined, so name further results files or an estimator "
     "(hypotheses.files, hypotheses.estimate)",
 }

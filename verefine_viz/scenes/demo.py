@@ -177,7 +177,7 @@ def _own_pools(
 
 
 def _notes(scene: DemoScene, hypotheses: HypothesesSettings) -> tuple[str, ...]:
-    notes = [scene.note] if scene.note else []
+    notes: list[str] = []
     if _own_poses(scene, hypotheses) is not None:
         notes.append(
             "the initial poses belong to this scene; hypotheses.rotation_deg and translation_mm do not change them"

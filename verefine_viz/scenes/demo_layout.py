@@ -173,8 +173,6 @@ class DemoScene:
     """By index of the item, of which other its mask holds the visible pixels as well."""
     initial_poses: OwnPoses | None = None
     """How the hypotheses of this scene come about; None = perturbed ground truth as the settings have it."""
-    note: str = ""
-    """About the scene, for the notes of its problem."""
 
 
 LAYOUT_FRAME = Support(np.eye(4), np.array([0.0, 0.0, 1.0]), "given", 1.0)

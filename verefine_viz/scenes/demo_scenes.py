@@ -142,58 +142,58 @@ def _glossy_table(labels: NDArray[np.int32], points_world: Float) -> Mask:
 
 
 FAILURES: dict[str, DemoScene] = {
+    # Every initial pose is upside down or on its side.
     "failure_no_hypothesis_near": DemoScene(
-        "Failure: no hypothesis was near",
+        "What went wrong? A duck",
         (Item("duck", yaw_deg=-60),),
         (Viewpoint(distance_m=0.5),),
         initial_poses=_all_far,
-        note="every initial pose is upside down or on its side",
     ),
+    # The carton is square: but for its slanting top, a quarter turn looks the same.
     "failure_icp_slides": DemoScene(
-        "Failure: ICP turned to the wrong side",
+        "What went wrong? A carton with a slanting top",
         (Item("carton", yaw_deg=-55),),
         (Viewpoint(elevation_deg=42, distance_m=0.5),),
         initial_poses=_near_the_quarter,
-        note="the carton is square: but for its slanting top, a quarter turn looks the same",
     ),
+    # The initial poses lean too far to stand.
     "failure_simulation_topples": DemoScene(
-        "Failure: the simulation toppled it",
+        "What went wrong? A tall box",
         (Item("tall box", yaw_deg=20),),
         (Viewpoint(elevation_deg=35, distance_m=0.62, look_at_m=(0, 0, 0.07)),),
         initial_poses=_leaning,
-        note="the initial poses lean too far to stand",
     ),
+    # The jug's handle is of glass: depth sensor and detector see the table through it.
     "failure_score_prefers_wrong": DemoScene(
-        "Failure: the score prefers a wrong pose",
+        "What went wrong? A jug",
         (Item("jug", yaw_deg=-40, seen_as="jug without handle"),),
         (Viewpoint(elevation_deg=38, distance_m=0.55),),
         initial_poses=_handle_anywhere,
-        note="the jug's handle is of glass: depth sensor and detector see the table through it",
     ),
+    # Four initial poses fit well and are a quarter turn off; the fifth is right but for 7° and 8 mm.
     "failure_arm_starved": DemoScene(
-        "Failure: a promising arm got no budget",
+        "What went wrong? A carton and five initial poses",
         (Item("carton", yaw_deg=-55),),
         (Viewpoint(elevation_deg=42, distance_m=0.5),),
         initial_poses=_late_bloomer,
-        note="four initial poses fit well and are a quarter turn off; the fifth is right but for 7° and 8 mm",
     ),
+    # The can's mask covers the bottle beside it as well.
     "failure_mask_leaks": DemoScene(
-        "Failure: the mask leaks onto a neighbour",
+        "What went wrong? A can beside a bottle",
         (Item("can", -0.03, 0.0), Item("bottle", 0.038, 0.012, is_asked_for=False)),
         (Viewpoint(elevation_deg=38, distance_m=0.55, look_at_m=(0, 0, 0.06)),),
         leaks={0: 1},
-        note="the can's mask covers the bottle beside it as well",
     ),
+    # The table mirrors and gives little depth; the board beside the box is 30 mm higher.
     "failure_wrong_plane": DemoScene(
-        "Failure: the wrong table plane",
+        "What went wrong? A carton beside a board",
         (
-            Item("cereal", -0.09, 0.02, 70),
+            Item("carton", -0.09, 0.02, 70),
             Item("board", 0.18, -0.02, 3, is_asked_for=False),
             Item("panel", 0.0, 0.30, 0, is_asked_for=False),
         ),
         (Viewpoint(elevation_deg=40, distance_m=0.85, look_at_m=(0.03, 0.03, 0.05)),),
         blind=_glossy_table,
-        note="the table mirrors and gives little depth; the board beside the box is 30 mm higher",
     ),
 }
 """By name."""

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.settings import Change, Session
+from verefine_viz.diagnosis.signs import discarded
+from verefine_viz.evaluation.answers import CORRECT
+from verefine_viz.methods.registry import method_of
 from verefine_viz.session.comparison import Key
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import changed
 from verefine_viz.viewer.commands import Changes, SidePose
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator
-from verefine_viz.viewer.state.timeline_marks import Mark, marks_of, once_per_object
+from verefine_viz.viewer.state.timeline_marks import Mark, mark_of_discarded, marks_of, once_per_object
 from verefine_viz.viewer.state.view_options import STAGES
 
 if TYPE_CHECKING:
@@ -93,6 +97,8 @@ class Branch:
     recording: Path | None = None
     """The file that it was read from; None = it was computed here."""
     _marks: list[tuple[Mark, ...]] = field(default_factory=list)
+    _discarded: dict[int, tuple[tuple[int, Mark], ...]] = field(default_factory=dict)
+    """By the number of iterations made."""
     _doubts: dict[bool, tuple[str, ...]] = field(default_factory=dict)
     """By whether the run was over."""
 
@@ -137,7 +143,28 @@ class Branch:
             growth = after.add_s_mm - before.add_s_mm if before and after else None
             self._marks.append(marks_of(iteration, growth))
         pairs = zip(self.run.iterations, self._marks, strict=False)
-        return once_per_object([(i, marks) for i, marks in pairs if instance_id in (None, i.instance_id)])
+        marks = once_per_object([(i, marks) for i, marks in pairs if instance_id in (None, i.instance_id)])
+        given_up = [m for own, m in self._marks_of_discarded() if instance_id in (None, own)]
+        return tuple(sorted((*marks, *given_up), key=lambda mark: mark.iteration)) if given_up else marks
+
+    def _marks_of_discarded(self) -> tuple[tuple[int, Mark], ...]:
+        """Where the finished run gave up a correct pose for a wrong answer, by instance_id."""
+        run = self.run
+        if not run.is_done or not method_of(self.settings.method.name).verifies:
+            return ()
+        if run.length not in self._discarded:
+            marks: list[tuple[int, Mark]] = []
+            for target, answer in zip(run.problem.targets, run.final_state.best, strict=True):
+                own = [i for i in run.iterations if i.instance_id == target.instance.instance_id]
+                given_up = discarded(own, answer, partial(self._is_correct, target))
+                if given_up is not None:
+                    marks.append((target.instance.instance_id, mark_of_discarded(given_up)))
+            self._discarded[run.length] = tuple(marks)
+        return self._discarded[run.length]
+
+    def _is_correct(self, target: Target, T_cam_obj: Float) -> bool:
+        errors = self.evaluator.errors(target, T_cam_obj)
+        return errors is not None and errors.relative < CORRECT
 
     def doubts(self) -> tuple[str, ...]:
         """What of the data does not fit together: by ground truth, else by the initial poses and then the answers."""

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 
 from verefine_viz.core.palette import EVENT_COLORS, RGB
 from verefine_viz.core.records import Event, Iteration
+from verefine_viz.diagnosis.causes import distinct_texts
+from verefine_viz.diagnosis.signs import Discarded
 
 QUIET = frozenset({"kept_refined", "no_physics"})
 """Happens all the time, or once for a known reason: no mark."""
@@ -42,12 +44,21 @@ MEANINGS: tuple[Meaning, ...] = (
     Meaning(
         "trouble",
         "The score fell, the simulated pose scores far less than the pose it began with (marked the first time that it "
-        "happens to an object, with how often), the object would tip where "
-        "the simulation leaves it, a pose rendered to nothing or its score is not a number, the refiner found nothing "
-        "to hold on to, or the error against ground truth grew although the score did not fall.",
+        "happens to an object, with how often), the object would tip where the simulation leaves it, a pose rendered "
+        "to nothing or its score is not a number, the refiner found nothing to hold on to, the error against ground "
+        "truth grew although the score did not fall, or a correct pose was given up for a wrong answer.",
         RED,
         frozenset(
-            {"score_fell", "physics_worse", "unstable", "empty_render", "nan_score", "refiner_stuck", "error_grew"}
+            {
+                "score_fell",
+                "physics_worse",
+                "unstable",
+                "empty_render",
+                "nan_score",
+                "refiner_stuck",
+                "error_grew",
+                "discarded",
+            }
         ),
     ),
     Meaning(
@@ -124,6 +135,17 @@ def marks_of(iteration: Iteration, error_growth_mm: float | None = None) -> tupl
         )
         marks.append(Mark(iteration.index, "error_grew", text, RED))
     return tuple(marks)
+
+
+def mark_of_discarded(given_up: Discarded) -> Mark:
+    """Where a correct pose was given up for the wrong answer of a finished run."""
+    made = f"iteration {given_up.iteration}" if given_up.iteration else "the start"
+    pose, answer = distinct_texts(given_up.score.score, given_up.answer.score.score, 3)
+    text = (
+        f"A correct pose of {made} (hypothesis {given_up.arm + 1}, score {pose}) was given up: the answer, which is "
+        f"wrong, scores {answer}."
+    )
+    return Mark(given_up.given_up, "discarded", text, RED)
 
 
 def once_per_object(marked: Sequence[tuple[Iteration, Sequence[Mark]]]) -> tuple[Mark, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from verefine_viz.batch.summary import MUCH, MUCH_SCORE
-from verefine_viz.diagnosis.causes import DATA_FIRST, DECLARE, cause_title, distinct_texts
+from verefine_viz.diagnosis.causes import DATA_FIRST, DECLARE, Cause, cause_title, distinct_texts
 from verefine_viz.diagnosis.signs import Course, far_start, is_low, leaks, starved
 from verefine_viz.scenes.instance_notes import without
 from verefine_viz.viewer import commands as c
@@ -253,6 +253,8 @@ def _why_here(snapshot: Snapshot, entry: Entry) -> str:
         return "No iteration made it much worse, and its answer is an initial pose: look before iteration 1."
     if entry.row.worst_iteration is None:
         return f"No iteration made it much worse; iteration {at} made the answer."
+    if entry.row.cause == Cause.DISCARDED:
+        return f"Iteration {at}: here a correct pose was given up."
     before, after = snapshot.poses.get("current"), snapshot.poses.get("accepted")
     if not snapshot.is_current or before is None or after is None:
         return ""

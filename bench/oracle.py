@@ -1,0 +1,174 @@
+"""How often a diagnosis of a real failure is true, by brute force on real frames.
+
+    python -m bench.oracle DATASET_FOLDER [--seeds 5] [--frames 0/1 …] [--rotation 40] [--translation 20]
+
+Each frame is solved by RIR from disturbed ground truth. Of each wrong answer the oracle works out, far more costly than
+a diagnosis may be: whether any scored pose of the run was correct; the highest score of a correct pose near the ground
+truth; to which poses the refiner alone takes every hypothesis; and how often ten re-runs on other samples of the
+observed points come out right, with nothing changed and with what the diagnosis put right. A verdict is confirmed if
+all of that agrees with it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import axis_angle, random_unit_vector, transform
+from verefine_viz.diagnosis.case import ALONE, TOGETHER, Case
+from verefine_viz.diagnosis.causes import Cause, Diagnosis
+from verefine_viz.diagnosis.diagnose import diagnosed, failed_cases
+from verefine_viz.diagnosis.score_causes import scored
+from verefine_viz.evaluation.pose_errors import adds_mm
+from verefine_viz.session.comparison import trace_of
+from verefine_viz.session.files import resolve
+from verefine_viz.session.toolbox import Toolbox
+
+SAMPLES = range(100, 110)
+"""Samples of the observed points that no diagnosis has used."""
+CALLS = 40
+"""Of the refiner for each hypothesis."""
+NEAR_GT = 20
+"""Poses near ground truth, refined, of which the correct ones show what the score can reach there."""
+RARELY, MOSTLY = 3, 7
+"""Of ten re-runs."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What the oracle found out about a wrong answer."""
+
+    n_correct_seen: int
+    """Scored poses of the run that are correct."""
+    best_correct_score: float
+    """Of those; −1 without any."""
+    score: float
+    """Of the answer."""
+    score_at_gt: float
+    """The highest of correct poses near ground truth."""
+    n_leading: int
+    """Hypotheses that the refiner alone takes to a correct pose."""
+    n_by_chance: int
+    """Re-runs that come out right with nothing changed."""
+    n_repaired: int | None
+    """And with what the diagnosis put right; None where that was nothing."""
+    surface_error: float
+    """ADD-S, as a share of the diameter."""
+
+
+def facts_of(case: Case, diagnosis: Diagnosis) -> Facts:
+    """Everything, by brute force."""
+    assert case.answer is not None
+    stages = [s for i in case.own for s in i.stages if s.score is not None]
+    seen = [s.score.score for s in stages if s.score and case.error_of(s.T_cam_obj) < case.threshold]
+    ends = [_refined(case, h.T_cam_obj, CALLS) for h in case.target.instance.hypotheses]
+    return Facts(
+        len(seen),
+        max(seen, default=-1.0),
+        scored(case, case.answer.T_cam_obj[None])[0].score,
+        _score_at_gt(case),
+        sum(any(case.error_of(T) < case.threshold for T in way) for way in ends),
+        case.n_right(TOGETHER + ALONE if case.group else ALONE, SAMPLES),
+        case.n_right(diagnosis.rests_on, SAMPLES) if diagnosis.rests_on else None,
+        adds_mm(case.target.model, case.answer.T_cam_obj, case.T_gt) / (1e3 * case.target.model.diameter_m),
+    )
+
+
+def _refined(case: Case, T: Float, calls: int) -> list[Float]:
+    way = [T]
+    for _ in range(calls):
+        way.append(case.lab.refiner.refine(case.target, way[-1], case.placed))
+        if np.abs(way[-1] - way[-2]).max() < 1e-7:
+            break
+    return way
+
+
+def _score_at_gt(case: Case) -> float:
+    rng = np.random.default_rng(0)
+    poses = _refined(case, case.T_gt, CALLS)
+    for _ in range(NEAR_GT):
+        turn = axis_angle(random_unit_vector(rng), np.deg2rad(rng.uniform(0, 5)))
+        near = transform(turn @ case.T_gt[:3, :3], case.T_gt[:3, 3] + rng.uniform(0, 0.004) * random_unit_vector(rng))
+        poses += _refined(case, near, 10)
+    poses = [T for T in poses if case.error_of(T) < case.threshold]
+    return max(one.score for one in scored(case, np.array(poses)))
+
+
+def objection(diagnosis: Diagnosis, facts: Facts) -> str:
+    """Why a verdict is wrong; empty where nothing speaks against it."""
+    cause = diagnosis.cause
+    if cause == Cause.SCORE:
+        return "" if facts.score >= facts.score_at_gt else f"a correct pose scores {facts.score_at_gt:.3f}"
+    if cause == Cause.SYMMETRIC:
+        return "" if facts.surface_error < 0.1 else "the surface is elsewhere"
+    if facts.score >= facts.score_at_gt and cause != "ambiguous":
+        return f"no correct pose scores as much: {facts.score_at_gt:.3f}"
+    if cause == Cause.DISCARDED:
+        known = facts.n_correct_seen or facts.n_leading
+        return "" if known else "no correct pose was reached"
+    if facts.n_correct_seen and not diagnosis.rests_on:
+        return f"a correct pose was reached, with {facts.best_correct_score:.3f}"
+    if cause == Cause.UNDECIDED:
+        return "" if 0 < facts.n_by_chance < len(SAMPLES) else f"right in {facts.n_by_chance} of {len(SAMPLES)} re-runs"
+    if facts.n_by_chance > RARELY:
+        return f"right by chance in {facts.n_by_chance} of {len(SAMPLES)} re-runs"
+    if facts.n_repaired is not None and facts.n_repaired < MOSTLY:
+        return f"repaired in only {facts.n_repaired} of {len(SAMPLES)} re-runs"
+    if cause == Cause.POOL and facts.n_leading:
+        return f"{facts.n_leading} hypotheses lead there"
+    return ""
+
+
+def main() -> int:
+    """Prints each verdict with what the oracle has to say, and the counts."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("dataset", type=Path)
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--frames", nargs="*", default=[])
+    parser.add_argument("--rotation", type=float, default=40.0)
+    parser.add_argument("--translation", type=float, default=20.0)
+    args = parser.parse_args()
+    named: Counter[Cause] = Counter()
+    confirmed: Counter[Cause] = Counter()
+    n_objects = 0
+    ms: list[float] = []
+    for seed in range(args.seeds):
+        hypotheses = {"source": "perturb", "rotation_deg": args.rotation, "translation_mm": args.translation}
+        toolbox = Toolbox(
+            resolve(
+                {
+                    "scene": {"source": "bop", "dataset": str(args.dataset.resolve()), "frames": args.frames},
+                    "hypotheses": {**hypotheses, "max_per_object": 5, "seed": seed},
+                    "method": {"name": "rir", "seed": seed},
+                }
+            )
+        )
+        for frame in toolbox.frames:
+            run = toolbox.run(toolbox.problem(frame))
+            run.finish()
+            n_objects += len(run.problem.targets)
+            for case in failed_cases(trace_of(run), toolbox):
+                began = perf_counter()
+                verdict = diagnosed(case)
+                ms.append(1e3 * (perf_counter() - began))
+                why_not = objection(verdict, facts_of(case, verdict))
+                named[verdict.cause] += 1
+                confirmed[verdict.cause] += not why_not
+                mark = f"WRONG ({why_not})" if why_not else "confirmed"
+                print(f"seed {seed} {frame} {case.name} {verdict.cause} {mark}: {verdict.sentence}", flush=True)
+    for cause, n in named.most_common():
+        print(f"{cause}: {confirmed[cause]} of {n} confirmed")
+    share = confirmed.total() / max(named.total(), 1)
+    print(f"{confirmed.total()} of {named.total()} verdicts confirmed ({share:.0%}) on {n_objects} objects")
+    print(f"a diagnosis took {np.median(ms or [0]):.0f} ms in the median, {max(ms, default=0):.0f} ms at most")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
