@@ -53,14 +53,14 @@ def side_by_side(jobs: Sequence[Callable[[ProgressToken], T]], progress: Progres
         try:
             futures = [pool.submit(done, k, job) for k, job in enumerate(jobs)]
             left: set[Future[T | VerefineError]] = set(futures)
-            said = ""
+            shown = ""
             while left:
                 left = wait(left, CHECKPOINT_S, FIRST_COMPLETED).not_done
                 while not announced.empty():
                     progress.announce(announced.get())
                 now = " · ".join(words for _, words in sorted(doing.copy().items()))
-                progress.checkpoint(now if now != said else "", 1 - len(left) / len(jobs))
-                said = now
+                progress.checkpoint(now if now != shown else "", 1 - len(left) / len(jobs))
+                shown = now
         except BaseException:
             ended.set()
             raise

@@ -57,9 +57,9 @@ class CompilingTurn:
         self._is_mine = False
 
     def take(self) -> None:
-        """Before a kernel is compiled: at once, and then until :meth:`end`; or after whoever had it first.
+        """Before a kernel is compiled: at once, and then until :meth:`end`; or after the process that had it first.
 
-        Who had to wait compiles the one kernel that was missing, and does not keep others waiting for that.
+        A process that had to wait compiles the one kernel that it lacked, and does not keep others waiting for that.
         """
         if self._is_mine:
             return
