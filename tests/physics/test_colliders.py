@@ -11,11 +11,13 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.physics.bodies import ball, box, model, ring
+from tests.physics.bodies import angle, ball, box, model, ring
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.core.model import ObjectModel
 from verefine_viz.physics.colliders import build, collider, reduced_hull, signed_distance
 from verefine_viz.recording.verify import first_difference
+from verefine_viz.scenes.demo_models import demo_model
 
 
 def test_box_has_its_corners_its_centre_and_its_inertia():
@@ -52,8 +54,46 @@ def test_ring_is_hollow_when_decomposed_and_full_as_a_hull():
     assert hollow.deviation_m < 0.005
 
 
-def test_hull_without_pockets_is_not_decomposed():
-    assert len(build(ball(), "decomposition").parts) == 1
+def drilled() -> trimesh.Trimesh:
+    """A disc with a hole that takes 5.8 % of its volume, and is deeper than 5 % of the diameter."""
+    return trimesh.creation.annulus(0.012, 0.05, 0.06)
+
+
+def opened(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The same without one triangle."""
+    mesh.update_faces(np.arange(len(mesh.faces)) != 0)
+    return mesh
+
+
+def doubled() -> trimesh.Trimesh:
+    """Two rings in one another, whose volumes together are about that of their hull."""
+    parts = [trimesh.creation.annulus(0.042, 0.06, 0.05), trimesh.creation.annulus(0.041, 0.06, 0.05)]
+    return trimesh.util.concatenate(parts)
+
+
+@pytest.mark.parametrize(
+    ("thing", "is_hull"),
+    [
+        (box(0.06, 0.04, 0.1), True),
+        (ball(), True),
+        (model(drilled()), True),
+        (model(opened(drilled())), False),
+        (model(doubled()), False),
+        (ring(), False),
+        (angle(), False),
+        (demo_model("mug", 100, 0), False),
+        (demo_model("bottle", 100, 0), False),
+    ],
+    ids=["box", "ball", "drilled disc", "the same, not closed", "doubled", "ring", "L", "mug", "bottle"],
+)
+def test_only_what_is_nearly_convex_is_its_hull_without_a_decomposition(
+    thing: ObjectModel, is_hull: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr("verefine_viz.physics.colliders.decomposed", lambda name, *_: asked.append(name) or [])
+    solid = build(thing, "decomposition")
+    assert (asked == []) == is_hull
+    assert first_difference(solid.parts, build(thing, "hull").parts) is None
 
 
 def test_mesh_with_a_hole_takes_its_mass_from_the_parts():

@@ -6,17 +6,21 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
-from tests.physics.bodies import ring, soup
+from tests.physics.bodies import angle, ring, soup
 from tests.progress import ending_after
 from verefine_viz.core.errors import Cancelled, ShapeError
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.core.side_by_side import side_by_side
 from verefine_viz.physics import decomposition
 from verefine_viz.physics.colliders import build, collider, signed_distance
 from verefine_viz.physics.decomposition import decomposed
@@ -110,3 +114,42 @@ def test_each_start_is_told_once_and_how_long_it_takes_meanwhile() -> None:
     assert told[:1] == told_once
     assert all("object 7 (ring)" in doing for doing in told)
     assert [doing for doing in told[1:] if " s so far" not in doing] == []
+
+
+def test_side_by_side_and_one_after_the_other_give_the_same_files(tmp_path: Path) -> None:
+    things = [ring(), angle(), ring(0.03)]
+    for thing in things:
+        collider(thing, "decomposition", tmp_path / "one by one")
+    jobs = [partial(collider, thing, "decomposition", tmp_path / "at once") for thing in things]
+    assert len(side_by_side(jobs, ProgressToken())) == 3
+    one, other = ({p.name: p.read_bytes() for p in (tmp_path / name).iterdir()} for name in ("one by one", "at once"))
+    assert len(one) == 3
+    assert one == other
+
+
+def test_who_needs_the_same_model_at_the_same_time_waits_for_it(
+    tmp_path: Path, started: list[subprocess.Popen[bytes]]
+) -> None:
+    with ThreadPoolExecutor(3) as pool:
+        built = list(pool.map(lambda _: collider(ring(), "decomposition", tmp_path), range(3)))
+    assert len(started) == 1
+    assert [first_difference(built[0], other) for other in built[1:]] == [None, None]
+
+
+KILLED = """
+import sys
+from pathlib import Path
+from tests.physics.bodies import ring
+from verefine_viz.physics.colliders import collider
+collider(ring(), "decomposition", Path(sys.argv[1]))
+"""
+
+
+def test_after_a_killed_process_another_makes_it(tmp_path: Path) -> None:
+    with subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path)]) as other:
+        while not list(tmp_path.glob("*.lock")):
+            time.sleep(0.02)
+        other.kill()
+    assert [path.suffix for path in tmp_path.iterdir()] == [".lock"]
+    assert len(collider(ring(), "decomposition", tmp_path).parts) > 1
+    assert [path.suffix for path in tmp_path.iterdir()] == [".npz"]

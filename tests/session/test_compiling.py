@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import importlib.util
 import threading
+import time
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 from numba import config, njit
 
-from verefine_viz.session.kernel_compilation import compiling_reported
+from verefine_viz.session.kernel_compilation import CompilingTurn, compiling_reported
 
 KERNEL = """
 from numba import njit
@@ -72,3 +73,39 @@ def test_each_hears_of_its_own_thread_and_only_inside() -> None:
         outer()
     after()
     assert (here.times, there.times) == (1, 1)
+
+
+def test_one_compiles_and_the_others_wait_until_it_is_done(tmp_path: Path) -> None:
+    file = tmp_path / "cache" / "compiling.lock"
+    first, events = CompilingTurn(file), []
+
+    def later() -> None:
+        other = CompilingTurn(file)
+        other.take()
+        events.append("other")
+        other.end()
+
+    first.take()
+    first.take()
+    threads = [threading.Thread(target=later) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    time.sleep(0.3)
+    events.append("first")
+    first.end()
+    for thread in threads:
+        thread.join()
+    assert events == ["first", "other", "other"]
+    assert list(file.parent.iterdir()) == []
+
+
+def test_who_waited_keeps_no_other_waiting(tmp_path: Path) -> None:
+    file = tmp_path / "compiling.lock"
+    first, second = CompilingTurn(file), CompilingTurn(file)
+    first.take()
+    thread = threading.Thread(target=second.take)
+    thread.start()
+    time.sleep(0.2)
+    first.end()
+    thread.join()
+    CompilingTurn(file).take()

@@ -77,9 +77,7 @@ def test_a_session_repeats_a_fork_with_other_settings_and_a_moved_pose() -> None
 @pytest.mark.usefixtures("processes")
 def test_a_solid_that_is_not_as_it_was_asked_for_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
     made_in_time = BulletSimulator.collider
-    monkeypatch.setattr(
-        BulletSimulator, "collider", lambda self, model: replace(made_in_time(self, model), took_too_long=True)
-    )
+    monkeypatch.setattr(BulletSimulator, "collider", lambda *given: replace(made_in_time(*given), took_too_long=True))
     notes = Toolbox(resolve(RAW)).problem("0/0").notes
     assert len([n for n in notes if n.startswith("object 2 (duck): physics takes it for its convex hull, ")]) == 1
 

@@ -15,11 +15,13 @@ from tests.viewer.test_app import command_of, cursor, messages
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.physics.decomposition import PREPARING_PARTS
 from verefine_viz.session.files import save_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.command_json import to_json
 from verefine_viz.viewer.debugger import Debugger, RequestQueue
+from verefine_viz.viewer.panels.run_panel import USE_HULLS
 from verefine_viz.viewer.session_page import CANCELLED
 
 SESSION = Session(title="test", method=MethodSettings(iterations=2))
@@ -289,3 +291,73 @@ def test_that_it_has_to_end_first_is_said_before_it_is_cancelled() -> None:
 def test_a_list_of_commands_may_hold_cancel() -> None:
     debugger = Debugger(SESSION, None, FakeTools).carry_out([c.Step(), c.Cancel(), c.Step()])
     assert debugger.workspace.run.cursor == 2
+
+
+class Decomposing(FakeTools):
+    """Its second frame takes for ever until physics takes every model for its hull."""
+
+    progress: ProgressToken
+    waits_for = SLOW
+
+    def problem(self, frame: str) -> Problem:
+        while frame == self.waits_for and self.session.physics.collider == "decomposition":
+            self.progress.checkpoint(f"{PREPARING_PARTS} object 1 (mug) for physics.")
+            sleep(0.01)
+        return super().problem(frame)
+
+
+def decomposing(tmp_path: Path, frame: str) -> App:
+    class Tools(Decomposing):
+        waits_for = frame
+
+    running = App(SESSION, port=0, make_tools=Tools, folder=tmp_path)
+    Tools.progress = running._progress
+    return running.start()
+
+
+@pytest.mark.usefixtures("processes")
+def test_a_frame_is_opened_with_hulls_at_once_where_the_user_does_not_wait_and_the_page_says_so(tmp_path: Path) -> None:
+    running = decomposing(tmp_path, SLOW)
+    try:
+        running.wait_until_idle()
+        running.send(c.UseHulls())  # Nothing is being opened.
+        running.send(c.OpenFrame(SLOW))
+        wait_for(lambda: USE_HULLS in words(running))
+        running.send(c.UseHulls())
+        running.wait_until_idle()
+        assert running.debugger.workspace.frame == SLOW
+        assert running.debugger.workspace.session.physics.collider == "hull"
+        assert [command for command in running.debugger.log if isinstance(command, c.OpenFrame)] == [
+            c.OpenFrame(SLOW, hulls=True)
+        ]
+        assert USE_HULLS not in words(running)
+        assert "takes every model for its convex hull" in running.page.layout.run._below._handle.content
+        running.send(c.OpenFrame("0/1"))
+        running.wait_until_idle()
+        assert running.debugger.workspace.session.physics.collider == "decomposition", "it was open before"
+    finally:
+        running.stop()
+
+
+@pytest.mark.usefixtures("processes")
+def test_the_program_opens_its_session_with_hulls_at_once_where_the_user_does_not_wait(tmp_path: Path) -> None:
+    running = decomposing(tmp_path, "0/1")
+    try:
+        wait_for(lambda: hasattr(running, "_busy") and running._busy._hulls.visible)
+        running.send(c.UseHulls())
+        running.wait_until_idle()
+        assert running.debugger.workspace.session.physics.collider == "hull"
+    finally:
+        running.stop()
+
+
+def test_hulls_are_no_choice_where_nothing_is_opened_and_none_that_is_kept() -> None:
+    requests = RequestQueue()
+    requests.send(c.UseHulls())
+    assert requests.is_wanted()
+    with requests.opening():
+        requests.send(c.UseHulls())
+        assert not requests.is_wanted()
+    assert requests.is_wanted()
+    with requests.opening():
+        assert requests.is_wanted()

@@ -30,17 +30,24 @@ def work(channel: connection.Connection, session: Session, out: Path, task: Task
 
     from verefine_viz.batch.solve_frame import TASKS
     from verefine_viz.core.progress_token import ProgressToken
-    from verefine_viz.session.kernel_compilation import COMPILING, compiling_reported
+    from verefine_viz.session.kernel_compilation import COMPILING, CompilingTurn, compiling_reported
     from verefine_viz.session.toolbox import Toolbox
 
     progress = ProgressToken(report_once=channel.send)
     toolbox, solve = Toolbox(session, progress), TASKS[task]
+    turn = CompilingTurn()
+
+    def compiling() -> None:
+        channel.send(COMPILING)
+        turn.take()
+
     try:
-        with compiling_reported(lambda: channel.send(COMPILING)):
+        with compiling_reported(compiling):
             while True:
                 received = channel.recv()
                 if isinstance(received, str):
                     channel.send(solve(toolbox, received, out))
+                    turn.end()
                 else:
                     session, out = received
                     toolbox = Toolbox(session, progress)

@@ -9,7 +9,8 @@ import re
 import stat
 import tempfile
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -255,6 +256,34 @@ def wait_for_lock(file: Path) -> BinaryIO:
         lock.close()
         raise
     return lock
+
+
+@contextmanager
+def one_at_a_time(file: Path, asked: Callable[[str], object], waiting: str) -> Iterator[None]:
+    """Inside, no other process or thread is inside with the same lock file, which is gone afterwards.
+
+    Where no lock file can be made (a cache that cannot be written to) there may be several: what they make in there
+    costs time only.
+
+    Args:
+        file: the lock file; its folder is made.
+        asked: called with ``waiting`` where it has to wait, then with "" ten times a second; may raise.
+        waiting: what it waits for, in words.
+    """
+    lock = None
+    with suppress(InputError, OSError):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        while (lock := try_lock(file)) is None:
+            asked(waiting)
+            waiting = ""
+            time.sleep(0.1)
+    try:
+        yield
+    finally:
+        if lock is not None:
+            with suppress(OSError):
+                file.unlink()
+            lock.close()
 
 
 def _opened(file: Path) -> BinaryIO:

@@ -24,6 +24,8 @@ LIMIT_S = 60
 """Processor time that a mesh may take, of all threads together [s]. The models of YCB-Video, LINEMOD and the built-in
 scenes take up to 10 s; what takes a minute is a soup of triangles, whose parts stand for nothing. Processor time, not
 time on the clock: what comes out must not depend on how busy the machine is."""
+PREPARING_PARTS = "Preparing the convex parts of"
+"""How it says what it is doing."""
 CHECKPOINT_S = 0.1
 """Time between two checkpoints [s]."""
 
@@ -82,7 +84,7 @@ def decomposed(
 
 def _wait(child: subprocess.Popen[bytes], name: str, progress: ProgressToken) -> None:
     """Until the process ends, reporting every second for how long already."""
-    doing = f"Preparing the convex parts of {name} for physics"
+    doing = f"{PREPARING_PARTS} {name} for physics"
     progress.announce(f"{doing}, once: seconds for most models; after {LIMIT_S} s of computing its hull is taken.")
     started, reported_s = time.monotonic(), 0
     while True:
@@ -91,11 +93,7 @@ def _wait(child: subprocess.Popen[bytes], name: str, progress: ProgressToken) ->
             return
         except subprocess.TimeoutExpired:
             now_s = int(time.monotonic() - started)
-            progress.checkpoint(
-                f"{doing}, {now_s} s so far; after {LIMIT_S} s of computing its hull is taken."
-                if now_s > reported_s
-                else ""
-            )
+            progress.checkpoint(f"{doing}, {now_s} s so far." if now_s > reported_s else "")
             reported_s = now_s
 
 

@@ -62,8 +62,10 @@ class BulletSimulator:
         self._ground: _Ground | None = None
         """Of the last call; it is mostly that of the next one as well."""
 
-    def collider(self, model: ObjectModel) -> Collider:
+    def collider(self, model: ObjectModel, progress: ProgressToken | None = None) -> Collider:
         """The collider that stands for ``model``; built at its first use, which may take seconds.
+
+        Those of several models may be asked for on as many threads, each with a ``progress`` of its own.
 
         Raises:
             ShapeError: the mesh has no volume.
@@ -71,7 +73,7 @@ class BulletSimulator:
         """
         built = self._colliders.get(model.mesh_hash)
         if built is None:
-            built = collider(model, self._settings.collider, self._cache, self._progress)
+            built = collider(model, self._settings.collider, self._cache, progress or self._progress)
             self._colliders[model.mesh_hash] = built
         return built
 

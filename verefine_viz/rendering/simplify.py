@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.paths import atomic
+from verefine_viz.core.paths import atomic, one_at_a_time
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
 
@@ -66,10 +66,14 @@ def scoring_mesh(
     file = (folder or cache_folder()) / f"{model.mesh_hash}-{simplify_mm * 1000:.0f}um-v{ALGORITHM}.npz"
     cached = _read(file)
     if cached is None:
-        progress.checkpoint(f"Preparing the mesh of {model.name} to score; cached once it is made.")
-        vertices, faces = simplified(model.vertices, model.faces, simplify_mm / 1000, progress)
-        cached = vertices, faces, closed_faces(vertices, faces)
-        _write(file, *cached)
+        waiting = f"Waiting for the mesh of {model.name} to score, which another process is preparing."
+        with one_at_a_time(file.with_suffix(".lock"), progress.checkpoint, waiting):
+            cached = _read(file)
+            if cached is None:
+                progress.checkpoint(f"Preparing the mesh of {model.name} to score; cached once it is made.")
+                vertices, faces = simplified(model.vertices, model.faces, simplify_mm / 1000, progress)
+                cached = vertices, faces, closed_faces(vertices, faces)
+                _write(file, *cached)
     return render_mesh(*cached)
 
 

@@ -1,14 +1,21 @@
-"""Reports that kernels are being compiled: a minute or two in all, once after installing."""
+"""Kernels are compiled once after installing, a minute or two in all: says so, and has one process do it for all.
+
+Numba caches them beside the source, or in the user's cache folder where the package cannot be written to.
+"""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
 
+import platformdirs
 from numba.core.event import Event, Listener, install_listener
 
-COMPILING = "Compiling kernels, once after installing; a minute or two in all."
+from verefine_viz.core.paths import one_at_a_time
+
+COMPILING = "Compiling kernels (once after installing); a minute or two in all."
 
 
 @contextmanager
@@ -33,3 +40,36 @@ class _OfThread(Listener):
 
     def on_end(self, event: Event) -> None:
         pass
+
+
+class CompilingTurn:
+    """Of several processes that begin together one compiles; the others wait, and find its kernels in numba's cache.
+
+    For processes that compile on one thread: one that waits holds numba's own lock.
+
+    Args:
+        file: the lock file; None = in the user's cache folder.
+    """
+
+    def __init__(self, file: Path | None = None) -> None:
+        self._file = platformdirs.user_cache_path("verefine-viz") / "compiling.lock" if file is None else file
+        self._held = ExitStack()
+        self._is_mine = False
+
+    def take(self) -> None:
+        """Before a kernel is compiled: at once, and then until :meth:`end`; or after the process that had it first.
+
+        A process that had to wait compiles the one kernel that it lacked, and does not keep others waiting for that.
+        """
+        if self._is_mine:
+            return
+        waited: list[str] = []
+        self._held.enter_context(one_at_a_time(self._file, waited.append, ""))
+        self._is_mine = True
+        if waited:
+            self.end()
+
+    def end(self) -> None:
+        """A frame is solved: most of what it needs is compiled."""
+        self._held.close()
+        self._is_mine = False

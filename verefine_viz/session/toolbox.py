@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
-from verefine_viz.core.errors import InputError, SettingsError, ShapeError, unknown
+from verefine_viz.core.errors import InputError, SettingsError, ShapeError, VerefineError, unknown
+from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Estimator, Method, Refiner, Verifier, Watcher
 from verefine_viz.core.settings import PhysicsSettings, Session
+from verefine_viz.core.side_by_side import side_by_side
 from verefine_viz.methods.physim_mcts import make_physim_mcts, mcts_physics, mcts_tricp
 from verefine_viz.methods.registry import make_method, method_of
 from verefine_viz.observation.dependency_graph import dependency_graph
@@ -19,6 +21,7 @@ from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.registry import REFINERS, make_refiner
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 from verefine_viz.rendering.explained import ExplainedPixels
+from verefine_viz.rendering.simplify import scoring_mesh
 from verefine_viz.rendering.verifier import make_verifier
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
 from verefine_viz.scenes.instance_notes import is_about_initial_poses, within_reach
@@ -137,18 +140,21 @@ class Toolbox:
 
     def _solids(self, problem: Problem) -> tuple[dict[int, str], tuple[str, ...]]:
         """Objects of which no collider can be built, with the reason, and notes on those that are built; building takes
-        seconds, once per model.
+        seconds, once per model. Meshes to score, which take about as long, are made beside them.
         """
         broken: dict[int, str] = {}
         notes: list[str] = []
         if self.simulator is not None and problem.observation.support is not None:
-            for obj_id, model in problem.models.items():
-                try:
-                    note = self.simulator.collider(model).note
-                except ShapeError as error:
-                    broken[obj_id] = str(error)
-                else:
-                    notes += [f"object {obj_id} ({model.name}): {note}"] if note else []
+            models = list(problem.models.values())
+            solids = [partial(self.simulator.collider, model) for model in models]
+            meshes = [partial(_score_mesh, model, self.session.score.simplify_mm) for model in models]
+            for model, solid in zip(models, side_by_side([*solids, *meshes], self._progress), strict=False):
+                if isinstance(solid, ShapeError):
+                    broken[model.obj_id] = str(solid)
+                elif isinstance(solid, VerefineError):
+                    raise solid
+                elif solid is not None and solid.note:
+                    notes.append(f"object {model.obj_id} ({model.name}): {solid.note}")
         return broken, tuple(notes)
 
     def _with_estimates(self, problem: Problem) -> Problem:
@@ -227,6 +233,11 @@ class Toolbox:
         changes = {k: toolbox.method for k, toolbox in self._later}
         edits = edits_of(self.session.edits, problem, is_only_frame=len(self.frames) == 1) if self.session.edits else ()
         return Run(self.method, problem, watchers, edits, changes)
+
+
+def _score_mesh(model: ObjectModel, simplify_mm: float, progress: ProgressToken) -> None:
+    """Has the mesh to score in the cache, where the verifier finds it."""
+    scoring_mesh(model, simplify_mm, progress=progress)
 
 
 def _within_reach(problem: Problem) -> Problem:

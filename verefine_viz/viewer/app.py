@@ -20,6 +20,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.session.edits import edits_elsewhere
+from verefine_viz.session.files import changed
 from verefine_viz.session.kernel_compilation import compiling_reported
 from verefine_viz.viewer.busy_status import BusyStatus
 from verefine_viz.viewer.commands import Command, CompareRecording, OpenRecording
@@ -28,6 +29,7 @@ from verefine_viz.viewer.export import Exporter
 from verefine_viz.viewer.panels.page_layout import set_theme
 from verefine_viz.viewer.session_page import Page, Worker
 from verefine_viz.viewer.state.batch_gallery import Gallery
+from verefine_viz.viewer.state.workspace import HULLS
 from verefine_viz.viewer.web.server import Server
 from verefine_viz.viewer.web.viser_internals import lost_style
 
@@ -142,7 +144,15 @@ class App:
             worker.work()
 
     def _open(self) -> Worker:
-        self.debugger = self._new_debugger().carry_out(self._first)
+        try:
+            with self._requests.opening():
+                debugger = self._new_debugger()
+        except Cancelled:
+            if not self._requests.wants_hulls:
+                raise
+            self._session = changed(self._session, HULLS)
+            debugger = self._new_debugger()
+        self.debugger = debugger.carry_out(self._first)
         self._busy.tell("Drawing the first picture.")
         self.debugger.view(deep=False)  # Where kernels are compiled for it, the page can still say so.
         if self._busy.has_compiled:

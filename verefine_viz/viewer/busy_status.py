@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from time import monotonic
 
+from verefine_viz.physics.decomposition import PREPARING_PARTS
 from verefine_viz.session.kernel_compilation import COMPILING
+from verefine_viz.viewer.commands import UseHulls
 from verefine_viz.viewer.debugger import RequestQueue
 from verefine_viz.viewer.drawing.markup import block, text
-from verefine_viz.viewer.panels.run_panel import RunPanel
+from verefine_viz.viewer.panels.run_panel import USE_HULLS, RunPanel
 from verefine_viz.viewer.web.server import Server
 
 LOADING = "Loading the program."
@@ -26,6 +28,8 @@ class BusyStatus:
     def __init__(self, server: Server, requests: RequestQueue) -> None:
         self._server, self._requests = server, requests
         self._loading = server.gui.add_html(block(opening(LOADING)))
+        self._hulls = server.gui.add_button(USE_HULLS, visible=False)
+        self._hulls.on_click(lambda _: requests.send(UseHulls()))
         self._panel: RunPanel | None = None
         self._doing = ""
         """What is being done; "" = it is shown."""
@@ -67,6 +71,7 @@ class BusyStatus:
     def clear(self) -> None:
         """Makes room for the panels."""
         self._loading.remove()
+        self._hulls.remove()
 
     def fail(self, why: str) -> None:
         """The session cannot be opened."""
@@ -74,10 +79,12 @@ class BusyStatus:
 
     def say(self, doing: str, share: float | None = None, can_cancel: bool = False) -> None:
         """Shows it at once."""
+        offers_hulls = self._requests.offers_hulls and PREPARING_PARTS in doing
         if self._panel is None:
             self._loading.content = block(opening(doing))
+            self._hulls.visible = offers_hulls
         else:
-            self._panel.tell(doing, share, can_cancel)
+            self._panel.tell(doing, share, can_cancel, offers_hulls)
         self._server.flush()
 
 

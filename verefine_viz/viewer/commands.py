@@ -150,6 +150,12 @@ class Cancel(Command):
     keeps_edited_pose = controls_run = True
 
 
+class UseHulls(Command):
+    """Do not wait for convex parts of new models: open what is being opened with their hulls; does not wait either."""
+
+    keeps_edited_pose = controls_run = True
+
+
 class TogglePause(Command):
     """Run if paused, pause if running."""
 
@@ -169,18 +175,22 @@ class OpenFrame(OpenCommand):
     """Another frame of the session, ``scene/image``."""
 
     frame: str
+    hulls: bool = False
+    """Physics takes every model for its convex hull, whatever the session says: nothing has to be decomposed."""
 
 
 class OpenDemo(OpenCommand):
     """Another built-in scene."""
 
     name: str
+    hulls: bool = False
 
 
 class OpenSession(OpenCommand):
     """A session file."""
 
     path: str
+    hulls: bool = False
 
 
 class Estimate(OpenCommand):

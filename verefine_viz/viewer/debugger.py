@@ -45,6 +45,8 @@ class RequestQueue:
         """Whether what the worker does may be left undone."""
         self.view_meanwhile: Callable[[Command], None] = lambda command: None
         """Carries out a command that only looks, and shows it, while the worker does something long."""
+        self.offers_hulls = self.wants_hulls = False
+        """Whether what is being opened may be opened with hulls in place of convex parts, and whether it is to be."""
         self._long_on: int | None = None
         """The worker's thread while it does something long and shows nothing else meanwhile."""
 
@@ -55,7 +57,8 @@ class RequestQueue:
             while (command := self._take_looking()) is not None:
                 self.view_meanwhile(command)
             self._long_on = worker
-        return not (self._cancelled or self._stopping or (self._is_aside and self._queue))
+        gives_way = self._cancelled or self._stopping or (self.offers_hulls and self.wants_hulls)
+        return not (gives_way or (self._is_aside and self._queue))
 
     @contextmanager
     def cancellable(self, is_long: bool = False) -> Iterator[None]:
@@ -72,6 +75,15 @@ class RequestQueue:
             self._long_on = None
             with self._wake:
                 self.can_cancel = self._cancelled = False
+
+    @contextmanager
+    def opening(self) -> Iterator[None]:
+        """What the worker opens inside is given up where ``UseHulls`` asks for the same with hulls."""
+        self.offers_hulls, self.wants_hulls = True, False
+        try:
+            yield
+        finally:
+            self.offers_hulls = False
 
     @contextmanager
     def aside(self) -> Iterator[None]:
@@ -93,6 +105,9 @@ class RequestQueue:
                     self._queue.clear()
                     self._on_cancel()
                     self._cancelled = True
+                return
+            if isinstance(command, c.UseHulls):
+                self.wants_hulls = self.offers_hulls
                 return
             if command.latest_wins and self._queue and type(self._queue[-1]) is type(command):
                 self._queue[-1] = command

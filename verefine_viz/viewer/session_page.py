@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from itertools import chain
 from time import monotonic
 from typing import Literal
@@ -239,8 +240,7 @@ class Worker:
         if isinstance(command, c.Command):
             self._page.leave_off()
             before = self._debugger.run.cursor
-            with self._requests.cancellable(command.is_long):
-                self._debugger.apply(command)
+            self._apply(command)
             if not (command.latest_wins and self._requests.holds()):  # A newer one is there: its picture will do.
                 self.show()
                 self._page.animate(command, before)
@@ -253,6 +253,19 @@ class Worker:
         else:
             with suppress(Cancelled), self._requests.aside():  # Whatever comes next shows all of it again.
                 self._page.go_on()
+
+    def _apply(self, command: c.Command) -> None:
+        if not isinstance(command, c.OpenFrame | c.OpenDemo | c.OpenSession) or command.hulls:
+            with self._requests.cancellable(command.is_long):
+                self._debugger.apply(command)
+            return
+        try:
+            with self._requests.cancellable(command.is_long), self._requests.opening():
+                self._debugger.apply(command)
+        except Cancelled:
+            if not self._requests.wants_hulls:
+                raise
+            self._apply(replace(command, hulls=True))
 
     def _give_up(
         self,

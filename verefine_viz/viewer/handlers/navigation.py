@@ -126,5 +126,6 @@ HANDLERS = {
     c.RunTo: _run_to,
     c.Pause: lambda state, command: state.pause(),
     c.Cancel: lambda state, command: state.pause(),
+    c.UseHulls: lambda state, command: None,
     c.SetBreakpoints: _set_breakpoints,
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,8 +64,13 @@ def _restart(state: State, command: c.Restart) -> None:
     state.options = state.options.afresh()
 
 
+def _hulls(state: State, command: c.OpenFrame | c.OpenDemo | c.OpenSession) -> AbstractContextManager[None]:
+    return state.workspace.with_hulls() if command.hulls else nullcontext()
+
+
 def _open_frame(state: State, command: c.OpenFrame) -> None:
-    state.workspace.open_frame(command.frame)
+    with _hulls(state, command):
+        state.workspace.open_frame(command.frame)
     state.options = state.options.afresh()
 
 
@@ -81,7 +87,8 @@ def _open_session(state: State, command: c.OpenSession) -> None:
     is_there = os.path.exists(file)  # noqa: PTH110 (without an error where a name is too long)
     listed = () if is_there else map(Path, state.list_sessions())
     file = next((session for session in listed if command.path in (session.name, session.stem)), file)
-    state.workspace.open(load_session(file), file)
+    with _hulls(state, command):
+        state.workspace.open(load_session(file), file)
     state.message = f"Opened {file}."
     state.options = state.options.afresh()
 
@@ -94,14 +101,16 @@ def _open_demo(state: State, command: c.OpenDemo) -> None:
     own = next((Path(p) for p in state.list_sessions() if Path(p).stem == name), None)
     session = load_session(own) if own is not None else None
     if session is not None and (session.scene.source, session.scene.demo) == ("demo", name):
-        workspace.open(session, own)
+        with _hulls(state, command):
+            workspace.open(session, own)
         state.message = f"Opened {own} with its settings."
     else:
         old = workspace.tools.session
         scene = old.scene.model_copy(update={"source": "demo", "demo": name, "frames": (), "objects": ()})
         hypotheses = old.hypotheses.model_copy(update={"source": "perturb", "files": (), "estimate": ()})
         update = {"scene": scene, "hypotheses": hypotheses, "title": name, "edits": (), "changes": ()}
-        workspace.open(old.model_copy(update=update), None)
+        with _hulls(state, command):
+            workspace.open(old.model_copy(update=update), None)
     state.options = state.options.afresh()
 
 

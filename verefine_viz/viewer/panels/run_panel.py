@@ -43,7 +43,10 @@ ANSWER = (
     "does not score. The last iteration may have tried another."
 )
 CANCEL = f'<p class="dim {CANCEL_CLASS}">{link("Cancel", c.Cancel(), "everything stays as it was before")} (Escape)</p>'
-
+USE_HULLS = "Start with hulls now"
+HULLS = (
+    f'<p class="dim">{link(USE_HULLS, c.UseHulls(), "physics takes every model for its convex hull: no waiting")}</p>'
+)
 
 ROW_PX = 26
 
@@ -68,9 +71,9 @@ class RunPanel:
         self._branches = Block(gui)
         Block(gui, "tight").show(f'<i hidden data-hints="{text(json.dumps(BUTTON_HINTS))}"></i>')
 
-    def tell(self, doing: str, share: float | None, can_cancel: bool) -> None:
-        """What is being done, how much of it [0 to 1], and how to end it, until the next picture."""
-        self._words.show(sentence(doing) + (CANCEL if can_cancel else ""))
+    def tell(self, doing: str, share: float | None, can_cancel: bool, offers_hulls: bool) -> None:
+        """What is being done, how much of it [0 to 1], and how to end or shorten it, until the next picture."""
+        self._words.show(sentence(doing) + (HULLS if offers_hulls else "") + (CANCEL if can_cancel else ""))
         self._progress.visible = share is not None
         self._progress.value = 100.0 * (share or 0.0)
 

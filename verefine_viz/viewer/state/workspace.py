@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -137,6 +138,10 @@ def _at_first(branch: Branch, is_only_frame: bool = False) -> tuple[Edit, ...]:
     return edits_of(branch.start.edits, branch.run.problem, is_only_frame)
 
 
+HULLS = {"physics": {"collider": "hull"}}
+"""Settings with which no model has to be decomposed."""
+
+
 class Workspace:
     """The open session. Opening builds everything first and then switches, so a failure leaves things as they were.
 
@@ -187,6 +192,19 @@ class Workspace:
         if frame not in self._works:
             self._works[frame] = self._begin(self.tools, _read(self.tools, frame))
         self.frame = frame
+
+    @contextmanager
+    def with_hulls(self) -> Iterator[None]:
+        """What is opened inside has ``physics.collider = "hull"``; frames that are open stay as they are."""
+        tools, make_tools = self.tools, self.make_tools
+        self.tools, self.make_tools = tools.changed(HULLS), lambda session: make_tools(changed(session, HULLS))
+        try:
+            yield
+        except BaseException:
+            self.tools = tools
+            raise
+        finally:
+            self.make_tools = make_tools
 
     @property
     def work(self) -> FrameWork:

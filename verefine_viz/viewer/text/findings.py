@@ -66,7 +66,16 @@ def _support(snapshot: Snapshot) -> list[Finding]:
         remedy = "Check scene.gravity" if given else "Give scene.gravity"
         return [Finding(f"No physics: {note}. {remedy}, or choose a frame that shows the table.", red=True)]
     doubt = plane_doubt(support)
-    return [Finding(doubt)] if doubt else []
+    return [*([Finding(doubt)] if doubt else []), *_hulls(snapshot)]
+
+
+def _hulls(snapshot: Snapshot) -> list[Finding]:
+    physics = snapshot.session.physics
+    if not physics.enabled or physics.collider != "hull":
+        return []
+    command = c.Restart((("physics.collider", "decomposition"),))
+    text = "Physics takes every model for its convex hull (physics.collider = hull)."
+    return [Finding(text, calm=True, command=command, label="restart with convex parts")]
 
 
 def _no_hypothesis(snapshot: Snapshot) -> list[Finding]:
