@@ -15,7 +15,7 @@ from tests.viewer.test_app import command_of, cursor, messages
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import MethodSettings, Session
-from verefine_viz.physics.decomposition import PREPARING_PARTS
+from verefine_viz.physics.decomposition import PARTS_OF
 from verefine_viz.session.files import save_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
@@ -301,7 +301,7 @@ class Decomposing(FakeTools):
 
     def problem(self, frame: str) -> Problem:
         while frame == self.waits_for and self.session.physics.collider == "decomposition":
-            self.progress.checkpoint(f"{PREPARING_PARTS} object 1 (mug) for physics.")
+            self.progress.checkpoint(f"Preparing {PARTS_OF} object 1 (mug) for physics.")
             sleep(0.01)
         return super().problem(frame)
 

@@ -58,7 +58,7 @@ def side_by_side(jobs: Sequence[Callable[[ProgressToken], T]], progress: Progres
                 left = wait(left, CHECKPOINT_S, FIRST_COMPLETED).not_done
                 while not announced.empty():
                     progress.announce(announced.get())
-                now = " · ".join(words for _, words in sorted(doing.copy().items()))
+                now = " ".join(words for _, words in sorted(doing.copy().items()))
                 progress.checkpoint(now if now != shown else "", 1 - len(left) / len(jobs))
                 shown = now
         except BaseException:

@@ -28,7 +28,7 @@ from verefine_viz.core.geometry import as_rigid, inverse, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.paths import atomic, one_at_a_time
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
-from verefine_viz.physics.decomposition import LIMIT_S, TookTooLong, decomposed
+from verefine_viz.physics.decomposition import LIMIT_S, PARTS_OF, TookTooLong, decomposed
 
 log = logging.getLogger(__name__)
 
@@ -115,12 +115,11 @@ def collider(
     path = folder / f"{model.mesh_hash}-{kind}-{FORMAT}-{_built_with()}.npz"
     cached = _read(path)
     if cached is None:
-        shape = "convex parts" if kind == "decomposition" else "hull"
-        waiting = f"Waiting for the {shape} of {model.name}, which another process is preparing."
+        waiting = f"Waiting for {PARTS_OF} {model.name}, which another process is preparing."
         with one_at_a_time(path.with_suffix(".lock"), progress.checkpoint, waiting):
             cached = _read(path)
             if cached is None:
-                progress.checkpoint(f"Preparing the {shape} of {model.name} for physics; cached once they are made.")
+                progress.checkpoint(f"Preparing the collider of {model.name} for physics; cached once it is made.")
                 cached = build(model, kind, progress)
                 _write(path, cached)
     return cached

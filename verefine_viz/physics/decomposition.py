@@ -24,8 +24,8 @@ LIMIT_S = 60
 """Processor time that a mesh may take, of all threads together [s]. The models of YCB-Video, LINEMOD and the built-in
 scenes take up to 10 s; what takes a minute is a soup of triangles, whose parts stand for nothing. Processor time, not
 time on the clock: what comes out must not depend on how busy the machine is."""
-PREPARING_PARTS = "Preparing the convex parts of"
-"""How it says what it is doing."""
+PARTS_OF = "the convex parts of"
+"""Words of every message about a decomposition that is waited for."""
 CHECKPOINT_S = 0.1
 """Time between two checkpoints [s]."""
 
@@ -84,7 +84,7 @@ def decomposed(
 
 def _wait(child: subprocess.Popen[bytes], name: str, progress: ProgressToken) -> None:
     """Until the process ends, reporting every second for how long already."""
-    doing = f"{PREPARING_PARTS} {name} for physics"
+    doing = f"Preparing {PARTS_OF} {name} for physics"
     progress.announce(f"{doing}, once: seconds for most models; after {LIMIT_S} s of computing its hull is taken.")
     started, reported_s = time.monotonic(), 0
     while True:

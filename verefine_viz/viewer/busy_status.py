@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from time import monotonic
 
-from verefine_viz.physics.decomposition import PREPARING_PARTS
+from verefine_viz.physics.decomposition import PARTS_OF
 from verefine_viz.session.kernel_compilation import COMPILING
 from verefine_viz.viewer.commands import UseHulls
 from verefine_viz.viewer.debugger import RequestQueue
@@ -79,7 +79,7 @@ class BusyStatus:
 
     def say(self, doing: str, share: float | None = None, can_cancel: bool = False) -> None:
         """Shows it at once."""
-        offers_hulls = self._requests.offers_hulls and PREPARING_PARTS in doing
+        offers_hulls = self._requests.offers_hulls and PARTS_OF in doing
         if self._panel is None:
             self._loading.content = block(opening(doing))
             self._hulls.visible = offers_hulls
