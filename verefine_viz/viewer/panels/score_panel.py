@@ -64,7 +64,7 @@ def score_html(snapshot: Snapshot) -> str:
     if snapshot.is_whole_scene:
         of = f'<span title="frame score: {text(TERMS["frame score"])}">all objects</span>'
     else:
-        of = focus_label(snapshot, 52)
+        of = focus_label(snapshot)
     passes = passes_table(snapshot) if snapshot.is_whole_scene else ""
     if snapshot.options.pixel is not None:
         # With a pixel's numbers above it the table leaves out what its bars say, so that both fit the screen.
@@ -107,7 +107,7 @@ def maps_html(snapshot: Snapshot) -> str:
     rows = "".join(_row(snapshot, side, crop, letter) for side, letter in zip(sides, "AB", strict=False))
     scales = scales_for(snapshot.map_target, snapshot.session.score.tau_m)
     bars = "".join(f"<td>{_bar(scales.get(m))}</td>" for m in MAP_NAMES)
-    whose = focus_label(snapshot, 52)
+    whose = focus_label(snapshot)
     return f'<table><tr><th class="whose">{whose}</th>{head}</tr>{rows}<tr><td></td>{bars}</tr></table>'
 
 
