@@ -59,7 +59,7 @@ def objects(screen: Screen) -> dict[str, float]:
 
 
 def score(screen: Screen) -> None:
-    rows = {row[0]: row[1:] for row in screen.table("035_power_drill", "initial", "best", "B − A")}
+    rows = {row[0]: row[1:] for row in screen.table("initial", "best", "B − A")}
     for name in ("score f̄", "depth f_d", "normal f_n"):
         initial, best, more = (float(x) for x in rows[name])
         assert best - initial == pytest.approx(more, abs=0.0011)

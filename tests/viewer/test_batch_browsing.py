@@ -228,3 +228,12 @@ def test_at_the_last_iteration_it_is_shown_itself_and_not_the_answer(debugger: D
         debugger.carry_out([c.Seek(1)])
     debugger.carry_out([c.SeekEnd()])
     assert "accepted" not in debugger.view().poses
+
+
+def test_a_failure_is_opened_with_ground_truth_beside_it(debugger: Debugger, several: Gallery) -> None:
+    wrong = next(entry for entry in several.entries if entry.is_wrong and entry.can_be_opened)
+    options = debugger.carry_out([several.opens(wrong)]).view().options
+    assert options.b == "ground truth"
+    assert options.a in ("accepted", "best")
+    debugger.carry_out([c.Compare(a="initial", b="best"), c.Back()])
+    assert (debugger.view().options.a, debugger.view().options.b) == ("initial", "best"), "the user's choice stays"

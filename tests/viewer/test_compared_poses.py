@@ -71,6 +71,6 @@ def test_with_several_objects_sentence_and_maps_say_whose_they_are() -> None:
     d = debugger().carry_out([TWO, c.RunUntil("end")])
     for focus, label in ((0, "box #0"), (1, "box #1")):
         view = d.carry_out([c.Focus(focus)]).view()
-        assert f'title="{label}"><span>box</span>' in score_html(view)
-        assert f'title="{label}"><span>box</span>' in maps_html(view)
+        assert f'title="{label}"></i>' in score_html(view)
+        assert f'title="{label}"></i>' in maps_html(view)
     assert "box" not in maps_html(debugger().carry_out([c.Step()]).view()), "one object needs no name"

@@ -49,12 +49,10 @@ def test_two_runs_are_drawn_as_such() -> None:
 
 
 def test_settings_that_are_not_the_presets_are_named() -> None:
-    assert settings_words(Session(), LABELS, HELD, 0) == "All as recommended. Changes wait for Restart or Fork."
+    assert settings_words(Session(), LABELS, HELD, 0) == "All as recommended."
     other = Session(method=MethodSettings(iterations=3), physics=PhysicsSettings(enabled=False))
     typed = HELD | {"method.iterations": 3, "physics.enabled": False}
-    assert settings_words(other, LABELS, typed, 0).startswith(
-        "As recommended, but K 3, not 5; Physics off, not on. Changes"
-    )
+    assert settings_words(other, LABELS, typed, 0).startswith("As recommended, but K 3, not 5; Physics off, not on.")
 
 
 def test_a_preset_is_no_difference(tmp_path: Path) -> None:

@@ -153,6 +153,7 @@ def test_without_ground_truth_the_answer_is_compared_with_the_runner_up() -> Non
     assert own.runner_up is not None
     assert own.answer is not None
     assert own.runner_up.pose.arm != own.answer.arm
+    assert view.b.pose.score is not None
     assert own.runner_up.lead == pytest.approx(own.answer.score.score - view.b.pose.score.score)
     assert "runner-up" not in d.carry_out([c.Back()]).view().poses
 

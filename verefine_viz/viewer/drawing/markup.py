@@ -153,12 +153,12 @@ def fitted(name: str, before: str = "") -> str:
     return f'<span class="numbered" title="{text(name)}">{before}{_html(stem, number)}</span>'
 
 
-def focus_label(snapshot: Snapshot, most_px: int) -> str:
-    """The object in focus with its colour; empty where there is one object, or all are shown."""
+def focus_label(snapshot: Snapshot) -> str:
+    """The colour of the object in focus, its name as tooltip; empty where there is one object, or all are shown."""
     if len(snapshot.scene.objects) < 2 or snapshot.is_whole_scene:
         return ""
     o = in_focus(snapshot)
-    return swatch(o.color) + cut(o.label, most_px)
+    return swatch(o.color, o.label)
 
 
 def _html(stem: str, number: str) -> str:

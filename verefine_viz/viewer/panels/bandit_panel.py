@@ -146,8 +146,8 @@ class CurvesPanel:
         if not lines:
             caption, of = "" if len(x) < 2 else MISSING[name], None
         names = [f"<span>{swatch(line.color)}{text(line.label)}</span>" for line in lines if line.in_legend]
-        label = focus_label(of, 76) if of is not None else ""
-        whose = f"<span>{label}: </span>" if label else ""
+        label = focus_label(of) if of is not None else ""
+        whose = f"<span>{label}</span>" if label else ""
         sign = other_scale_sign(of) if of is not None and name in SCORES else ""
         # The caption gives way to the curves' names where there is no room for all.
         shown = f'{whose}<span class="what" title="{text(caption)}">{text(caption)}</span>{sign}'

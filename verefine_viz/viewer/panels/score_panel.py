@@ -68,7 +68,7 @@ def score_html(snapshot: Snapshot) -> str:
     if snapshot.is_whole_scene:
         of = f'<span title="frame score: {text(TERMS["frame score"])}">all objects</span>'
     else:
-        of = focus_label(snapshot, 52)
+        of = focus_label(snapshot)
     passes = passes_table(snapshot) if snapshot.is_whole_scene else ""
     if snapshot.options.pixel is not None:
         # With a pixel's numbers above it the table leaves out what its bars say, so that both fit the screen.
@@ -123,7 +123,7 @@ def maps_html(snapshot: Snapshot) -> str:
     for name in PER_POSE:
         tiles = [_tile(snapshot, side, name, of_side, crop) for side, of_side in zip(sides, images, strict=True)]
         columns.append(_column(name, tiles, scales))
-    whose = f'<b class="whose">{focus_label(snapshot, 56)}</b>'
+    whose = f'<b class="whose">{focus_label(snapshot)}</b>'
     who = f'<div class="who">{whose}{names[0]}{observed}{"".join(names[1:])}</div>'
     return f'<div class="maps">{who}{"".join(columns)}</div>'
 

@@ -155,7 +155,7 @@ MOST = 3
 
 
 def settings_words(session: Session, labels: Mapping[str, str], typed: Mapping[str, Any], cursor: int) -> str:
-    """As in: As recommended, but c 0.4, not 0.7. Changes wait for Restart or Fork.
+    """As in: As recommended, but c 0.4, not 0.7.
 
     Args:
         session: the settings that hold.
@@ -180,8 +180,8 @@ def settings_words(session: Session, labels: Mapping[str, str], typed: Mapping[s
     ]
     of = "as published" if session.preset == "published" else "as recommended"
     if not other:
-        return f"All {of}. Changes wait for Restart or Fork."
-    return f"{of.capitalize()}, but {first_of(other, MOST, '; ')}. Changes wait for Restart or Fork."
+        return f"All {of}."
+    return f"{of.capitalize()}, but {first_of(other, MOST, '; ')}."
 
 
 def waiting(session: Session, labels: Mapping[str, str], typed: Mapping[str, Any]) -> tuple[str, ...]:

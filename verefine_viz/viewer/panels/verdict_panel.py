@@ -40,9 +40,9 @@ class VerdictPanel:
     def show(self, snapshot: Snapshot) -> None:
         """The verdict at once; a new crop comes with the score maps."""
         it = verdict(snapshot)
-        found = findings(snapshot)
+        warnings = findings(snapshot)
         crop = self._crop(it, snapshot.deep)
-        self._bar.show(bar_html(it, crop, why_html(snapshot, it, found), sum(not one.calm for one in found)))
+        self._bar.show(bar_html(it, crop, why_html(snapshot, it, warnings), sum(not one.calm for one in warnings)))
 
     def _crop(self, it: Verdict, draws: bool) -> str:
         """A data URI; "" where there is none, or not yet."""
@@ -76,16 +76,16 @@ def bar_html(it: Verdict, crop: str, why: str, n_warnings: int = 0) -> str:
     )
 
 
-def why_html(snapshot: Snapshot, it: Verdict, found: Sequence[Finding]) -> str:
+def why_html(snapshot: Snapshot, it: Verdict, warnings: Sequence[Finding]) -> str:
     """The evidence: what happened at the cursor in full, and everything that may be wrong, with what to do."""
     means = f'<p class="dim">{text(it.number)}: {text(it.number_means)}.</p>' if it.number_means else ""
-    return f"{means}{sentence(headline(snapshot), HINTS)}{finding_boxes(found)}"
+    return f"{means}{sentence(headline(snapshot), HINTS)}{finding_boxes(warnings)}"
 
 
-def finding_boxes(found: Sequence[Finding]) -> str:
+def finding_boxes(warnings: Sequence[Finding]) -> str:
     """A box each; what is good to know without one."""
     boxes = []
-    for finding in found:
+    for finding in warnings:
         extra = link(finding.label, finding.command) if finding.command else ""
         if finding.calm:
             boxes.append(f'<p class="dim">{text(finding.text)} {extra}</p>')
