@@ -61,10 +61,11 @@ def test_tables_and_settings_of_several_objects_fit_on_a_small_screen(look: Look
     screen = look(saved(tmp_path, scene={"demo": "clutter"}, hypotheses={"max_per_object": 2}, method=method))
     screen.app.send(c.RunUntil("end"))
     screen.app.send(c.CompareRun((("method.name", "rir"),)))
+    screen.app.send(c.ShowLayout("compare"))
     screen.app.wait_until_idle(240)
-    screen.tab("A/B")
     assert is_seen(screen, screen.page.locator(".vz p", has_text="computing time"))
     screen.shot("several_compared")
+    screen.app.send(c.ShowLayout("inspect"))
     screen.tab("Settings")
     for label in ("Order by", "Seed", "Estimator"):
         assert is_seen(screen, screen.page.get_by_label(label, exact=True))

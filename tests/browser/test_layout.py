@@ -150,6 +150,7 @@ def test_a_click_in_3d_means_the_pixel_under_the_mouse(look: Look) -> None:
     left, top, right, bottom = boxes_of(screen)["3D"]
     screen.page.mouse.click((left + right) / 2, (top + bottom) / 2)  # The camera looks at the object's middle.
     screen.until(lambda: screen.app.debugger.options.pixel is not None)
+    assert screen.app.debugger.options.pixel is not None
     u, v = screen.app.debugger.options.pixel
     mask = screen.app.debugger.workspace.work.problem.instances[0].mask
     rows, columns = np.nonzero(mask)

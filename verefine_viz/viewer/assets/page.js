@@ -102,8 +102,16 @@ addEventListener("unhandledrejection", event => {
   }, true);
 }
 
-// A chart is as high as its pane; viser gives it a height of its own.
+// What has a height of its own in viser: a chart gets that of its pane, and Run what its content needs, in steps, so that
+// the tabs below it seldom move.
+let runHeight = 0;
 setInterval(() => {
+  const run = document.querySelector("[data-dock-region=right] .mantine-ScrollArea-content");
+  const needed = 32 + 24 * Math.ceil((run?.offsetHeight ?? 0) / 24);
+  if (needed > runHeight || needed < runHeight - 72) {
+    runHeight = needed;
+    document.documentElement.style.setProperty("--run-content", `${needed}px`);
+  }
   for (const {chart} of Object.values(window.__viserTestpoints?.uplots ?? {})) {
     const pane = chart.root.closest("[data-floating-window]:has(.curves)");
     if (!pane || !chart.root.offsetParent) continue;

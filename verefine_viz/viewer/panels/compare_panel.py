@@ -23,7 +23,7 @@ from verefine_viz.viewer.panels.widgets import Block, Chart, Line, Send, add_but
 from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.branch import current_values
-from verefine_viz.viewer.web.viser_internals import compact
+from verefine_viz.viewer.web.viser_internals import compact, unlabelled
 
 MOVES: dict[str, c.Command] = {
     "◀": c.StepMoment(-1),
@@ -52,7 +52,7 @@ class ComparePanel:
             "Moment", 0, 1, 1, 0, visible=False, hint="an object after the same number of refiner calls in both runs"
         )
         self.slider.on_update(by_user(lambda v: send(c.SeekMoment(int(v)))))
-        add_style(gui, compact(self.moves, ROW_PX), compact(self.slider, ROW_PX))
+        add_style(gui, compact(self.moves, ROW_PX), unlabelled(self.moves), compact(self.slider, ROW_PX))
         self._now = Block(gui, "errors tight")
         self._outcome = Block(gui, "names")
         self._curves = gui.add_folder("Curves", visible=False)
