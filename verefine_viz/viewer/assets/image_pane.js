@@ -82,6 +82,7 @@
     }
   }, true);
   addEventListener("pointermove", event => {
+    if (!event.buttons) drag = null;  // It ended outside of the window.
     const shown = drag && pane();
     if (shown) {
       const dx = event.clientX - drag.x, dy = event.clientY - drag.y, box = shown.getBoundingClientRect();
@@ -201,10 +202,9 @@
     if (!words) return;
     const [, , width, height] = numbers(shown, "frame");
     const {u, v} = hover ?? {};
-    if (!hover || u < 0 || v < 0 || u >= width || v >= height) {
-      words.textContent = "";
-      return;
-    }
+    // Only what differs is written: every change of the page has the pixel pointed at again.
+    const say = text => { if (words.textContent !== text) words.textContent = text; };
+    if (!hover || u < 0 || v < 0 || u >= width || v >= height) return say("");
     const photo = document.querySelector(".photo [data-depth]"), own = document.querySelector(".numbers [data-numbers]");
     const depth = photo && unpack(photo, photo.dataset.depth);
     const observed = depth?.[v * width + u];
@@ -214,9 +214,9 @@
       const all = unpack(own, own.dataset.numbers);
       if (all) of = [0, 1, 2, 3].map(k => all[(k * h + v - v0) * w + u - u0]);
     }
-    words.textContent = [
+    say([
       `${u}, ${v}`, `observed ${inUnits(observed, 4, " m")}`, `rendered ${inUnits(of[0], 4, " m")}`,
       `Δ ${inUnits(of[1], 1, " mm")}`, `angle ${inUnits(of[2], 1, "°")}`, numbers(shown, "classes")[of[3]],
-    ].join(" · ");
+    ].join(" · "));
   };
 }
