@@ -80,7 +80,7 @@ def _smoothed(line: Float) -> Float:
     ring = line[:-1]
     if len(ring) < 12:
         return line
-    return (sum(np.roll(ring, k, axis=0) for k in range(-2, 3)) / 5)[::3]
+    return np.mean([np.roll(ring, k, axis=0) for k in range(-2, 3)], axis=0)[::3]
 
 
 def draw_contours(image: Image, mask: Mask, color: RGB) -> Image:
