@@ -17,10 +17,13 @@
     root.style.setProperty("--image-y", `${y}px`);
   };
   const fit = () => {
-    const [u, v, width, height] = numbers(pane(), "imageWhole" in root.dataset ? "frame" : "area");
+    const frame = numbers(pane(), "frame"), [u, v, width, height] = "imageWhole" in root.dataset ? frame : numbers(pane(), "area");
     const scale = Math.min(view.width / width, view.height / height);
+    // The middle of the area in the middle of the pane; but nothing beside the image where there is enough of it.
+    const start = (size, shown, middle) =>
+      scale * size > shown ? Math.min(Math.max(shown / 2 - scale * middle, shown - scale * size), 0) : (shown - scale * size) / 2;
     view.moved = false;
-    place(scale, view.width / 2 - scale * (u + width / 2), view.height / 2 - scale * (v + height / 2));
+    place(scale, start(frame[2], view.width, u + width / 2), start(frame[3], view.height, v + height / 2));
   };
   const zoom = (factor, x, y) => {
     const scale = Math.min(Math.max(view.scale * factor, 0.1), 60), by = scale / view.scale;
@@ -82,6 +85,7 @@
     }
   }, true);
   addEventListener("pointermove", event => {
+    if (!event.buttons) drag = null;  // It ended outside of the window.
     const shown = drag && pane();
     if (shown) {
       const dx = event.clientX - drag.x, dy = event.clientY - drag.y, box = shown.getBoundingClientRect();
@@ -151,10 +155,9 @@
       ?? event.target.closest?.(".vz img[data-crop]");
     if (!picture) return null;
     const box = picture.getBoundingClientRect(), [u, v, width, height] = numbers(picture, "crop");
-    return {
-      u: u + Math.floor((event.clientX - box.left) / box.width * width),
-      v: v + Math.floor((event.clientY - box.top) / box.height * height),
-    };
+    // A click comes with whole numbers: the same pixel is to be shown before it.
+    const x = Math.floor(event.clientX) - box.left, y = Math.floor(event.clientY) - box.top;
+    return {u: u + Math.floor(x / box.width * width), v: v + Math.floor(y / box.height * height)};
   };
   const crosses = [];
   const soonPoint = () => {
@@ -201,10 +204,9 @@
     if (!words) return;
     const [, , width, height] = numbers(shown, "frame");
     const {u, v} = hover ?? {};
-    if (!hover || u < 0 || v < 0 || u >= width || v >= height) {
-      words.textContent = "";
-      return;
-    }
+    // Only what differs is written: every change of the page has the pixel pointed at again.
+    const say = text => { if (words.textContent !== text) words.textContent = text; };
+    if (!hover || u < 0 || v < 0 || u >= width || v >= height) return say("");
     const photo = document.querySelector(".photo [data-depth]"), own = document.querySelector(".numbers [data-numbers]");
     const depth = photo && unpack(photo, photo.dataset.depth);
     const observed = depth?.[v * width + u];
@@ -214,9 +216,9 @@
       const all = unpack(own, own.dataset.numbers);
       if (all) of = [0, 1, 2, 3].map(k => all[(k * h + v - v0) * w + u - u0]);
     }
-    words.textContent = [
+    say([
       `${u}, ${v}`, `observed ${inUnits(observed, 4, " m")}`, `rendered ${inUnits(of[0], 4, " m")}`,
       `Δ ${inUnits(of[1], 1, " mm")}`, `angle ${inUnits(of[2], 1, "°")}`, numbers(shown, "classes")[of[3]],
-    ].join(" · ");
+    ].join(" · "));
   };
 }

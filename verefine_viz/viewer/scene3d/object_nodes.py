@@ -35,8 +35,8 @@ LABEL, LABEL_IN_FOCUS = 0.6, 0.75
 """Size of a name against viser's own: objects stand close, and names must not hide each other."""
 LETTER_PX, LINE_PX, FRAME_PX = 7.0, 17.0, 5.0
 """Width and height of viser's letters on the screen, and what a label has around its name."""
-FOCAL_PX = 520.0
-"""Of the first look, in a window 800 pixels high."""
+FOCAL_PX = 260.0
+"""Of the first look, in a 3D view 400 pixels high; in a higher one names stand a little further apart than needed."""
 OVERLAP_COLOR = (255, 30, 30)
 OVERLAP_PX = 4.0
 
