@@ -32,6 +32,8 @@ from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.methods.registry import make_method
 from verefine_viz.session.engine import Run
+from verefine_viz.session.files import load_session
+from verefine_viz.session.toolbox import Toolbox
 
 finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
 rows = st.builds(
@@ -270,3 +272,14 @@ def test_an_empty_pool_is_no_answer_and_no_failure() -> None:
     assert not result.failed
     assert (row.status, row.score, row.message) == ("no_answer", None, "no hypothesis to start from")
     assert result.estimates == ()
+
+
+def test_an_answer_that_is_right_by_add_s_only_says_so() -> None:
+    sessions = Path(__file__).resolve().parents[2] / "sessions"
+    # A slim box that leans by 24°: each of its points is near some point of the upright one.
+    toolbox = Toolbox(load_session(sessions / "failure_simulation_topples.toml", {"method": {"name": "rir"}}))
+    run = toolbox.run(toolbox.problem(toolbox.frames[0]))
+    run.finish()
+    (row,) = frame_result(run, toolbox.session).objects
+    assert row.is_correct
+    assert row.message.startswith("right by ADD-S only: ADD over the declared symmetries is 1")

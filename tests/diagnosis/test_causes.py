@@ -6,26 +6,31 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
 from tests.failing_scenes import GENERATORS, broken_scene, named
+from tests.fakes import OneFrame
 from tests.made_up_frames import Thing as Made
 from tests.made_up_frames import comes_right, frame_of, model, near, standing
+from verefine_viz.batch.summary import worst_iteration
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.problem import Placed, Target
-from verefine_viz.diagnosis.case import ErrorOf
+from verefine_viz.diagnosis.case import CONTROLS, FIRST_CONTROLS, HELPS, Control, ErrorOf
 from verefine_viz.diagnosis.causes import TITLES, Cause, Diagnosis
-from verefine_viz.diagnosis.diagnose import diagnose
+from verefine_viz.diagnosis.diagnose import diagnose, diagnosed, failed_cases
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.session.comparison import Trace, trace_of
 from verefine_viz.session.files import load_session, resolve
 from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.panels.timeline_panel import timeline_words
 
 pytestmark = pytest.mark.usefixtures("long_run")
 
@@ -157,6 +162,57 @@ def test_no_refiner_is_blamed_for_a_pool_that_does_not_lead_there(name: str, mon
     assert Cause.REFINER not in {other.cause for other in diagnosis.others}
 
 
+def test_a_discarded_pose_is_named_with_both_poses_their_scores_and_the_iteration() -> None:
+    broken = broken_scene(Cause.DISCARDED, 0)
+    run = broken.toolbox.run(broken.problem)
+    run.finish()
+    (diagnosis,) = diagnose(run, broken.toolbox)
+    (target,), evidence = broken.problem.targets, diagnosis.evidence
+    T_gt = target.instance.T_cam_obj_gt
+    assert T_gt is not None
+    error_of = ErrorOf(target.model, T_gt)
+    correct, wrong = (run.state_at(0).initial[0][k].score for k in (1, 0))
+    assert evidence["hypothesis"] == 1
+    assert evidence["hypothesis_of_answer"] == 0
+    assert evidence["error_of_correct"] == error_of(target.instance.hypotheses[1].T_cam_obj) < 0.1
+    assert (evidence["score_of_correct"], evidence["score"]) == (correct, wrong)
+    assert evidence["margin"] == wrong - correct
+    assert "the start of hypothesis 2, was given up in iteration 1 for one that is" in diagnosis.sentence
+    assert diagnosis.n_reruns == 0
+    # The page marks that iteration, a batch opens it.
+    worst = worst_iteration(target, run.iterations, run.final_state.best[0])
+    assert worst == evidence["given_up_in_iteration"] == 1
+    cast(Any, broken.toolbox).__dict__["source"] = OneFrame(broken.problem)
+    page = Debugger(broken.toolbox.session, None, lambda _: broken.toolbox).carry_out([c.RunUntil("end")])
+    assert [m.iteration for m in page.workspace.branch.marks() if m.kind == "discarded" and m.is_red] == [1]
+    assert "No red marks" not in timeline_words(page.view(), page.view().marks)
+
+
+def test_what_re_runs_get_right_by_chance_is_undecided_whatever_is_put_right() -> None:
+    diagnosis = named(broken_scene(Cause.UNDECIDED, 0))
+    assert diagnosis is not None
+    right, n = (diagnosis.evidence[name] for name in ("reruns_right", "reruns"))
+    assert 0 < right < n == CONTROLS
+    assert f"is between two basins: right in {right:.0f} of {n:.0f} re-runs" in diagnosis.sentence
+    controlled = [other for other in diagnosis.others if "repaired_right" in other.evidence]
+    assert controlled, "a repair was tried"
+    for other in controlled:
+        assert not other.is_confirmed
+        helped, times = other.evidence["repaired_right"], other.evidence["repaired"]
+        assert helped / times - right / n < HELPS
+
+
+def test_a_repair_has_its_control() -> None:
+    toolbox = Toolbox(load_session(SESSIONS / "failure_mask_leaks.toml"))
+    run = toolbox.run(toolbox.problem(toolbox.frames[0]))
+    run.finish()
+    (case,) = failed_cases(trace_of(run), toolbox)
+    diagnosis = diagnosed(case)
+    assert diagnosis.rests_on == "true mask"
+    assert case.unchanged(diagnosis.rests_on) == Control(0, FIRST_CONTROLS)
+    assert case.repeated(diagnosis.rests_on) == Control(CONTROLS, CONTROLS)
+
+
 def test_every_cause_has_a_title() -> None:
     assert set(TITLES) == set(Cause)
     assert len(set(TITLES.values())) == len(TITLES)
@@ -226,8 +282,8 @@ def test_an_empty_pool_is_no_bad_pool() -> None:
     run.finish()
     (diagnosis,) = diagnose(run, toolbox)
     assert diagnosis.cause == Cause.NO_HYPOTHESIS
-    assert "no hypothesis" in diagnosis.sentence
-    assert "% of the diameter away." in diagnosis.sentence
+    # Started at the ground truth it stays there, which says nothing.
+    assert diagnosis.sentence == "There is no hypothesis for the duck."
     assert diagnosis.others == ()
     assert diagnosis.evidence["error_from_truth"] < 0.1
 

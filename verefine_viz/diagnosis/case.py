@@ -6,6 +6,9 @@ where the other objects decide (misplaced neighbours, starved hypotheses, the bu
 all of them. That takes as long as the run took with these objects, so that a diagnosis makes few such re-runs: one for
 misplaced neighbours; one, with a single hypothesis of each object, for each of up to three hypotheses that come out
 right on their own; and larger budgets where there is reason to think that it was too small.
+
+A re-run that comes out right proves something only if re-runs with nothing changed do not. Which of the observed points
+the refiner is given is a draw (``scene.seed``): a few other draws are the control, the same ones for the same run.
 """
 
 from __future__ import annotations

@@ -34,8 +34,8 @@ _GIVEN = (*INPUT_TESTS, neighbour, ambiguous, score, *WORLD_TESTS)
 _DONE = (discarded, simulation, *SEARCH_TESTS)
 """What the run did. A correct pose that it had is looked for first: whatever led away from others did not decide."""
 _TESTS: tuple[Callable[[Case], Finding | None], ...] = (*_GIVEN, *_DONE)
-_SEEN = frozenset({Cause.SYMMETRIC, Cause.AMBIGUOUS, Cause.SCORE, Cause.DISCARDED, Cause.NO_HYPOTHESIS})
-"""Causes that are plain to see in what the run did, and need no control."""
+_BY_CHANCE = frozenset({Cause.SIMULATION, Cause.ARM_STARVED, Cause.BUDGET, Cause.REFINER, Cause.POOL})
+"""Causes that need a control also where no re-run showed them; others are plain to see in what the run did."""
 _NO_RERUN = (score,)
 """Tested even after a cause is confirmed, as it costs next to nothing."""
 
@@ -115,7 +115,7 @@ def _controlled(case: Case, finding: Finding) -> tuple[Finding, Control | None]:
     A repair has to come out right more often than re-runs with nothing changed do. Where nothing is put right, as where
     no hypothesis leads to the ground truth, none of those may come out right.
     """
-    if not finding.is_confirmed or finding.cause in _SEEN:
+    if not finding.is_confirmed or not (finding.rests_on or finding.cause in _BY_CHANCE):
         return finding, None
     chance = case.unchanged(finding.rests_on or (TOGETHER if case.group else ALONE))
     if not chance.n_right:
