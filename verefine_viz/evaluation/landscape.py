@@ -20,6 +20,8 @@ from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.scores import Scores
 from verefine_viz.evaluation.depth_noise import ScoreNoise
+from verefine_viz.evaluation.pose_errors import symmetric_angles_rad
+from verefine_viz.scenes.models import CONTINUOUS_STEPS
 
 Kind = Literal["shift", "turn"]
 Frame = Literal["table", "object"]
@@ -273,6 +275,9 @@ class _Walk:
         on: list[tuple[int, float]] = []
         for i, ((k, side), (_, offset)) in enumerate(zip(going, offsets, strict=True)):
             score = float(scores.score[i])
+            if self._is_same(k, offset):
+                # Declared to look the same: what differs is how the mesh's facets lie.
+                score = self._score
             fall, noise = self._score - score, self._noise.most
             if fall <= CANNOT_TELL * noise:
                 noise = self._noise.of(self._axes[k].moved(self._T, offset), int(scores.n_pixels[i]))
@@ -284,6 +289,14 @@ class _Walk:
             else:
                 self._ends[k, side] = self._axes[k].steps[step]
         return on
+
+    def _is_same(self, k: int, offset: float) -> bool:
+        """Whether a declared symmetry undoes the turn, but for the steps in which continuous ones are listed."""
+        model, axis = self._target.model, self._axes[k]
+        if not model.is_symmetric or axis.kind == "shift":
+            return False
+        rest_deg = np.rad2deg(symmetric_angles_rad(model, axis.moved(self._T, offset), self._T).min())
+        return bool(rest_deg < min(0.5 * abs(offset), 0.6 * 360 / CONTINUOUS_STEPS))
 
     def _scored(self, offsets: Sequence[tuple[int, float]]) -> Scores:
         Ts = np.array([self._axes[k].moved(self._T, offset) for k, offset in offsets])
