@@ -19,7 +19,7 @@ from rich.table import Table
 
 from verefine_viz.batch.machine import machine, package_versions
 
-NAMES = ("score", "physics", "icp", "methods", "scenes", "recording", "evaluation")
+NAMES = ("score", "landscape", "physics", "icp", "methods", "scenes", "recording", "evaluation")
 OUT = Path("bench.json")
 
 

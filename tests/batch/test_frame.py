@@ -10,9 +10,10 @@ import pytest
 from tests.batch.frames import depth_file, make_frames, write_session
 from tests.scenes.bop_folder import Made
 from verefine_viz.batch import solve_frame as causes
-from verefine_viz.batch.rows import STAGES
+from verefine_viz.batch.rows import FRAMES_HEADER, STAGES, FrameResult, failed_frame, frames_lines
 from verefine_viz.batch.solve_frame import explain_frame, solve_frame
 from verefine_viz.diagnosis.causes import Cause
+from verefine_viz.evaluation.landscape import landscape
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.session.files import load_session
@@ -148,3 +149,24 @@ def test_a_pool_without_hypotheses_is_no_failure(tmp_path: Path, made: Made) -> 
     assert not result.failed
     assert {row.status for row in result.objects} == {"no_answer", "ok"}
     assert len(result.estimates) == 1
+
+
+def test_a_row_has_what_the_page_shows_of_the_score_around_the_answer(tmp_path: Path, made: Made) -> None:
+    tools = toolbox(tmp_path, made, "none", rotation_deg=2.0, translation_mm=3.0)
+    result = solve_frame(tools, "7/0", tmp_path)
+    page = Toolbox(tools.session)
+    problem = page.problem("7/0")
+    best = page.run(problem).finish().best
+    for row, target, answer in zip(result.objects, problem.targets, best, strict=True):
+        around = landscape(page.verifier, target, answer.T_cam_obj)
+        assert row.undetermined_mm == around.undetermined_mm > 0
+        assert row.undetermined_deg == around.undetermined_deg > 0
+    columns, cells = (text.splitlines()[0].split(",") for text in (FRAMES_HEADER, frames_lines(result)))
+    assert cells[columns.index("undetermined_mm")] == f"{result.objects[0].undetermined_mm:.3f}"
+
+
+def test_a_journal_of_before_the_widths_were_known_is_read() -> None:
+    old = failed_frame("7/0", "no depth image").model_dump()
+    for row in old["objects"]:
+        del row["undetermined_mm"], row["undetermined_deg"]
+    assert FrameResult.model_validate(old).objects[0].undetermined_deg is None

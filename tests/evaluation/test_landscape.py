@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from tests.made_up_frames import CAMERA, Thing, frame_of
-from verefine_viz.core.geometry import transform
+from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Target
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.evaluation.depth_noise import DepthNoise, ScoreNoise, depth_noise, resampled
-from verefine_viz.evaluation.landscape import Curve, Landscape, axes_of, landscape, score_slice, undetermined
+from verefine_viz.evaluation.landscape import N_AXES, Curve, Landscape, axes_of, landscape, score_slice, undetermined
 from verefine_viz.observation.normals import estimate_normals
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
 from verefine_viz.scenes.demo_layout import Viewpoint
@@ -176,3 +176,19 @@ def test_a_slice_holds_the_scores_of_its_poses() -> None:
     assert two.scores[n // 2, n // 2] == pytest.approx(around.score)
     pose = two.pose(around.T_cam_obj, 2, 9)
     assert VERIFIER.score(target, pose[None]).score[0] == two.scores[9, 2]
+
+
+@pytest.mark.parametrize("roll_deg", [0, 90])
+def test_axes_are_unit_and_at_right_angles_whatever_way_the_camera_is_held(roll_deg: float) -> None:
+    target = target_of("box")
+    T, frame = target.instance.T_cam_obj_gt, target.observation
+    assert T is not None
+    assert frame.support is not None
+    roll = transform(axis_angle([0, 0, 1], np.deg2rad(roll_deg)), np.zeros(3))
+    support = replace(frame.support, T_world_cam=frame.support.T_world_cam @ roll)
+    axes = axes_of(replace(target, observation=replace(frame, support=support)), T)
+    assert len(axes) == N_AXES
+    for of in (axes[:3], axes[3:6], axes[6:9], axes[9:]):
+        D = np.array([axis.direction_cam for axis in of])
+        np.testing.assert_allclose(D @ D.T, np.eye(3), atol=1e-9)
+    assert axes[2].direction_cam @ (support.T_world_cam[:3, :3].T @ support.normal_world) == pytest.approx(1)

@@ -17,6 +17,7 @@ from verefine_viz.core.palette import CLASS_COLORS
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.scores import PixelGrid, ScoreMaps
 from verefine_viz.core.settings import ScoreSettings
+from verefine_viz.evaluation.landscape import N_AXES
 from verefine_viz.methods.registry import make_method
 from verefine_viz.recording import entities
 from verefine_viz.recording.maps import GAP_PX, MAP_NAMES, TILE_PX
@@ -145,3 +146,14 @@ def test_an_object_without_a_mask_is_shown_in_the_whole_image(tmp_path: Path) ->
     blind = replace(problem.instances[0], mask=np.zeros((60, 80), bool), points_cam=np.zeros((0, 3)))
     recorded_run(tmp_path / "run.rrd", session(iterations=1), replace(problem, instances=(blind,)))
     assert sorted(pictures(tmp_path / "run.rrd", "classes")) == [1]
+
+
+def test_the_score_around_the_answers_is_in_recordings_with_maps(tmp_path: Path) -> None:
+    run = recorded_run(tmp_path / "with.rrd")
+    recorded_run(tmp_path / "without.rrd", session(maps=False))
+    drawn = {chunk.entity_path for chunk in chunks_of(tmp_path / "with.rrd")}
+    for instance in run.problem.instances:
+        name = entities.branch(instance, run.problem)
+        assert {entities.landscape(name, k) for k in range(N_AXES)} <= drawn
+        assert entities.landscape_words(name) in drawn
+    assert not any(c.entity_path.startswith(entities.LANDSCAPE) for c in chunks_of(tmp_path / "without.rrd"))

@@ -20,6 +20,8 @@ from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.scores import Scores
 from verefine_viz.evaluation.depth_noise import ScoreNoise
+from verefine_viz.evaluation.pose_errors import symmetric_angles_rad
+from verefine_viz.scenes.models import CONTINUOUS_STEPS
 
 Kind = Literal["shift", "turn"]
 Frame = Literal["table", "object"]
@@ -31,8 +33,13 @@ TURNS_DEG = (1.5, 3.0, 6.0, 12.0, 25.0, 45.0, 70.0, 90.0, 115.0, 135.0, 160.0, 1
 """Distances from the pose, to both sides, at which it is scored."""
 CANNOT_TELL = 2.0
 """A difference of less than so many standard deviations of its noise is none."""
-N_AXES = 12
-"""Three shifts and three turns of the table, then of the model."""
+AXIS_WORDS = (
+    "shift right", "shift away", "shift up", "tilt to the camera", "tilt sideways", "turn about the vertical",
+    "shift along its x", "shift along its y", "shift along its z",
+    "turn about its x", "turn about its y", "turn about its z",
+)  # fmt: skip
+"""Three shifts and three turns of the table, then of the model; "right" and "away" are the camera's."""
+N_AXES = len(AXIS_WORDS)
 SLICE = 13
 """Poses along a side of a 2D slice."""
 ROBUST_M = 0.002
@@ -196,30 +203,26 @@ def axes_of(target: Target, T_cam_obj: Float) -> tuple[Axis, ...]:
     """The twelve axes of a pose: shifts and turns of the table (of the camera where no table is known), then of the
     model.
     """
-    support = target.observation.support
+    support, words = target.observation.support, AXIS_WORDS
     if support is not None:
         up = support.T_world_cam[:3, :3].T @ support.normal_world
-        right = np.array([1.0, 0, 0]) - up[0] * up
+        # A camera on its side has its x axis along the vertical.
+        aside = np.array([1.0, 0, 0] if abs(up[0]) < 0.9 else [0, 1.0, 0])
+        right = aside - (aside @ up) * up
         right /= np.linalg.norm(right)
-        vertical = "vertical"
     else:
-        up, right, vertical = np.array([0.0, -1, 0]), np.array([1.0, 0, 0]), "camera's vertical"
-    away = np.cross(up, right)
-    words = (
-        ("shift right", "tilt to the camera"),
-        ("shift away", "tilt sideways"),
-        ("shift up", f"turn about the {vertical}"),
-    )
-    of_object = tuple((f"shift along its {k}", f"turn about its {k}") for k in LETTERS)
-    frames: tuple[tuple[Frame, tuple[Float, ...], tuple[tuple[str, str], ...]], ...]
-    frames = ("table", (right, away, up), words), ("object", tuple(T_cam_obj[:3, :3].T), of_object)
+        up, right = np.array([0.0, -1, 0]), np.array([1.0, 0, 0])
+        words = tuple(name.replace("the vertical", "the camera's vertical") for name in words)
+    directions = right, np.cross(up, right), up, *T_cam_obj[:3, :3].T
     surface = _seen_surface(target, T_cam_obj)
     middle = apply(T_cam_obj, (target.model.vertices.min(axis=0) + target.model.vertices.max(axis=0))[None] / 2)[0]
     axes: list[Axis] = []
-    for frame, directions, names in frames:
-        rows = list(zip(LETTERS, directions, names, strict=True))
-        axes += [Axis("shift", frame, k, d, T_cam_obj[:3, 3], shift) for k, d, (shift, _) in rows]
-        axes += [Axis("turn", frame, k, d, _pivot(surface, middle, d), turn) for k, d, (_, turn) in rows]
+    for k, name in enumerate(words):
+        frame: Frame = "table" if k < N_AXES // 2 else "object"
+        is_turn = k % 6 >= 3
+        direction = directions[k % 3 + (3 if frame == "object" else 0)]
+        pivot = _pivot(surface, middle, direction) if is_turn else T_cam_obj[:3, 3]
+        axes.append(Axis("turn" if is_turn else "shift", frame, LETTERS[k % 3], direction, pivot, name))
     return tuple(axes)
 
 
@@ -273,6 +276,9 @@ class _Walk:
         on: list[tuple[int, float]] = []
         for i, ((k, side), (_, offset)) in enumerate(zip(going, offsets, strict=True)):
             score = float(scores.score[i])
+            if self._is_same(k, offset):
+                # Declared to look the same: what differs is how the mesh's facets lie.
+                score = self._score
             fall, noise = self._score - score, self._noise.most
             if fall <= CANNOT_TELL * noise:
                 noise = self._noise.of(self._axes[k].moved(self._T, offset), int(scores.n_pixels[i]))
@@ -284,6 +290,14 @@ class _Walk:
             else:
                 self._ends[k, side] = self._axes[k].steps[step]
         return on
+
+    def _is_same(self, k: int, offset: float) -> bool:
+        """Whether a declared symmetry undoes the turn, but for the steps in which continuous ones are listed."""
+        model, axis = self._target.model, self._axes[k]
+        if not model.is_symmetric or axis.kind == "shift":
+            return False
+        rest_deg = np.rad2deg(symmetric_angles_rad(model, axis.moved(self._T, offset), self._T).min())
+        return bool(rest_deg < min(0.5 * abs(offset), 0.6 * 360 / CONTINUOUS_STEPS))
 
     def _scored(self, offsets: Sequence[tuple[int, float]]) -> Scores:
         Ts = np.array([self._axes[k].moved(self._T, offset) for k, offset in offsets])

@@ -6,7 +6,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from verefine_viz.core.palette import STAGE_COLORS
-from verefine_viz.evaluation.landscape import N_AXES, Landscape
+from verefine_viz.evaluation.landscape import AXIS_WORDS, Landscape
 from verefine_viz.recording import entities
 from verefine_viz.recording.recorded_layout import Layout
 from verefine_viz.recording.recording_file import RecordingFile
@@ -29,5 +29,7 @@ def landscape_tab(layout: Layout) -> rrb.Container:
 
 def _of_object(branch_name: str) -> rrb.Container:
     words = rrb.TextDocumentView(origin=entities.landscape_words(branch_name), name="Undetermined")
-    charts = [rrb.BarChartView(origin=entities.landscape(branch_name, k), name=f"Axis {k + 1}") for k in range(N_AXES)]
+    charts = [
+        rrb.BarChartView(origin=entities.landscape(branch_name, k), name=name) for k, name in enumerate(AXIS_WORDS)
+    ]
     return rrb.Horizontal(words, rrb.Grid(*charts, grid_columns=4), column_shares=[1, 3], name=branch_name)

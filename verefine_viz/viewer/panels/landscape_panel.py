@@ -45,7 +45,7 @@ def landscape_html(snapshot: Snapshot) -> str:
 
 
 def verdict_html(snapshot: Snapshot, around: Landscape) -> str:
-    """The least certain axis, and a pose that cannot be told from the answer."""
+    """The least certain axis, and a pose that fits as well as the answer."""
     words = around.least_certain.in_words()
     verdict = sentence(f"{words[0].upper()}{words[1:]}.")
     other = snapshot.other_pose

@@ -1,0 +1,53 @@
+"""Milliseconds for the score around an answer, at ground truth of the built-in scenes mug and clutter.
+
+The page works out all of it; a batch walks as far as it takes to know the widths. One thread, as a batch's worker has,
+is that of the ``NUMBA_NUM_THREADS`` variable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+from verefine_viz.evaluation.depth_noise import ScoreNoise
+from verefine_viz.evaluation.landscape import landscape, score_slice, undetermined
+from verefine_viz.session.files import resolve
+from verefine_viz.session.toolbox import Toolbox
+
+REPEATS = 7
+
+
+def run() -> list[dict[str, Any]]:
+    """A row per object."""
+    rows: list[dict[str, Any]] = []
+    for name in ("mug", "clutter"):
+        toolbox = Toolbox(resolve({"scene": {"source": "demo", "demo": name}, "physics": {"enabled": False}}))
+        verifier = toolbox.verifier
+        for target in toolbox.problem(toolbox.frames[0]).targets:
+            T = target.instance.T_cam_obj_gt
+            assert T is not None
+            around = landscape(verifier, target, T)
+            rows.append(
+                {
+                    "object": target.model.name,
+                    "noise, ms": _median_ms(partial(ScoreNoise, verifier, target, T)),
+                    "widths for a batch, ms": _median_ms(partial(undetermined, verifier, target, T)),
+                    "landscape, ms": _median_ms(partial(landscape, verifier, target, T)),
+                    "slice, ms": _median_ms(partial(score_slice, verifier, target, around, 5, 0)),
+                    "undetermined, °": around.undetermined_deg,
+                    "undetermined, mm": around.undetermined_mm,
+                }
+            )
+    return rows
+
+
+def _median_ms(call: Callable[[], object]) -> float:
+    times: list[float] = []
+    for _ in range(REPEATS):
+        started = perf_counter()
+        call()
+        times.append(1e3 * (perf_counter() - started))
+    return median(times)
