@@ -217,7 +217,6 @@ class Layout:
         """The panels about score maps and plausibility, and the one that may have shown what takes long."""
         self.verdict.show(snapshot)
         self.run.show(snapshot)
-        self.image.show(snapshot)
         self.maps.show(snapshot)
         self.score.show(snapshot)
         self.physics.show(snapshot)
