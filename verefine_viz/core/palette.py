@@ -20,7 +20,7 @@ STAGE_COLORS: dict[str, RGB] = {
     "refined": (50, 110, 255),
     "accepted": (40, 200, 80),
     "best": (0, 170, 120),
-    "runner-up": (235, 130, 165),
+    "runner-up": (255, 105, 180),
     "edited": (190, 90, 220),
     "ground truth": (255, 255, 255),
 }
