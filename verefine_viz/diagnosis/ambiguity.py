@@ -15,6 +15,7 @@ from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Iteration
 from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts
+from verefine_viz.diagnosis.score_causes import discarded
 from verefine_viz.evaluation.depth_noise import ScoreNoise
 from verefine_viz.evaluation.landscape import CANNOT_TELL, Curve, Landscape, undetermined
 from verefine_viz.evaluation.pose_errors import add_s_mm
@@ -112,6 +113,8 @@ def ambiguous(case: Case) -> Finding | None:
     traits = case.lab.traits
     if case.answer is None or not traits.verifies or traits.has_tree or traits.takes_turns:
         return None
+    if discarded(case) is not None:
+        return None  # The run had a correct pose: that it was given up says more.
     placed = case.placed if case.lab.method(None).placed_may_hide else ()
     verifier, target = case.lab.verifier, case.target
     around = undetermined(verifier, target, case.answer.T_cam_obj, placed)
