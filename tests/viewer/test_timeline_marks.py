@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -15,6 +17,7 @@ from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.markup import text
 from verefine_viz.viewer.panels.settings_panel import NAME_PX
 from verefine_viz.viewer.panels.timeline_panel import legend, strip
+from verefine_viz.viewer.snapshot.build import shown_marks
 from verefine_viz.viewer.state.timeline_marks import MEANINGS, QUIET, RED, Mark, once_per_object
 from verefine_viz.viewer.text.display_names import shortened
 
@@ -72,3 +75,15 @@ def test_what_stays_so_is_marked_once_per_object_and_says_how_often() -> None:
     found = once_per_object(list(zip(iterations, marks, strict=True)))
     assert [(m.iteration, m.kind) for m in found] == [(2, "physics_worse"), (3, "physics_worse"), (4, "score_fell")]
     assert [m.text for m in found] == ["Worse. So it is in 2 of 3 iterations of this object.", "Worse.", "Fell."]
+
+
+def test_a_batch_marks_where_a_correct_pose_was_given_up_before_the_run_ends() -> None:
+    entry: Any = SimpleNamespace(row=SimpleNamespace(cause="discarded", worst_iteration=2, evidence="given up"))
+    branch: Any = SimpleNamespace(marks=lambda: (), run=SimpleNamespace(length=2))
+    (mark,) = shown_marks(branch, entry)
+    assert (mark.iteration, mark.text, mark.is_red) == (2, "given up", True)
+    own = Mark(2, "discarded", "by the run itself", RED)
+    branch.marks = lambda: (own,)
+    assert shown_marks(branch, entry) == (own,) == shown_marks(branch, None)
+    branch.marks, branch.run.length = tuple, 1
+    assert shown_marks(branch, entry) == ()

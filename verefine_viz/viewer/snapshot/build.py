@@ -14,14 +14,17 @@ from verefine_viz.core.problem import Instance, Problem, Target
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Session
+from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.snapshot.comparison_snapshot import comparison_snapshot
 from verefine_viz.viewer.snapshot.finished_objects import FinishedObject, finished_objects
 from verefine_viz.viewer.snapshot.scene_state import SceneState, known_physics, others_of, scene_state, work_out
 from verefine_viz.viewer.snapshot.snapshot import BranchSummary, ComparedPose, EvaluatedPose, Progress, Snapshot, probe
+from verefine_viz.viewer.state.batch_gallery import Entry
 from verefine_viz.viewer.state.branch import Branch
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator, together
 from verefine_viz.viewer.state.state import State
+from verefine_viz.viewer.state.timeline_marks import RED, Mark
 from verefine_viz.viewer.state.view_options import (
     AGAINST,
     ViewOptions,
@@ -69,7 +72,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
     in_passes = answer and any(i.scene_pass is not None for i in own)
     if "best" in poses and (method.has_tree or in_passes):
         poses["best"] = replace(poses["best"], is_of_best_scene=True)
-    session = space.session
+    session, entry = space.session, state.browsing.entry(target.instance.instance_id)
     progress = Progress(run.length, run.n_iterations, running, state.running.remaining_s(run))
     if options.whole_scene and len(scene.objects) > 1:
         map_target = _scene_target(work.problem)
@@ -89,7 +92,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         demos=state.demos,
         sessions=state.sessions,
         batch=state.browsing.gallery,
-        entry=state.browsing.entry(target.instance.instance_id),
+        entry=entry,
         problem=work.problem,
         exploration=branch.exploration_after(run.cursor),
         doubts=branch.doubts(),
@@ -99,7 +102,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         cursor=run.cursor,
         progress=progress,
         iterations=iterations,
-        marks=tuple(m for m in branch.marks() if not (partial and m.iteration == run.cursor)),
+        marks=tuple(m for m in shown_marks(branch, entry) if not (partial and m.iteration == run.cursor)),
         is_answer=answer,
         is_partial=partial,
         shown=shown,
@@ -160,6 +163,17 @@ def _focus(branch: Branch, options: ViewOptions) -> tuple[Target, Iteration | No
         focus = next((k for k, t in targets.items() if t.instance.hypotheses), next(iter(targets)))
     past = run.iterations[: run.cursor]
     return targets[focus], next((i for i in reversed(past) if i.instance_id == focus), None)
+
+
+def shown_marks(branch: Branch, entry: Entry | None) -> tuple[Mark, ...]:
+    """Of the history; until its run ends, where a correct pose was given up is known from the batch alone."""
+    marks = branch.marks()
+    if entry is None or entry.row.cause != Cause.DISCARDED or any(m.kind == "discarded" for m in marks):
+        return marks
+    at = entry.row.worst_iteration
+    if at is None or at > branch.run.length:
+        return marks
+    return tuple(sorted((*marks, Mark(at, "discarded", entry.row.evidence, RED)), key=lambda mark: mark.iteration))
 
 
 def _against(options: ViewOptions, finished: FinishedObject | None) -> ViewOptions:
