@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -156,6 +157,15 @@ def test_without_ground_truth_the_answer_is_compared_with_the_runner_up() -> Non
     assert view.b.pose.score is not None
     assert own.runner_up.lead == pytest.approx(own.answer.score.score - view.b.pose.score.score)
     assert "runner-up" not in d.carry_out([c.Back()]).view().poses
+
+
+def test_without_ground_truth_an_ambiguous_answer_names_the_least_certain_axis() -> None:
+    view = debugger(Blind).carry_out([END]).view()
+    axis = SimpleNamespace(in_words=lambda: "turn about the vertical undetermined within ±25°")
+    around: Any = SimpleNamespace(least_certain=axis)
+    other: Any = object()
+    it = verdict(replace(view, landscape=around, other_pose=other))
+    assert (it.mark, it.cause) == ("?", "turn about the vertical undetermined within ±25°")
 
 
 def test_a_right_answer_is_compared_with_its_start() -> None:

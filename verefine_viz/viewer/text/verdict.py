@@ -206,9 +206,12 @@ def doubt_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
         return Reason("so low a score is likely wrong")
     if leaks(score):
         return Reason(f"{score.shares['missed']:.0%} of its mask unexplained: does it leak?")
-    physics = snapshot.plausible.get("best") if o.instance_id == snapshot.target.instance.instance_id else None
+    in_sight = o.instance_id == snapshot.target.instance.instance_id
+    physics = snapshot.plausible.get("best") if in_sight else None
     if physics is not None and plausibility_verdict(physics, in_focus(snapshot), snapshot.scene).light == "red":
         return Reason("physically impossible where it is")
+    if in_sight and snapshot.other_pose is not None and snapshot.landscape is not None:
+        return Reason(snapshot.landscape.least_certain.in_words())
     rival = o.runner_up
     if rival is None:
         alone = len(o.course.starts) < 2
