@@ -52,8 +52,9 @@ def test_a_frame_of_a_folder_that_is_cancelled_can_be_read_again(tmp_path: Path,
         except Cancelled:
             countdown.left = None
             assert first_difference(facts(box.problem(frame)), facts(expected)) is None
+    # While colliders are made side by side, how often is asked depends on how long they take.
     with pytest.raises(Cancelled):
-        Toolbox(resolve(raw), ending_after(n - 1)).problem(frame)
+        Toolbox(resolve(raw), ending_after(n // 2)).problem(frame)
 
 
 def test_reading_a_folder_has_a_checkpoint_before_each_model(tmp_path: Path) -> None:
@@ -87,7 +88,7 @@ def test_a_mesh_to_score_that_is_cancelled_is_not_kept(tmp_path: Path) -> None:
     n = asked(lambda progress: scoring_mesh(model, 0.5, tmp_path / "counted", progress))
     assert n > 2
     for _ in cancelled_everywhere(work, n, 3):
-        assert not (tmp_path / "stopped").exists()
+        assert not list((tmp_path / "stopped").glob("*.npz"))
     again = scoring_mesh(model, 0.5, tmp_path / "stopped")
     assert first_difference(again, whole) is None
 
@@ -105,7 +106,7 @@ def test_a_run_whose_beginning_is_cancelled_can_be_begun_again(tmp_path: Path, m
     countdown.left = 1
     with pytest.raises(Cancelled):
         box.run(problem)
-    assert not (tmp_path / "verefine-viz" / "meshes").exists()
+    assert not list((tmp_path / "verefine-viz" / "meshes").glob("*.npz"))
     countdown.left = None
     again, fresh = box.run(problem), Toolbox(resolve(raw)).run(problem)
     assert first_difference(again.finish().best, fresh.finish().best) is None

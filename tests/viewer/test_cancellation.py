@@ -331,7 +331,7 @@ def test_a_frame_is_opened_with_hulls_at_once_where_the_user_does_not_wait_and_t
             c.OpenFrame(SLOW, hulls=True)
         ]
         assert USE_HULLS not in words(running)
-        assert "takes every model for its convex hull" in running.page.layout.run._below._handle.content
+        assert "takes every model for its convex hull" in running.page.layout.verdict._bar._handle.content
         running.send(c.OpenFrame("0/1"))
         running.wait_until_idle()
         assert running.debugger.workspace.session.physics.collider == "decomposition", "it was open before"

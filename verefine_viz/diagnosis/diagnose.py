@@ -29,14 +29,21 @@ from verefine_viz.session.toolbox import Toolbox
 THRESHOLD = 0.1
 """An answer whose ADD(-S) is at least this share of the diameter has failed."""
 
-_GIVEN = (*INPUT_TESTS, neighbour, ambiguous, score, *WORLD_TESTS)
+
+def preference(case: Case) -> Finding | None:
+    """The score prefers the wrong answer, by more than its noise."""
+    finding = score(case)
+    return finding if finding is None or ambiguous(case) is None else None
+
+
+_GIVEN = (*INPUT_TESTS, neighbour, preference, *WORLD_TESTS)
 """What the run was given. Whatever it made of a wrong mask or plane does not tell what is wrong with the run."""
-_DONE = (discarded, simulation, *SEARCH_TESTS)
+_DONE = (discarded, ambiguous, simulation, *SEARCH_TESTS)
 """What the run did. A correct pose that it had is looked for first: whatever led away from others did not decide."""
 _TESTS: tuple[Callable[[Case], Finding | None], ...] = (*_GIVEN, *_DONE)
 _BY_CHANCE = frozenset({Cause.SIMULATION, Cause.ARM_STARVED, Cause.BUDGET, Cause.REFINER, Cause.POOL})
 """Causes that need a control also where no re-run showed them; others are plain to see in what the run did."""
-_NO_RERUN = (score,)
+_NO_RERUN = (preference,)
 """Tested even after a cause is confirmed, as it costs next to nothing."""
 
 
@@ -142,7 +149,7 @@ def _undecided(case: Case, chance: Control) -> Finding:
 def _tests_for(case: Case) -> tuple[Callable[[Case], Finding | None], ...]:
     if not case.target.instance.hypotheses:
         return (no_hypothesis,)
-    return _TESTS if not _solved_alone(case) else (*INPUT_TESTS[:1], neighbour, score, discarded, *SEARCH_TESTS)
+    return _TESTS if not _solved_alone(case) else (*INPUT_TESTS[:1], neighbour, preference, discarded, *SEARCH_TESTS)
 
 
 def _solved_alone(case: Case) -> bool:
