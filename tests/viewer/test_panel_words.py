@@ -25,7 +25,7 @@ LABELS = {
     "method.iterations": "K",
     "method.exploration": "c",
     "physics.enabled": "Physics",
-    "physics.steps": "Sim steps",
+    "physics.steps": "Steps",
 }
 HELD = {"method.iterations": 5, "method.exploration": 0.7, "physics.enabled": True, "physics.steps": 3}
 
@@ -77,7 +77,7 @@ def test_what_was_typed_waits_and_what_will_become_of_it_is_told(cursor: int, fo
         ("method.iterations", -3, "K = -3: input should be greater than or equal to 1"),
         ("method.iterations", 10**18, "K = 1000000000000000000: input should be less than or equal to 10000"),
         ("method.iterations", float("nan"), "K = nan: input should be a finite number"),
-        ("physics.steps", 1e12, "Sim steps = 1000000000000.0: input should be less than or equal to 10000"),
+        ("physics.steps", 1e12, "Steps = 1000000000000.0: input should be less than or equal to 10000"),
         ("method.exploration", -0.5, "c = -0.5: input should be greater than or equal to 0"),
     ],
 )

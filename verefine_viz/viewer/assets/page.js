@@ -107,8 +107,8 @@ addEventListener("unhandledrejection", event => {
 let runHeight = 0;
 setInterval(() => {
   const run = document.querySelector("[data-dock-region=right] .mantine-ScrollArea-content");
-  const needed = 32 + 24 * Math.ceil((run?.offsetHeight ?? 0) / 24);
-  if (needed > runHeight || needed < runHeight - 72) {
+  const needed = 26 + 8 * Math.ceil((run?.offsetHeight ?? 0) / 8);
+  if (needed > runHeight || needed < runHeight - 16) {
     runHeight = needed;
     document.documentElement.style.setProperty("--run-content", `${needed}px`);
   }

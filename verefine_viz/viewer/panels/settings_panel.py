@@ -21,11 +21,15 @@ from verefine_viz.viewer.state.branch import current_values, nested
 from verefine_viz.viewer.text.display_names import shortened
 from verefine_viz.viewer.web.viser_internals import compact, side_by_side, unlabelled
 
-ROW_PX = 18
+ROW_PX = 17
 """So that all settings fit into the panel."""
-PAIRS = ("method.iterations", "method.exploration"), ("score.tau_m", "score.alpha")
-"""Numbers that share a row."""
-RIGHT_FROM_PX, LABEL_PX = 127, 42
+PAIRS = (
+    ("method.iterations", "method.exploration"),
+    ("score.tau_m", "score.alpha"),
+    ("physics.enabled", "physics.steps"),
+)
+"""What shares a row."""
+RIGHT_FROM_PX, LABEL_PX = 138, 58
 ESTIMATORS: dict[str, Literal["ppf", "pcs", "session"]] = {"ppf": "ppf", "pcs": "pcs", "the session's": "session"}
 NAME_PX = 90
 """Room for an object's name in the button that estimates."""
@@ -63,7 +67,7 @@ class SettingsPanel:
                 "α", 0.707, step=0.001, hint="α: normal tolerance; angles beyond acos(1 − α) count 0"
             ),
             "physics.enabled": gui.add_checkbox("Physics", True, hint="off: simulated pose = current pose"),
-            "physics.steps": gui.add_number("Sim steps", 3, step=1, hint="steps of 1/60 s per iteration"),
+            "physics.steps": gui.add_number("Steps", 3, step=1, hint="simulation steps of 1/60 s per iteration"),
             "icp.max_iterations": gui.add_number("ICP its.", 10, step=1, hint="inner iterations per call"),
             "tricp.trim": gui.add_number("Trim", 1.0, step=0.05, hint="share of the observed points that the fit uses"),
             "dependency.rule": gui.add_dropdown(
