@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from verefine_viz.viewer.panels.batch_panel import card, choices, pages, summary
 
 from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_app import SESSION, cursor, until
@@ -13,7 +14,6 @@ from verefine_viz.batch.journal import RunFile
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.panels.batch_panel import card, choices, pages, summary
 from verefine_viz.viewer.state.batch_gallery import PAGE, WRONG, Gallery
 
 
