@@ -94,7 +94,7 @@ def entry_html(
     places: Mapping[Order, int],
     *,
     picture: str | None = None,
-    number: str | None = None,
+    number: str = "",
     made_by: str = "",
     tags: Sequence[str] = (),
     tip: str = "",
@@ -110,7 +110,7 @@ def entry_html(
         values: as of :func:`values_of`.
         places: as of :func:`places_of`.
         picture: a data URI; "" = there is none, None = it is fetched when it comes into sight.
-        number: instead of :func:`number_of`.
+        number: instead of :func:`number_of`, and of the score beside it.
         made_by: method, run or group.
         tags: of the user's.
         tip: tooltip.
@@ -121,8 +121,8 @@ def entry_html(
     return _filled(
         "answer_card.html",
         row=row, key=key, values=json.dumps(values), places=json.dumps(places), words=words_of(row, values),
-        tags=json.dumps(tags), picture=picture, number=number_of(row) if number is None else number,
-        cause=cause_of(row), score="" if row.score is None or row.add_s_mm is None else f"{row.score:.2f}",
+        tags=json.dumps(tags), picture=picture, number=number or number_of(row),
+        cause=cause_of(row), score="" if row.score is None or row.add_s_mm is None or number else f"{row.score:.2f}",
         is_right=False if row.status != "ok" else row.is_correct, made_by=made_by, tip=tip, command=command,
         anchor=anchor, more=_ready(more),
     )  # fmt: skip

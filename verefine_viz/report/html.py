@@ -124,9 +124,9 @@ def _values(card: Failure) -> dict[str, Sequence[str]]:
 
 def _entry(card: Card, values: Values, places: Mapping[Order, int], more: str) -> Markup:
     failure, row, other = card.failure, card.failure.row, card.failure.other
-    number = number_of(row)
+    number = ""
     if other is not None and failure.pick.other is not None:
-        number = f"{failure.pick.run.label} {number} · {failure.pick.other.label} {number_of(other)}"
+        number = f"{failure.pick.run.label} {number_of(row)} · {failure.pick.other.label} {number_of(other)}"
     return entry_html(
         row,
         card.anchor,

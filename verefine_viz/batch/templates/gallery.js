@@ -184,7 +184,7 @@
     arrange();
     if (!onPage) return;
     watchAll();
-    field(".size").value = localStorage.getItem("gallery-tile") ?? 200;
+    field(".size").value = localStorage.getItem("gallery-tile") ?? (innerWidth < 1600 ? 200 : 260);
     resize();
   };
   const resize = () => document.documentElement.style.setProperty("--gallery-tile", `${field(".size").value}px`);

@@ -94,8 +94,8 @@ def tip(entry: Entry) -> str:
     """In full, what a tile may have no space for, and where a click leads."""
     row, why = entry.row, cause_of(entry.row)
     share = f", {row.relative_error:.0%} of the diameter" if row.relative_error is not None else ""
-    told = f"{row.name or 'all objects'} · {row.frame} · {row.method}{share}{f': {why}' if why else ''}."
-    return " ".join(filter(None, (told, row.evidence, _opens_at(entry) if entry.can_be_opened else "")))
+    words = f"{row.name or 'all objects'} · {row.frame} · {row.method}{share}{f': {why}' if why else ''}."
+    return " ".join(filter(None, (words, row.evidence, _opens_at(entry) if entry.can_be_opened else "")))
 
 
 def _opens_at(entry: Entry) -> str:

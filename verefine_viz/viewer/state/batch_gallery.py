@@ -142,7 +142,7 @@ class Gallery:
     @property
     def saved_filters(self) -> dict[str, Arrangement]:
         """By name; those of all runs."""
-        return {name: found for file in self._files.values() for name, found in file.filters.items()}
+        return {name: saved for file in self._files.values() for name, saved in file.filters.items()}
 
     def tag(self, entries: Sequence[Entry], tag: str, on: bool) -> None:
         """Gives answers a tag, or takes it away; kept beside their runs.
