@@ -91,7 +91,10 @@ def choose(screen: Screen, by: str, label: str) -> None:
 
 
 def preset(screen: Screen) -> str:
-    return screen.app.debugger.options.preset
+    """The layout that is shown, once the page shows what the program has."""
+    name = screen.app.debugger.options.preset
+    until_true(screen.page, f"!!document.querySelector('.preset-{name}')")
+    return name
 
 
 def tile(screen: Screen, k: int) -> Any:
@@ -104,8 +107,8 @@ def test_the_gallery_filters_sorts_and_opens_where_it_went_wrong(shown: tuple[Sc
     screen.text("3 of 8 objects of 2 runs are right")
     assert names(screen) == ["can 0/1 sir", "mug 0/0 sir", "mug 0/1 rir", "mug 0/0 rir", "can 0/1 rir"]
     until_true(screen.page, "document.querySelectorAll('.entry:not([hidden]) img').length === 5")
-    fits = "[...document.querySelectorAll('.entry:not([hidden]), .gallery-top')].every(e => e.scrollWidth <= e.clientWidth)"
-    assert screen.page.evaluate(fits)
+    parts = "[...document.querySelectorAll('.entry:not([hidden]), .gallery-top')]"
+    assert screen.page.evaluate(f"{parts}.every(e => e.scrollWidth <= e.clientWidth)")
     assert is_seen(screen, tile(screen, 0))
     screen.shot("gallery")
 
@@ -151,7 +154,7 @@ def test_the_gallery_is_moved_through_searched_and_tagged_by_keys(runs: Path, sh
     screen.until(lambda: preset(screen) == "gallery")
 
     screen.key("/")
-    page.keyboard.type("MUG 0/1")
+    page.keyboard.type("STUCK 0/1")
     until_true(page, "document.querySelectorAll('.entry:not([hidden])').length === 1")
     assert names(screen) == ["mug 0/1 rir"]
     screen.key("Escape")
@@ -171,7 +174,7 @@ def test_the_gallery_is_moved_through_searched_and_tagged_by_keys(runs: Path, sh
     choose(screen, "Tag", "any tag")
     choose(screen, "Saved filters", "mine")
     assert names(screen) == ["mug 0/1 rir"]
-    assert page.get_by_label("Search").input_value() == "MUG 0/1"
+    assert page.get_by_label("Search").input_value() == "STUCK 0/1"
     assert "handle hidden" in (folder / "rir" / "tags.json").read_text()
     screen.shot("gallery_tagged")
 

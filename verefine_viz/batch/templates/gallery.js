@@ -188,14 +188,18 @@
     resize();
   };
   const resize = () => document.documentElement.style.setProperty("--gallery-tile", `${field(".size").value}px`);
+  let wasSeen = false;
+  const isSeen = () => !!document.querySelector(".preset-gallery") && !!grid?.isConnected;
   const lookForOne = () => {
     const found = document.querySelector(".gallery-grid");
     if (found && found !== grid) begin(found);
-    if (grid?.isConnected && onPage) showState();
+    if (!grid?.isConnected || !onPage) return;
+    showState();
+    if (isSeen() && !wasSeen) moveTo(current);  // What is hidden cannot be scrolled to.
+    wasSeen = isSeen();
   };
   new MutationObserver(lookForOne).observe(document, {subtree: true, childList: true});
   addEventListener("DOMContentLoaded", lookForOne);
-  const isSeen = () => !!document.querySelector(".preset-gallery") && !!grid?.isConnected;
   const entryAt = event => {
     const element = event.target.closest?.(".gallery-grid .entry");
     return element && entries.find(entry => entry.element === element);
@@ -252,6 +256,7 @@
       tell("SaveFilter", {name: box.value.trim(), ...arrangement()});
     }
     if (!["Enter", "Escape"].includes(event.key)) return;
+    event.preventDefault();  // Escape would empty a box for searching.
     if (box.matches(".filter-name")) { box.value = ""; box.hidden = true; }
     box.blur();
   };

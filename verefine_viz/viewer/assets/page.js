@@ -38,7 +38,20 @@ addEventListener("unhandledrejection", event => {
 
 // Links: the command of what was clicked goes into a hidden text field, which is how it reaches Python.
 {
+  const waiting = [];
+  const APART_MS = 80;  // Of two changes of a field within 50 ms viser sends one.
+  let busy = false;
   const send = command => {
+    waiting.push(command);
+    if (!busy) sendNext();
+  };
+  const sendNext = () => {
+    busy = waiting.length > 0;
+    if (!busy) return;
+    write(waiting.shift());
+    setTimeout(sendNext, APART_MS);
+  };
+  const write = command => {
     const label = [...document.querySelectorAll("label")].find(label => label.textContent === "LINK_LABEL");
     const input = label?.closest(".mantine-Flex-root").querySelector("input");
     if (!input) return;
