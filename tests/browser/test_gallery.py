@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from tests.browser.conftest import SLOW_MS, Screen, Show, is_seen, until_true
+from tests.browser.test_layout import WINDOWS, boxes_of
 from verefine_viz.batch.answer_cards import WRONG
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, write_frames_csv
@@ -191,6 +192,21 @@ def test_the_gallery_is_moved_through_searched_and_tagged_by_keys(runs: Path, sh
     page.get_by_label("Tag the selected").fill("x", timeout=SLOW_MS)
     screen.key("Enter")
     screen.text("cannot write .*tags.json: .* is a folder")
+
+
+def test_the_grid_fills_the_middle_of_every_window(shown: tuple[Screen, Gallery]) -> None:
+    screen, _ = shown
+    for width, height in WINDOWS:
+        screen.page.set_viewport_size({"width": width, "height": height})
+        screen.page.wait_for_timeout(600)
+        boxes = boxes_of(screen)
+        assert boxes.keys() == {"right column", "curves"}, "nothing else is seen"
+        grid = screen.page.locator(".gallery-pane .gallery").bounding_box()
+        assert grid["x"] + grid["width"] <= boxes["right column"][0]
+        assert grid["width"] > 0.98 * boxes["right column"][0] - 10
+        assert grid["height"] > height - 20
+        assert 160 <= tile(screen, 0).bounding_box()["width"] <= 420
+        screen.shot(f"gallery_{width}x{height}")
 
 
 def test_an_answer_opened_by_key_comes_into_sight(shown: tuple[Screen, Gallery]) -> None:

@@ -168,7 +168,9 @@ class Page:
                 self.layout.show_deep(snapshot)
                 self._image_waits = True
         self._server.flush()
-        self._later = _deferred(snapshot, self._debugger.workspace.branch.evaluator)
+        # In the gallery it is not seen, and pictures need the time.
+        in_gallery = snapshot.options.preset == "gallery"
+        self._later = None if in_gallery else _deferred(snapshot, self._debugger.workspace.branch.evaluator)
 
     def _show_physics(self) -> None:
         """What was worked out about the whole scene."""
