@@ -136,5 +136,8 @@ def test_the_page_holds_all_tiles_and_says_what_is_open(tmp_path: Path) -> None:
             assert answer.status == 204, "the fake data have no such object"
         with pytest.raises(urllib.error.HTTPError, match="404"):
             urllib.request.urlopen(f"{app.url}/picture/2")
+        foreign = urllib.request.Request(f"{app.url}/picture/1", headers={"Host": "foreign.invalid"})
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(foreign)
     finally:
         app.stop()
