@@ -60,6 +60,8 @@ def index(tmp_path: Path) -> BatchIndex:
         ("cause", [2, 5, 4, 1, 6, 3]),
         ("object", [5, 4, 2, 6, 3, 1]),
         ("frame", [1, 2, 3, 4, 6, 5]),
+        ("time", [1, 2, 3, 4, 6, 5]),
+        ("undetermined", [1, 2, 3, 4, 6, 5]),
     ],
 )
 def test_the_worst_come_first(index: BatchIndex, order: Order, expected: list[int]) -> None:
@@ -85,8 +87,8 @@ def test_a_table_that_lost_rows_since_it_was_counted_is_refused(tmp_path: Path, 
 
 
 def test_an_unknown_order_names_those_that_exist(index: BatchIndex) -> None:
-    with pytest.raises(SettingsError, match="unknown order 'time'; available: error, score, misleading, cause"):
-        index.sorted_by("time")  # type: ignore[arg-type]
+    with pytest.raises(SettingsError, match="unknown order 'colour'; available: error, score, misleading, cause"):
+        index.sorted_by("colour")  # type: ignore[arg-type]
 
 
 def test_another_folder_is_no_batch(tmp_path: Path) -> None:

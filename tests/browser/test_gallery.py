@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,8 @@ from typing import Any
 import pytest
 
 from tests.browser.conftest import SLOW_MS, Screen, Show, is_seen, until_true
+from tests.browser.test_layout import WINDOWS, boxes_of
+from verefine_viz.batch.answer_cards import WRONG
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, write_frames_csv
 from verefine_viz.core.settings import Session
@@ -70,9 +73,9 @@ def shown(runs: Path, show: Show, tmp_path: Path) -> tuple[Screen, Gallery]:
 
 
 def names(screen: Screen) -> list[str]:
-    """Object, frame and run of the cards, in their order."""
-    lines = "[...card.querySelectorAll('.name')].map(line => line.textContent).join(' · ')"
-    found = screen.page.evaluate(f"[...document.querySelectorAll('button.card')].map(card => {lines})")
+    """Object, frame and run of the tiles that are shown, in their order."""
+    line = "`${e.querySelector('h3').textContent} ${e.querySelector('.where span').textContent}`"
+    found = screen.page.evaluate(f"[...document.querySelectorAll('.entry:not([hidden])')].map(e => {line})")
     return [line.replace(" · ", " ") for line in found]
 
 
@@ -84,54 +87,140 @@ def at(screen: Screen) -> tuple[str, str, int]:
 
 def choose(screen: Screen, by: str, label: str) -> None:
     screen.page.get_by_label(by, exact=True).select_option(label=label, timeout=SLOW_MS)
-    screen.page.wait_for_timeout(120)  # As after a click: the next choice would be swallowed.
+    screen.page.wait_for_timeout(400)  # Until the program knows.
+    screen.app.wait_until_idle(60)
+
+
+def preset(screen: Screen) -> str:
+    """The layout that is shown, once the page shows what the program has."""
+    name = screen.app.debugger.options.preset
+    until_true(screen.page, f"!!document.querySelector('.preset-{name}')")
+    return name
+
+
+def tile(screen: Screen, k: int) -> Any:
+    return screen.page.locator(".entry:not([hidden])").nth(k)
 
 
 def test_the_gallery_filters_sorts_and_opens_where_it_went_wrong(shown: tuple[Screen, Gallery]) -> None:
     screen, _ = shown
-    screen.until(lambda: at(screen) == ("sir", "0/1", 3))
+    assert preset(screen) == "gallery"
+    screen.text("3 of 8 objects of 2 runs are right")
     assert names(screen) == ["can 0/1 sir", "mug 0/0 sir", "mug 0/1 rir", "mug 0/0 rir", "can 0/1 rir"]
-    screen.why(f"Why it failed in the batch: {EVIDENCE}")
-    until_true(screen.page, "document.querySelectorAll('button.card img').length === 5")
-    overflow = "[...document.querySelectorAll('button.card')].every(e => e.scrollWidth <= e.clientWidth)"
-    assert screen.page.evaluate(overflow)
+    until_true(screen.page, "document.querySelectorAll('.entry:not([hidden]) img').length === 5")
+    parts = "[...document.querySelectorAll('.entry:not([hidden]), .gallery-top')]"
+    assert screen.page.evaluate(f"{parts}.every(e => e.scrollWidth <= e.clientWidth)")
+    assert is_seen(screen, tile(screen, 0))
     screen.shot("gallery")
 
     choose(screen, "Object", "mug")
-    screen.until(lambda: names(screen) == ["mug 0/0 sir", "mug 0/1 rir", "mug 0/0 rir"])
+    assert names(screen) == ["mug 0/0 sir", "mug 0/1 rir", "mug 0/0 rir"]
     choose(screen, "Method", "rir")
-    choose(screen, "Sort by", "by frame")
-    screen.until(lambda: names(screen) == ["mug 0/0 rir", "mug 0/1 rir"])
-    screen.page.locator("button.card").nth(1).click(timeout=SLOW_MS)
+    choose(screen, "Sort by", "frame")
+    assert names(screen) == ["mug 0/0 rir", "mug 0/1 rir"]
+    tile(screen, 1).click(timeout=SLOW_MS)
     screen.until(lambda: at(screen) == ("rir", "0/1", 2))
-    assert screen.page.locator("button.card.marked .name").first.inner_text() == "mug"
-    assert names(screen) == ["mug 0/0 rir", "mug 0/1 rir"]  # Filters stay.
+    screen.until(lambda: preset(screen) == "inspect")
+    screen.why(f"Why it failed in the batch: {EVIDENCE}")
+    screen.key("Escape")  # Closes what the verdict rests on.
+    screen.key("Escape")
+    screen.until(lambda: preset(screen) == "gallery")
+    assert names(screen) == ["mug 0/0 rir", "mug 0/1 rir"], "filters stay"
+    until_true(screen.page, "document.querySelector('.entry.open .where')?.textContent.includes('0/1')")
 
-    screen.page.locator("button.card").nth(0).focus()
-    screen.page.keyboard.press("Enter")
-    screen.until(lambda: at(screen) == ("rir", "0/0", 2))
     choose(screen, "Method", "any method")
     choose(screen, "Object", "any object")
     choose(screen, "Cause", "score ranks a wrong pose above the ground truth")
-    screen.until(lambda: names(screen) == ["can 0/1 rir", "can 0/1 sir"])
+    assert names(screen) == ["can 0/1 rir", "can 0/1 sir"]
     screen.key("j")
     screen.until(lambda: at(screen) == ("rir", "0/1", 3))
     screen.key("j")
     screen.until(lambda: at(screen) == ("sir", "0/1", 3))
 
 
+def test_the_gallery_is_moved_through_searched_and_tagged_by_keys(runs: Path, show: Show, tmp_path: Path) -> None:
+    folder = shutil.copytree(runs, tmp_path / "runs")
+    gallery = read_gallery(folder)
+    screen = show(lambda port: App(gallery.session("sir"), port=port, folder=tmp_path, batch=gallery))
+    page, current = screen.page, ".entry.current .where"
+    assert page.locator(current).inner_text().startswith("0/1 · sir")
+    screen.key("ArrowRight")
+    screen.key("ArrowRight")
+    assert page.locator(current).inner_text().startswith("0/1 · rir")
+    screen.key("ArrowLeft")
+    assert page.locator(current).inner_text().startswith("0/0 · sir")
+    screen.key("Enter")
+    screen.until(lambda: at(screen) == ("sir", "0/0", 2) and preset(screen) == "inspect")
+    screen.click("Gallery")
+    screen.until(lambda: preset(screen) == "gallery")
+
+    screen.key("/")
+    page.keyboard.type("STUCK 0/1")
+    until_true(page, "document.querySelectorAll('.entry:not([hidden])').length === 1")
+    assert names(screen) == ["mug 0/1 rir"]
+    screen.key("Escape")
+    screen.key("x")
+    page.get_by_label("Tag the selected").fill("handle hidden", timeout=SLOW_MS)
+    screen.key("Enter")
+    until_true(page, "document.querySelector('.entry:not([hidden]) .tags').textContent === 'handle hidden'")
+    page.get_by_role("button", name="save", exact=True).click(timeout=SLOW_MS)
+    page.get_by_label("Name of the filter").fill("mine", timeout=SLOW_MS)
+    screen.key("Enter")
+    page.get_by_label("Saved filters").locator("option", has_text="mine").wait_for(state="attached", timeout=SLOW_MS)
+    page.get_by_label("Search").fill("", timeout=SLOW_MS)
+    screen.key("Escape")
+    assert len(names(screen)) == 5
+    choose(screen, "Tag", "handle hidden")
+    assert names(screen) == ["mug 0/1 rir"]
+    choose(screen, "Tag", "any tag")
+    choose(screen, "Saved filters", "mine")
+    assert names(screen) == ["mug 0/1 rir"]
+    assert page.get_by_label("Search").input_value() == "STUCK 0/1"
+    assert "handle hidden" in (folder / "rir" / "tags.json").read_text()
+    screen.shot("gallery_tagged")
+
+    page.get_by_label("Search").fill("", timeout=SLOW_MS)
+    screen.key("Escape")
+    screen.key("Escape")  # The selection.
+    tile(screen, 0).click(modifiers=["Control"], timeout=SLOW_MS)
+    tile(screen, 2).click(modifiers=["Shift"], timeout=SLOW_MS)
+    assert page.locator(".gallery-bar .chosen b").inner_text() == "3 selected"
+    page.locator(".own-tags button", has_text="handle hidden").click(timeout=SLOW_MS)
+    until_true(page, "!document.querySelector('.entry .tags span')")
+    (folder / "sir" / "tags.json").unlink()
+    (folder / "sir" / "tags.json").mkdir()
+    page.get_by_label("Tag the selected").fill("x", timeout=SLOW_MS)
+    screen.key("Enter")
+    screen.text("cannot write .*tags.json: .* is a folder")
+
+
+def test_the_grid_fills_the_middle_of_every_window(shown: tuple[Screen, Gallery]) -> None:
+    screen, _ = shown
+    for width, height in WINDOWS:
+        screen.page.set_viewport_size({"width": width, "height": height})
+        screen.page.wait_for_timeout(600)
+        boxes = boxes_of(screen)
+        assert boxes.keys() == {"right column", "curves"}, "nothing else is seen"
+        grid = screen.page.locator(".gallery-pane .gallery").bounding_box()
+        assert grid["x"] + grid["width"] <= boxes["right column"][0]
+        assert grid["width"] > 0.98 * boxes["right column"][0] - 10
+        assert grid["height"] > height - 20
+        assert 160 <= tile(screen, 0).bounding_box()["width"] <= 420
+        screen.shot(f"gallery_{width}x{height}")
+
+
 def test_an_answer_opened_by_key_comes_into_sight(shown: tuple[Screen, Gallery]) -> None:
     screen, _ = shown
-    screen.until(lambda: at(screen) == ("sir", "0/1", 3))
-    cards = screen.page.locator("button.card")
-
-    def in_sight(card: Any) -> bool:
-        return "marked" in card.get_attribute("class") and is_seen(screen, card, edge_px=8)  # The next one overlaps it.
-
-    assert not is_seen(screen, cards.last, edge_px=8), "else this shows nothing"
-    for key, opened in (*zip("jjjj", cards.all()[1:], strict=True), *zip("kkkk", cards.all()[-2::-1], strict=True)):
-        screen.key(key)
-        screen.until(lambda opened=opened: in_sight(opened))
+    screen.page.get_by_label("Size of the tiles").fill("320", timeout=SLOW_MS)
+    opened = [("sir", "0/1", 3), ("sir", "0/0", 2), ("rir", "0/1", 2), ("rir", "0/0", 2), ("rir", "0/1", 3)]
+    assert not is_seen(screen, tile(screen, 4), edge_px=8), "else this shows nothing"
+    for place in opened:
+        screen.key("j")
+        screen.until(lambda place=place: at(screen) == place)
+    screen.key("Escape")
+    screen.until(lambda: preset(screen) == "gallery")
+    assert is_seen(screen, screen.page.locator(".entry.open"), edge_px=8)
+    screen.page.get_by_label("Size of the tiles").fill("200", timeout=SLOW_MS)
 
 
 def test_long_reasons_to_doubt_the_data_leave_room_for_the_answers(runs: Path, show: Show, tmp_path: Path) -> None:
@@ -144,8 +233,8 @@ def test_long_reasons_to_doubt_the_data_leave_room_for_the_answers(runs: Path, s
     gallery = Gallery(indices)
     screen = show(lambda port: App(gallery.session("sir"), port=port, folder=tmp_path, batch=gallery))
     box = screen.text("in 4 of 4 frames of 2 runs. In 2, such as 0/0 of rir, cam_K does not fit")
-    assert box.evaluate("e => e.scrollHeight > 2 * e.clientHeight"), "else this shows nothing"
-    assert is_seen(screen, screen.page.locator("button.card").first, edge_px=8)
+    assert box.evaluate("e => e.scrollWidth > 2 * e.clientWidth"), "else this shows nothing"
+    assert is_seen(screen, tile(screen, 0), edge_px=8)
 
 
 def test_long_reasons_leave_room_for_what_the_iteration_did(runs: Path, show: Show, tmp_path: Path) -> None:
@@ -156,6 +245,8 @@ def test_long_reasons_leave_room_for_what_the_iteration_did(runs: Path, show: Sh
         indices.append(replace(index, rows=tuple(rows)))
     gallery = Gallery(indices)
     screen = show(lambda port: App(gallery.session("sir"), port=port, folder=tmp_path, batch=gallery))
+    screen.key("j")
+    screen.until(lambda: preset(screen) == "inspect")
     assert is_seen(screen, screen.text(r"^Iteration \d+ · .*hypothesis "), edge_px=6)
     assert is_seen(screen, screen.text("^the data do not fit together"))
     evidence = screen.why(EVIDENCE)
@@ -165,7 +256,6 @@ def test_long_reasons_leave_room_for_what_the_iteration_did(runs: Path, show: Sh
 
 def test_a_click_on_a_point_opens_it(shown: tuple[Screen, Gallery]) -> None:
     screen, gallery = shown
-    screen.until(lambda: at(screen) == ("sir", "0/1", 3))
     screen.curve("Score/error")
     screen.text("^The score ranks a wrong answer above a right one in 0% of pairs")
     plot = screen.page.get_by_role("img", name="score over error")
@@ -182,6 +272,6 @@ def test_a_click_on_a_point_opens_it(shown: tuple[Screen, Gallery]) -> None:
 
 def test_what_is_asked_for_elsewhere_shows_in_the_gallery(shown: tuple[Screen, Gallery]) -> None:
     screen, _ = shown
-    screen.app.send(c.FilterBatch("run", "rir"))
+    screen.app.send(c.ArrangeGallery(only=(("run", "rir"), ("result", WRONG))))
     screen.until(lambda: names(screen) == ["mug 0/1 rir", "mug 0/0 rir", "can 0/1 rir"])
     assert screen.page.get_by_label("Run", exact=True).locator("option:checked").inner_text() == "rir"

@@ -65,7 +65,7 @@ def test_in_every_layout_and_window_nothing_covers_anything(look: Look, session:
     screen.app.send(c.Step())
     for width, height in WINDOWS:
         screen.page.set_viewport_size({"width": width, "height": height})
-        for preset in get_args(c.Preset):
+        for preset in set(get_args(c.Preset)) - {"gallery"}:
             screen.app.send(c.ShowLayout(preset))
             until_true(screen.page, f"!!document.querySelector('.vz .preset-{preset}')")
             screen.app.wait_until_idle(60)

@@ -23,7 +23,7 @@ def test_a_comparison_of_groups_opens_offline_sorts_and_filters(chromium: Any, t
     page.goto(path.as_uri())
     page.wait_for_selector("html[data-ready=yes]", timeout=120_000)
     assert page.evaluate("document.documentElement.scrollWidth") <= 1280
-    assert page.evaluate("[...document.querySelectorAll('.failure')].every((f) => f.scrollWidth <= f.clientWidth)")
+    assert page.evaluate("[...document.querySelectorAll('.entry')].every((f) => f.scrollWidth <= f.clientWidth)")
 
     recalls = page.locator("table[aria-label=groups] tbody tr td:nth-child(3)")
     page.locator("table[aria-label=groups] th", has_text="right").click()
@@ -31,8 +31,8 @@ def test_a_comparison_of_groups_opens_offline_sorts_and_filters(chromium: Any, t
     rising = [float(text.split()[0]) for text in recalls.all_inner_texts()]
     assert rising == sorted(rising)
 
-    page.locator("#group").select_option("refine")
-    chips = [f.locator(".chip").first.inner_text() for f in page.locator(".failure").all() if f.is_visible()]
+    page.get_by_label("Group", exact=True).select_option("refine")
+    chips = [f.locator(".chip").first.inner_text() for f in page.locator(".entry").all() if f.is_visible()]
     assert set(chips) == {"refine"}
     context.close()
     assert errors == []
@@ -60,13 +60,20 @@ def test_the_report_opens_offline_sorts_and_filters(chromium: Any, tmp_path: Pat
     page.locator("table[aria-label=objects] th", has_text="object").click()
     assert sorted([falling, names.all_inner_texts()]) == [sorted(falling), sorted(falling, reverse=True)]
 
-    assert [h.inner_text() for h in page.locator(".failure h3").all()] == ["object 2", "object 1"]
-    page.locator("#cause").select_option("score")
-    assert [h.inner_text() for h in page.locator(".failure h3").all() if h.is_visible()] == ["object 2"]
+    assert [h.inner_text() for h in page.locator(".entry h3").all()] == ["object 2", "object 1"]
+    page.get_by_label("Cause", exact=True).select_option("score ranks a wrong pose above the ground truth")
+    assert [h.inner_text() for h in page.locator(".entry h3").all() if h.is_visible()] == ["object 2"]
+    page.get_by_label("Cause", exact=True).select_option("")
+    page.keyboard.press("/")
+    page.keyboard.type("1/3")
+    assert [h.inner_text() for h in page.locator(".entry h3").all() if h.is_visible()] == ["object 2"]
+    page.get_by_label("Search").fill("nothing has this")
+    assert page.locator(".none-shown").is_visible()
+    page.get_by_label("Search").fill("1/3")
     # A link to a card that the filter hides brings it back.
     page.locator("table[aria-label='got better'] a").click()
-    assert [h.inner_text() for h in page.locator(".failure h3").all() if h.is_visible()] == ["object 2", "object 1"]
-    assert page.locator(".failure:target h3").inner_text() == "object 1"
+    assert [h.inner_text() for h in page.locator(".entry h3").all() if h.is_visible()] == ["object 2", "object 1"]
+    assert page.locator(".entry:target h3").inner_text() == "object 1"
 
     before = page.evaluate("getComputedStyle(document.body).backgroundColor")
     page.locator("#theme").click()

@@ -30,7 +30,7 @@ def test_a_large_run_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     write_report(a, b, tmp_path / "report.html")
     assert (tmp_path / "report.html").stat().st_size < 30e6
     html = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert html.count('class="failure"') == 60
+    assert html.count('<article class="entry"') == 60
     assert len(figures(html)["change"]["data"]) == 4
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from html import unescape
 from pathlib import Path
 
 from hypothesis import given
@@ -62,7 +64,10 @@ def test_tables_lead_to_the_cards_and_both_causes_are_told(tmp_path: Path) -> No
     write_report(folders[0], folders[1], tmp_path / "r.html", most_failures=2)
     html = without_plotly((tmp_path / "r.html").read_text(encoding="utf-8"))
     assert '<a href="#card-1">1/1</a>' in html
-    assert '<article class="failure" id="card-1" data-group="both wrong" data-causes="pool|mask"' in html
+    card = unescape(html[html.index('<article class="entry" id="card-1"') :].partition("\n")[0])
+    causes = ["no good hypothesis in the pool", "mask leaks or misses"]
+    assert f'"cause": {json.dumps(causes)}' in card
+    assert '"group": ["both wrong"]' in card
     assert "B 60.0 mm · A 40.0 mm" in html
     assert html.index("All far off.") < html.index("It leaks.")
     assert '<a href="#card-2">1/2</a>' in html

@@ -8,6 +8,8 @@ import pytest
 
 from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_app import SESSION
+from verefine_viz.batch.answer_cards import RIGHT, WRONG
+from verefine_viz.batch.answer_tags import TAGS_FILE, Arrangement
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import RunFile
@@ -18,7 +20,7 @@ from verefine_viz.session.files import AT_ITS_START, changed
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.errors_panel import plot_svg, trust_in_score
-from verefine_viz.viewer.state.batch_gallery import ALL, RIGHT, WRONG, Gallery, plot_of, read_gallery
+from verefine_viz.viewer.state.batch_gallery import Gallery, plot_of, read_gallery
 from verefine_viz.viewer.text.findings import batch_words, findings
 
 SIR = changed(SESSION, {"method": {"name": "sir"}}, AT_ITS_START)
@@ -72,10 +74,11 @@ def test_keys_go_through_wrong_answers_worst_first_each_where_it_went_wrong(debu
 
 
 def test_keys_heed_filters_which_stay_when_a_frame_is_opened(debugger: Debugger) -> None:
-    debugger.carry_out([c.FilterBatch("method", "rir"), c.FilterBatch("result", RIGHT), c.OpenFailure(1)])
+    chosen = {"method": "rir", "result": RIGHT}
+    debugger.carry_out([c.ArrangeGallery(only=(("method", "rir"), ("result", RIGHT))), c.OpenFailure(1)])
     assert open_now(debugger) == ("rir", "0/1", 0, 1)
-    assert debugger.options.batch_only == {"method": "rir", "result": RIGHT}
-    debugger.carry_out([c.FilterBatch("cause", "neighbour misplaced first")])
+    assert debugger.options.arrangement.only == chosen
+    debugger.carry_out([c.ArrangeGallery(search="box 0/2 ICP", order="score")])
     with pytest.raises(InputError, match="choose other filters"):
         debugger.apply(c.OpenFailure(1))
 
@@ -147,23 +150,69 @@ def test_of_another_scene_the_batch_says_nothing(debugger: Debugger) -> None:
     assert debugger.view().entry is None
 
 
-def test_a_page_is_turned_to_the_answer_that_is_opened(tmp_path: Path) -> None:
-    rows = [row(1 + k % 2, k // 2, add_s_mm=90.0 - k, worst_iteration=0) for k in range(30)]
-    batch = Gallery([BatchIndex(tmp_path, SESSION, RunFile(), tuple(rows))])
-    debugger = Debugger(SESSION, None, FakeTools, batch=batch)
-    debugger.carry_out([c.TurnPage(1), c.OpenAt("0/2", 0, instance=0)])
-    assert debugger.options.batch_page == 0
-    debugger.carry_out([c.SortBatch("score"), c.TurnPage(2), c.FilterBatch("result", ALL)])
-    assert debugger.options.batch_page == 0
+def test_the_page_opens_with_the_gallery_and_an_answer_where_it_can_be_inspected(debugger: Debugger) -> None:
+    assert debugger.options.preset == "gallery"
+    debugger.carry_out([c.OpenFailure(1)])
+    assert debugger.options.preset == "inspect"
+    debugger.carry_out([c.ShowLayout("gallery"), c.Step()])
+    assert debugger.options.preset == "gallery"
+    debugger.carry_out([c.ShowLayout("maps"), c.OpenFailure(1)])
+    assert debugger.options.preset == "maps", "what the user looks at stays"
+
+
+def test_without_a_batch_there_is_no_gallery() -> None:
+    alone = Debugger(SESSION, None, FakeTools)
+    assert alone.options.preset == "inspect"
+    for command in c.ShowLayout("gallery"), c.TagAnswers((0,), "x"), c.OpenFailure(1):
+        with pytest.raises(InputError, match="no batch is open; open one with verefine-viz view FOLDER"):
+            alone.apply(command)
+
+
+def test_tags_and_saved_filters_lie_beside_their_runs(debugger: Debugger, several: Gallery, tmp_path: Path) -> None:
+    debugger.carry_out(
+        [c.TagAnswers((1, 3), " handle  hidden "), c.TagAnswers((1,), "b"), c.SaveFilter("mine", "score")]
+    )
+    again = Gallery(list(several.runs.values()))
+    for gallery in several, again:
+        assert gallery.tags_of(gallery.entries[1]) == ("handle hidden", "b")
+        assert gallery.tags_of(gallery.entries[3]) == ("handle hidden",)
+        assert gallery.saved_filters == {"mine": Arrangement(order="score")}
+        tagged = gallery.shown(Arrangement(only={"tag": "handle hidden"}, search="HIDDEN"))
+        assert set(tagged) == {gallery.entries[1], gallery.entries[3]}
+    debugger.carry_out([c.TagAnswers((1,), "handle hidden", on=False), c.TagAnswers((3,), "handle hidden", on=False)])
+    debugger.carry_out([c.DeleteFilter("mine")])
+    again = Gallery(list(several.runs.values()))
+    assert [again.tags_of(entry) for entry in again.entries] == [(), ("b",), (), (), ()]
+    assert again.saved_filters == {}
+    assert sorted(path.parent.name for path in tmp_path.rglob(TAGS_FILE)) == ["rir", "sir"]
+    for command in c.TagAnswers((9,), "x"), c.TagAnswers((0,), "  "), c.SaveFilter("x" * 41):
+        with pytest.raises(InputError):
+            debugger.apply(command)
+
+
+def test_a_damaged_file_of_tags_is_told_and_left_alone(several: Gallery, tmp_path: Path) -> None:
+    path = tmp_path / "rir" / TAGS_FILE
+    path.parent.mkdir()
+    path.write_text('{"tags": {"0/1#0": "one"}}')
+    gallery = Gallery(list(several.runs.values()))
+    assert list(gallery.tag_faults) == ["rir"]
+    assert "tags.json is damaged (tags.0/1#0 = 'one'" in gallery.tag_faults["rir"]
+    with pytest.raises(InputError, match="is damaged"):
+        gallery.tag([gallery.entries[0]], "x", True)
+    assert path.read_text() == '{"tags": {"0/1#0": "one"}}'
+    gallery.tag([gallery.entries[3]], "x", True)
 
 
 def test_filters_and_orders_go_over_all_runs(several: Gallery) -> None:
-    assert several.choices["run"] == (ALL, "rir", "sir")
-    assert several.choices["method"] == (ALL, "rir", "sir")
-    assert [e.row.instance_id for e in several.shown("error", {"run": "rir"})] == [0, 1]
-    assert [e.run for e in several.shown("error", {"cause": "no good hypothesis in the pool"})] == ["rir", "sir"]
-    assert [e.row.score for e in several.shown("misleading", {"result": WRONG, "run": "rir"})] == [0.9, 0.5]
-    assert len(several.shown("frame", {"result": ALL})) == 5
+    wrong = {"result": WRONG}
+    assert several.first_arrangement == Arrangement(only=wrong)
+    assert [e.row.instance_id for e in several.shown(Arrangement(only={**wrong, "run": "rir"}))] == [0, 1]
+    pool = Arrangement(only={"cause": "no good hypothesis in the pool"})
+    assert [e.run for e in several.shown(pool)] == ["rir", "sir"]
+    misleading = Arrangement(order="misleading", only={**wrong, "run": "rir"})
+    assert [e.row.score for e in several.shown(misleading)] == [0.9, 0.5]
+    assert len(several.shown(Arrangement(order="frame"))) == 5
+    assert [e.run for e in several.shown(Arrangement(search="BOX 30°"))] == ["rir"]
 
 
 def test_a_click_into_the_plot_opens_the_nearest_point(debugger: Debugger, several: Gallery) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import fields
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 import pytest
 from hypothesis import given
@@ -30,9 +30,9 @@ def values(hint: Any) -> st.SearchStrategy[Any]:
         return st.lists(st.tuples(st.text(), ANY_VALUE)).map(tuple)
     if hint == c.Pose:
         return st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=16, max_size=16).map(tuple)
-    if hint == tuple[str, ...]:
-        return st.lists(st.text()).map(tuple)
     args = get_args(hint)
+    if get_origin(hint) is tuple:
+        return st.lists(values(args[0])).map(tuple) if args[-1] is ... else st.tuples(*map(values, args))
     if all(isinstance(a, str) for a in args):
         return st.sampled_from(args)
     return st.one_of(*(values(a) for a in args))

@@ -213,7 +213,7 @@ def test_no_html_of_ours_carries_a_handler_which_the_policy_would_forbid() -> No
         assert not re.search(r"\son[a-z]+=\\?[\"'{]", path.read_text(encoding="utf-8")), path
 
 
-def unguarded(admission: object) -> AbstractContextManager[None]:
+def unguarded(admission: object, picture: object) -> AbstractContextManager[None]:
     """As if viser had its server from somewhere else than where ours is put."""
     return nullcontext()
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import base64
 import io
 import threading
+from concurrent.futures import Future
 from pathlib import Path
 
 import numpy as np
@@ -36,44 +36,48 @@ class Drawn:
     def __init__(self) -> None:
         self.permits = threading.Semaphore(0)
         self.begun = threading.Semaphore(0)
-        self.arrived = threading.Semaphore(0)
         self.seen: list[int | None] = []
-        self.thumbnails = Thumbnails(self._draw, lambda _: self.arrived.release())
+        self.thumbnails = Thumbnails(self._draw)
 
-    def _draw(self, entry: Entry) -> str:
+    def _draw(self, entry: Entry) -> bytes:
         self.seen.append(entry.row.instance_id)
         self.begun.release()
         assert self.permits.acquire(timeout=20)
         if entry is ENTRIES[3]:
             raise InputError("its image is gone")
-        return f"picture {entry.row.instance_id}"
+        return b"picture %d" % (entry.row.instance_id or 0)
 
-    def make(self, n: int) -> None:
-        self.permits.release(n)
-        for _ in range(n):
-            assert self.arrived.acquire(timeout=20)
+    def ask(self, *numbers: int) -> list[Future[bytes]]:
+        return [self.thumbnails.ask(ENTRIES[k]) for k in numbers]
 
 
-def test_only_what_is_wanted_now_is_made_and_only_once() -> None:
+def test_what_was_asked_for_last_is_made_first_and_each_only_once() -> None:
     drawn = Drawn()
-    drawn.thumbnails.want(ENTRIES[:3])
+    drawn.ask(0)
     assert drawn.begun.acquire(timeout=20)
-    drawn.thumbnails.want((ENTRIES[4], ENTRIES[0]))  # While the first is at hand.
-    drawn.make(2)
-    drawn.thumbnails.want((ENTRIES[0], ENTRIES[2]))
-    drawn.make(1)
+    first = drawn.ask(1, 2, 4, 1)
+    drawn.permits.release(4)
+    assert [picture.result(20) for picture in first] == [b"picture 1", b"picture 2", b"picture 4", b"picture 1"]
+    assert drawn.seen == [0, 4, 2, 1]
     drawn.thumbnails.stop()
-    assert drawn.seen == [0, 4, 2]
-    assert drawn.thumbnails.of(ENTRIES[0]) == "picture 0"
-    assert drawn.thumbnails.of(ENTRIES[1]) is None
+
+
+def test_pictures_wait_while_they_are_on_hold() -> None:
+    drawn = Drawn()
+    drawn.permits.release(2)
+    drawn.thumbnails.hold(True)
+    (picture,) = drawn.ask(1)
+    with pytest.raises(TimeoutError):
+        picture.result(0.3)
+    drawn.thumbnails.hold(False)
+    assert picture.result(20) == b"picture 1"
+    drawn.thumbnails.stop()
 
 
 def test_a_picture_that_cannot_be_made_is_empty_and_the_next_one_follows() -> None:
     drawn = Drawn()
-    drawn.thumbnails.want((ENTRIES[3], ENTRIES[1]))
-    drawn.make(2)
-    assert drawn.thumbnails.of(ENTRIES[3]) == ""
-    assert drawn.thumbnails.of(ENTRIES[1]) == "picture 1"
+    drawn.permits.release(2)
+    assert [picture.result(20) for picture in drawn.ask(3, 1)] == [b"", b"picture 1"]
     drawn.thumbnails.stop()
 
 
@@ -95,12 +99,11 @@ def test_the_painter_draws_answer_and_ground_truth(tmp_path: Path) -> None:
     Journal(tmp_path / "frames").save(result)
     gallery = Gallery([BatchIndex(tmp_path, SESSION, RunFile(), (found, row(77), row(None), row(0, im_id=99)))])
     painter = Painter(gallery)
-    uri = painter(gallery.entries[0])
-    image = np.asarray(Image.open(io.BytesIO(base64.b64decode(uri.split(",")[1]))).convert("RGB")).astype(int)
+    image = np.asarray(Image.open(io.BytesIO(painter(gallery.entries[0]))).convert("RGB")).astype(int)
     assert image.shape == (WIDTH_PX * 3 // 4, WIDTH_PX, 3)
     assert near(image, "accepted") > 50
     assert near(image, "ground truth") > 50
-    assert painter(gallery.entries[2]) == ""
+    assert painter(gallery.entries[2]) == b""
     for missing in gallery.entries[1], gallery.entries[3]:
         with pytest.raises(InputError):
             painter(missing)

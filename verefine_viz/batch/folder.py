@@ -8,6 +8,7 @@
     frames/SSSSSS_IIIIII.json the journal: one file per finished frame
     recordings/….rrd          one recording per frame
     errors/….txt              tracebacks of frames that failed for an unforeseen reason
+    tags.json                 tags and saved filters, made in the page's gallery
 """
 
 from __future__ import annotations

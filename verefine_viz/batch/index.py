@@ -19,8 +19,18 @@ from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.session.files import load_session
 
-Order = Literal["error", "score", "misleading", "cause", "object", "frame"]
-ORDERS: tuple[Order, ...] = ("error", "score", "misleading", "cause", "object", "frame")
+Order = Literal["error", "score", "misleading", "cause", "object", "frame", "time", "undetermined"]
+ORDERS: dict[Order, str] = {
+    "error": "largest error / ∅",
+    "score": "lowest score",
+    "misleading": "wrong, highest score",
+    "cause": "cause",
+    "object": "object",
+    "frame": "frame",
+    "time": "longest time",
+    "undetermined": "least certain turn",
+}
+"""Each with its words."""
 
 
 @dataclass(frozen=True)
@@ -187,8 +197,9 @@ def sort_key(order: Order) -> Callable[[ObjectRow], tuple[Any, ...]]:
     """What to sort rows by.
 
     error: failed, without an answer, then by error, the largest first. score: the same with the lowest score first.
-    misleading: wrong answers, the best scored first. cause, object: by name, each by error. frame: as they ran. Error
-    is ADD(-S) as a share of the diameter; objects without ground truth follow those with, by score.
+    misleading: wrong answers, the best scored first. cause, object: by name, each by error. frame: as they ran. time:
+    the longest first. undetermined: by ``undetermined_deg``, the largest first. Error is ADD(-S) as a share of the
+    diameter; objects without ground truth follow those with, by score.
 
     Raises:
         SettingsError: there is no such order.
@@ -219,4 +230,6 @@ _SORT_KEYS: dict[Order, Callable[[ObjectRow], tuple[Any, ...]]] = {
     "cause": lambda row: (not row.cause, row.cause, *_by_error(row)),
     "object": lambda row: (row.name, *_by_error(row)),
     "frame": lambda row: (),
+    "time": lambda row: (-row.ms_total,),
+    "undetermined": lambda row: (row.undetermined_deg is None, -(row.undetermined_deg or 0.0)),
 }

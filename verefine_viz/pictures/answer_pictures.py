@@ -1,6 +1,6 @@
 """Pictures of an answer: the camera's image with contours, and the depth that the answer leaves unexplained.
 
-For the report's cards, and smaller for the page's gallery. The cards around them are two: they share no markup.
+For the report's cards, and smaller for the page's gallery.
 """
 
 from __future__ import annotations
@@ -122,10 +122,10 @@ def pictures(target: Target, answers: Sequence[tuple[Float, str]], tau_m: float)
     return Pictures(data_uri(drawn.contours()), data_uri(drawn.depth_difference(tau_m)))
 
 
-def thumbnail(target: Target, T_cam_obj: Float | None, width_px: int) -> str:
-    """The camera's image with the contours of an answer, if there is one, and of the ground truth, as a data URI."""
+def thumbnail(target: Target, T_cam_obj: Float | None, width_px: int) -> bytes:
+    """The camera's image with the contours of an answer, if there is one, and of the ground truth, as WebP."""
     answers = [] if T_cam_obj is None else [(T_cam_obj, "best")]
-    return data_uri(_Drawn(target, answers, width_px).contours())
+    return webp(_Drawn(target, answers, width_px).contours())
 
 
 def picture_source(session: Session, frames: Sequence[str]) -> SceneSource:
@@ -145,9 +145,19 @@ def color_of(kind: str) -> RGB:
 
 def data_uri(image: Image) -> str:
     """An image (H, W, 3) as a small WebP that a page can hold."""
+    return in_uri(webp(image))
+
+
+def in_uri(picture: bytes) -> str:
+    """A WebP file as a data URI."""
+    return "data:image/webp;base64," + base64.b64encode(picture).decode("ascii")
+
+
+def webp(image: Image) -> bytes:
+    """An image (H, W, 3) as a small WebP file."""
     out = io.BytesIO()
     PilImage.fromarray(image).save(out, format="WEBP", quality=QUALITY, method=4)
-    return "data:image/webp;base64," + base64.b64encode(out.getvalue()).decode("ascii")
+    return out.getvalue()
 
 
 def camera_image(observation: Observation) -> Image:

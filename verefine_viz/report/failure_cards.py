@@ -7,9 +7,10 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from verefine_viz.batch.answer_tags import answer_key, read_tags
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.evaluation.landscape import Curve, landscape
@@ -79,6 +80,8 @@ class Failure:
     curve: ScoreCurve | None
     around: tuple[Curve, Curve] | None = None
     """The score around the answer along the shift and the turn that are least certain."""
+    tags: tuple[str, ...] = ()
+    """Of the user's, from the run's tags.json."""
 
     @property
     def row(self) -> ObjectRow:
@@ -124,10 +127,18 @@ def gallery_of(picks: Sequence[Pick], n_failures: int, progress: Progress) -> Ga
             other = None if pick.other is None else pick.other.row_of(pick.row)
             curve = curves[id(pick.run)].get(pick.row.instance_id)
             around = _least_certain(pick.run, problem, pick.row, answers[id(pick.run)][0][1])
-            cards[k] = Failure(pick, other, drawn, curve, around)
+            cards[k] = Failure(pick, other, drawn, curve, around, _tags(pick, notes))
     progress(len(picks), len(picks))
     in_order = tuple(cards[k] for k in range(len(picks)))
     return Gallery(in_order, n_failures - len(picks), tuple(dict.fromkeys(notes)))
+
+
+def _tags(pick: Pick, notes: list[str]) -> tuple[str, ...]:
+    try:
+        return read_tags(pick.run.index.folder).tags.get(answer_key(pick.row), ())
+    except InputError as error:
+        notes.append(f"No tags: {error}.")
+        return ()
 
 
 def _answers(pick: Pick, frame: str) -> list[tuple[LoadedRun, Mapping[int, Float]]]:

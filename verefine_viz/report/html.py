@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,16 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
+from verefine_viz.batch.answer_cards import (
+    Values,
+    bar_html,
+    entry_html,
+    gallery_asset,
+    number_of,
+    places_of,
+    values_of,
+)
+from verefine_viz.batch.index import ORDERS, Order
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS, difference_scale
 from verefine_viz.diagnosis.causes import cause_title
@@ -38,7 +48,8 @@ def filled(template: str, context: Mapping[str, Any]) -> str:
         "cause": cause_title,
         "breakable": breakable,
     }
-    return environment.get_template(template).render(plotly=Markup(get_plotlyjs()), **context)
+    assets = {name.replace(".", "_"): Markup(gallery_asset(name)) for name in ("gallery.css", "gallery.js")}
+    return environment.get_template(template).render(plotly=Markup(get_plotlyjs()), **assets, **context)
 
 
 def breakable(name: str) -> Markup:
@@ -70,14 +81,16 @@ def gallery_context(
     """
     cards, scale = failures.failures, difference_scale(tau_m)
     anchors = {card.pick.place: f"card-{k}" for k, card in enumerate(cards, start=1)}
+    values = [_values(card) for card in cards]
+    places = places_of([card.row for card in cards])
+    orders: list[Order] = [order for order in ORDERS if has_truth or order not in ("error", "misleading")]
     return {
         "failures": failures,
         "failures_sentence": words.failures_sentence(len(cards), failures.n_more, has_truth),
-        "cards": [_card(card, anchors, (by_object or {}).get(key(card.row), {})) for card in cards],
+        "cards": [_card(k, card, anchors, (by_object or {}).get(key(card.row), {})) for k, card in enumerate(cards)],
         "card_of": _card_of(anchors),
-        "filter_groups": list(dict.fromkeys(card.pick.group for card in cards if card.pick.group)),
-        "filter_causes": sorted({cause for card in cards for cause in card.causes}),
-        "filter_objects": sorted({card.row.name for card in cards if card.row.name}),
+        "gallery_bar": bar_html(values, orders),
+        "entry": lambda card, more: _entry(card, values[card.place], places[card.place], more),
         "contours": _contours(both),
         "unknown_color": charts.css(CLASS_COLORS["unknown"]),
         "scale_gradient": scale.gradient(),
@@ -89,9 +102,11 @@ def gallery_context(
 class Card:
     """One failure as gallery.html shows it."""
 
+    place: int
+    """In the list of failures."""
     failure: Failure
     anchor: str
-    """Its place on the page."""
+    """Its id on the page."""
     curve: Markup | None
     around: Markup
     """The score around the answer, as two small drawings; empty where it is unknown."""
@@ -99,11 +114,37 @@ class Card:
     """Where groups are compared: how often each gets this object right, and where its card is, if it has one."""
 
 
-def _card(card: Failure, anchors: Mapping[tuple[str, Key], str], shares: Mapping[str, Share]) -> Card:
+def _values(card: Failure) -> dict[str, Sequence[str]]:
+    """What a card has for each filter; of two runs, the causes of both."""
+    causes, pick = [cause_title(cause) for cause in card.causes], card.pick
+    return values_of(
+        card.row, **({"cause": causes} if causes else {}), **({"group": (pick.group,)} if pick.group else {})
+    )
+
+
+def _entry(card: Card, values: Values, places: Mapping[Order, int], more: str) -> Markup:
+    failure, row, other = card.failure, card.failure.row, card.failure.other
+    number = ""
+    if other is not None and failure.pick.other is not None:
+        number = f"{failure.pick.run.label} {number_of(row)} · {failure.pick.other.label} {number_of(other)}"
+    return entry_html(
+        row,
+        card.anchor,
+        values,
+        places,
+        picture=failure.pictures.camera if failure.pictures else "",
+        number=number,
+        tags=failure.tags,
+        anchor=card.anchor,
+        more=more,
+    )
+
+
+def _card(place: int, card: Failure, anchors: Mapping[tuple[str, Key], str], shares: Mapping[str, Share]) -> Card:
     curve = charts.curve_figure(card.curve, card.row.worst_iteration) if card.curve else None
     elsewhere = tuple((name, share, anchors.get((name, key(card.row)))) for name, share in shares.items())
     around = Markup("".join(curve_svg(one, 170, 64) for one in card.around or ()))
-    return Card(card, anchors[card.pick.place], figure_json(curve) if curve else None, around, elsewhere)
+    return Card(place, card, anchors[card.pick.place], figure_json(curve) if curve else None, around, elsewhere)
 
 
 def _card_of(anchors: Mapping[tuple[str, Key], str]) -> Callable[[ObjectRow], str | None]:

@@ -49,7 +49,7 @@ class App:
         port: port to listen on; 0 = any free one.
         allowed_origins: other pages that may use it, see :class:`verefine_viz.viewer.web.admission.Admission`.
         make_tools: builds the algorithm's parts from a session; None = the real ones.
-        batch: whose answers are listed, and the worst one opened where it went wrong; None = no batch.
+        batch: whose answers the gallery shows, with which the page then opens; None = no batch.
         folder: where sessions and exports are written; None = ``sessions`` in the working directory.
         first: what is done before the page is shown; what cannot be done keeps the session from opening.
     """
@@ -123,8 +123,8 @@ class App:
         self._requests.stop()
         if self._worker is not None:
             self._worker.join(timeout=20)
-        if hasattr(self, "page") and self.page.layout.batch is not None:
-            self.page.layout.batch.stop()
+        if hasattr(self, "page") and self.page.layout.gallery is not None:
+            self.page.layout.gallery.stop()
         self.server.stop()
 
     # The worker thread
@@ -162,8 +162,6 @@ class App:
         self._busy.move_to(self.page.layout.run)
         worker = Worker(self.page, self.debugger, self._requests, self._busy)
         worker.show()
-        if self._batch is not None and self._batch.worst.can_be_opened:
-            self.send(self._batch.opens(self._batch.worst))
         return worker
 
     def _new_debugger(self) -> Debugger:
@@ -220,7 +218,7 @@ def serve(
 ) -> None:
     """Serves the page until Ctrl-C, SIGTERM or SIGHUP; prints its address, one line. Call it in the main thread.
 
-    ``recordings`` are A, the open run, and B beside it; ``batch`` is what is listed in the Batch tab.
+    ``recordings`` are A, the open run, and B beside it; ``batch`` is what the gallery shows.
 
     Raises:
         VerefineError: the port is taken, the host cannot be bound, or the session cannot be opened.

@@ -15,9 +15,9 @@ Changes = tuple[tuple[str, Any], ...]
 """Settings to change: (("method.exploration", 0.2), …)."""
 Goal = Literal["end", "event", "breakpoint"]
 CloudColors = Literal["colour", "residual", "class", "error"]
-Preset = Literal["inspect", "maps", "compare"]
+Preset = Literal["inspect", "maps", "compare", "gallery"]
 Pane = Literal["image", "3D"]
-BatchFilter = Literal["result", "cause", "object", "method", "run"]
+GalleryFilter = Literal["result", "cause", "object", "method", "run", "tag"]
 Pose = tuple[float, ...]
 """The 16 numbers of a T_cam_obj, row by row."""
 Side = Literal["A", "B"]
@@ -439,24 +439,39 @@ class OpenPoint(OpenCommand):
     v: int
 
 
-class SortBatch(ViewCommand):
-    """The order in which a batch's answers are listed."""
-
-    order: Order
-
-
-class FilterBatch(ViewCommand):
-    """Which of a batch's answers are listed; every filter counts until it is set to "all"."""
-
-    by: BatchFilter
-    value: str
-
-
-class TurnPage(ViewCommand):
-    """Another page of the gallery, counted from 0."""
+class ArrangeGallery(ViewCommand):
+    """Which of a batch's answers are listed, and in which order."""
 
     latest_wins = True
-    page: int
+    order: Order = "error"
+    only: tuple[tuple[GalleryFilter, str], ...] = ()
+    search: str = ""
+    browser: str = ""
+    """The browser that asked, which shows it already."""
+
+
+class TagAnswers(ViewCommand):
+    """Gives answers a tag, or takes it away; kept in ``tags.json`` beside their run."""
+
+    answers: tuple[int, ...]
+    """Their numbers in the gallery, in the order of frames.csv."""
+    tag: str
+    on: bool = True
+
+
+class SaveFilter(ViewCommand):
+    """Keeps what the gallery shows under a name, in the same file."""
+
+    name: str
+    order: Order = "error"
+    only: tuple[tuple[GalleryFilter, str], ...] = ()
+    search: str = ""
+
+
+class DeleteFilter(ViewCommand):
+    """Forgets a saved filter."""
+
+    name: str
 
 
 # The order in which objects are solved; each restarts the run

@@ -220,6 +220,8 @@ def change_options(state: State, command: Command) -> None:
         h, w = problem.observation.camera.shape
         if not (0 <= options.pixel[0] < w and 0 <= options.pixel[1] < h):
             raise InputError(f"pixel {options.pixel} is outside of the {w}×{h} image")
+    if options.preset == "gallery":
+        gallery_handlers.open_gallery(state)
     state.options = options
 
 
@@ -309,9 +311,7 @@ _CHANGES: dict[type[Command], Callable[[ViewOptions, Any], ViewOptions]] = {
     c.ShowLandscape: _show_landscape,
     c.ScrubPath: lambda o, x: replace(o, path_pose=x.pose),
     c.Animate: lambda o, x: replace(o, animate=x.on),
-    c.SortBatch: lambda o, x: replace(o, batch_order=x.order, batch_page=0),
-    c.FilterBatch: lambda o, x: replace(o, batch_only={**o.batch_only, x.by: x.value}, batch_page=0),
-    c.TurnPage: lambda o, x: replace(o, batch_page=max(x.page, 0)),
+    c.ArrangeGallery: lambda o, x: replace(o, arrangement=gallery_handlers.arrangement(x), arranged_by=x.browser),
     c.ScoreGroundTruth: lambda o, x: replace(
         o, a="best", b="ground truth", layers=o.layers | {"ground truth", "best"}, has_chosen=True
     ),

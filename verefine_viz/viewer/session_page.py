@@ -49,7 +49,7 @@ class Page:
         server: where they are shown.
         debugger: whose snapshot they show.
         requests: takes what the user asks for.
-        batch: whose answers are listed; None = no batch.
+        batch: whose answers the gallery shows; None = no batch.
     """
 
     def __init__(self, server: Server, debugger: Debugger, requests: RequestQueue, batch: Gallery | None) -> None:
@@ -59,6 +59,8 @@ class Page:
         several = len(debugger.workspace.work.problem.instances) > 1
         self.layout = Layout(server, requests.send, lambda client: look_again(server, client), several, batch)
         self.layout.on_link(requests.send)
+        if self.layout.gallery is not None:
+            server.picture = self.layout.gallery.picture
         self._shown_at = 0.0
         self._snapshot: Snapshot | None = None
         self._left: Literal["maps", "picture"] | None = None
@@ -166,7 +168,9 @@ class Page:
                 self.layout.show_deep(snapshot)
                 self._image_waits = True
         self._server.flush()
-        self._later = _deferred(snapshot, self._debugger.workspace.branch.evaluator)
+        # In the gallery it is not seen, and pictures need the time.
+        in_gallery = snapshot.options.preset == "gallery"
+        self._later = None if in_gallery else _deferred(snapshot, self._debugger.workspace.branch.evaluator)
 
     def _show_physics(self) -> None:
         """What was worked out about the whole scene."""

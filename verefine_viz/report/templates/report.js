@@ -36,7 +36,7 @@ document.getElementById("theme").addEventListener("click", () => setTheme((chose
 const PAPER = { half: 300, whole: 650 };
 addEventListener("beforeprint", () => {
   setTheme("light");
-  for (const place of charts) Plotly.relayout(place, { width: place.closest(".two > :not(.wide), .failure") ? PAPER.half : PAPER.whole });
+  for (const place of charts) Plotly.relayout(place, { width: place.closest(".two > :not(.wide), .entry") ? PAPER.half : PAPER.whole });
 });
 addEventListener("afterprint", () => {
   setTheme(chosen);
@@ -65,37 +65,6 @@ for (const head of document.querySelectorAll("th.sort")) {
   head.addEventListener("click", sort);
   head.addEventListener("keydown", (e) => { if (e.key === "Enter") sort(); });
 }
-
-// The gallery: filters and order.
-const cards = [...document.querySelectorAll(".failure")];
-const FILTERS = {
-  group: (card, value) => card.dataset.group === value,
-  cause: (card, value) => card.dataset.causes.split("|").includes(value),
-  object: (card, value) => card.dataset.object === value,
-};
-const field = (id) => document.getElementById(id);
-function arrange() {
-  const wanted = Object.keys(FILTERS).map((name) => [name, field(name)?.value ?? ""]), by = field("order").value;
-  let n = 0;
-  for (const card of cards) {
-    card.hidden = wanted.some(([name, value]) => value && !FILTERS[name](card, value));
-    n += !card.hidden;
-  }
-  const number = (card) => parseFloat(card.dataset[by]);
-  const sorted = [...cards].sort((a, b) => by === "frame" ? a.dataset.place - b.dataset.place
-    : by === "error" ? number(b) - number(a) : by === "liar" ? number(b) - number(a) : number(a) - number(b));
-  document.querySelector(".gallery").append(...sorted);
-  field("shown").textContent = n === cards.length ? "" : n + " of " + cards.length + " shown";
-}
-if (cards.length) for (const id of [...Object.keys(FILTERS), "order"]) field(id)?.addEventListener("change", arrange);
-
-// A link to a card that a filter hides shows all of them.
-document.addEventListener("click", (e) => {
-  const card = document.getElementById(e.target.closest?.("a[href^='#card-']")?.hash.slice(1));
-  if (!card?.hidden) return;
-  for (const name in FILTERS) if (field(name)) field(name).value = "";
-  arrange();
-});
 
 (async () => {
   for (const place of document.querySelectorAll(".chart")) {

@@ -38,7 +38,20 @@ addEventListener("unhandledrejection", event => {
 
 // Links: the command of what was clicked goes into a hidden text field, which is how it reaches Python.
 {
+  const waiting = [];
+  const APART_MS = 80;  // Of two changes of a field within 50 ms viser sends one.
+  let busy = false;
   const send = command => {
+    waiting.push(command);
+    if (!busy) sendNext();
+  };
+  const sendNext = () => {
+    busy = waiting.length > 0;
+    if (!busy) return;
+    write(waiting.shift());
+    setTimeout(sendNext, APART_MS);
+  };
+  const write = command => {
     const label = [...document.querySelectorAll("label")].find(label => label.textContent === "LINK_LABEL");
     const input = label?.closest(".mantine-Flex-root").querySelector("input");
     if (!input) return;
@@ -46,6 +59,7 @@ addEventListener("unhandledrejection", event => {
     Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, value);
     input.dispatchEvent(new Event("input", {bubbles: true}));
   };
+  document.addEventListener("command", event => send(event.detail));
 
   document.addEventListener("click", event => {
     // What the verdict rests on stays open while its content changes, until a click beside it.
@@ -153,11 +167,6 @@ document.addEventListener("mouseover", event => {
   const hints = button && document.querySelector(".vz [data-hints]");
   const hint = hints && JSON.parse(hints.dataset.hints)[button.textContent];
   if (hint) button.title = hint;
-}, true);
-
-// Its animation starts whenever the mark comes to another card: the one time at which it may have to come into sight.
-document.addEventListener("animationstart", event => {
-  if (event.target.matches(".vz button.card.marked")) event.target.scrollIntoView({block: "nearest"});
 }, true);
 
 // Keys where viser 1.1 ignores them; nothing of it reaches Python. viser leaves keys alone in boxes for text, and its

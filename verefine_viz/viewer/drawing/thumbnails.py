@@ -1,11 +1,12 @@
-"""Small pictures of answers, made one after another on a thread of their own while they are on the page."""
+"""Small pictures of answers, made one after another on a thread of their own when a browser asks for them."""
 
 from __future__ import annotations
 
 import logging
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from concurrent.futures import Future
 
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
@@ -14,9 +15,9 @@ from verefine_viz.scenes.source import SceneSource
 from verefine_viz.viewer.state.batch_gallery import Entry, Gallery
 
 _LOG = logging.getLogger(__name__)
-WIDTH_PX = 176
-"""Twice the width on the page, for sharp screens; 2 to 4 kB each."""
-_MOST_PICTURES = 2000
+WIDTH_PX = 320
+"""That of the largest tile; 5 to 12 kB each."""
+_MOST_PICTURES = 4000
 _MOST_FRAMES = 6
 
 
@@ -24,31 +25,35 @@ class Thumbnails:
     """Pictures by answer.
 
     Args:
-        draw: makes one, as a data URI; empty where it cannot.
-        arrived: called with the entry of each new one, on the thread of this object.
+        draw: makes one, as WebP; empty where it cannot.
     """
 
-    def __init__(self, draw: Callable[[Entry], str], arrived: Callable[[Entry], None]) -> None:
-        self._draw, self._arrived = draw, arrived
-        self._made: OrderedDict[Entry, str] = OrderedDict()
+    def __init__(self, draw: Callable[[Entry], bytes]) -> None:
+        self._draw = draw
+        self._pictures: OrderedDict[Entry, Future[bytes]] = OrderedDict()
         self._wanted: list[Entry] = []
-        self._current: Entry | None = None
         self._wake = threading.Condition()
-        self._stopping = False
+        self._on_hold = self._stopping = False
         self._thread: threading.Thread | None = None
 
-    def of(self, entry: Entry) -> str | None:
-        """The picture; None where it is not made yet."""
+    def ask(self, entry: Entry) -> Future[bytes]:
+        """The picture, once it is made; what was asked for last is made first. Empty = there is none."""
         with self._wake:
-            return self._made.get(entry)
+            if entry not in self._pictures:
+                self._pictures[entry] = Future()
+                self._wanted.append(entry)
+                while len(self._pictures) > _MOST_PICTURES:
+                    self._pictures.popitem(last=False)
+                if self._thread is None:
+                    self._thread = threading.Thread(target=self._work, name="verefine-thumbnails", daemon=True)
+                    self._thread.start()
+                self._wake.notify_all()
+            return self._pictures[entry]
 
-    def want(self, entries: Sequence[Entry]) -> None:
-        """What is on the page now, in order; what was wanted before and is not made yet is dropped."""
+    def hold(self, on: bool) -> None:
+        """Whether to wait with further pictures: a run gets all cores."""
         with self._wake:
-            self._wanted = [e for e in entries if e not in self._made and e is not self._current]
-            if self._wanted and self._thread is None:
-                self._thread = threading.Thread(target=self._work, name="verefine-thumbnails", daemon=True)
-                self._thread.start()
+            self._on_hold = on
             self._wake.notify_all()
 
     def stop(self) -> None:
@@ -62,25 +67,22 @@ class Thumbnails:
     def _work(self) -> None:
         while True:
             with self._wake:
-                self._wake.wait_for(lambda: self._wanted or self._stopping)
+                self._wake.wait_for(lambda: (self._wanted and not self._on_hold) or self._stopping)
                 if self._stopping:
                     return
-                entry = self._current = self._wanted.pop(0)
-            picture = self._picture(entry)
-            with self._wake:
-                self._made[entry] = picture
-                while len(self._made) > _MOST_PICTURES:
-                    self._made.popitem(last=False)
-            self._arrived(entry)
+                entry = self._wanted.pop()
+                picture = self._pictures.get(entry)
+            if picture is not None:
+                picture.set_result(self._drawn(entry))
 
-    def _picture(self, entry: Entry) -> str:
+    def _drawn(self, entry: Entry) -> bytes:
         try:
             return self._draw(entry)
         except VerefineError as error:  # Its images may be gone: the words remain.
             _LOG.info("no picture of %s: %s", entry.row.frame, error)
         except Exception:
             _LOG.exception("no picture of %s", entry.row.frame)
-        return ""
+        return b""
 
 
 class Painter:
@@ -91,15 +93,15 @@ class Painter:
         self._sources: dict[str, SceneSource] = {}
         self._problems: OrderedDict[tuple[str, str], Problem] = OrderedDict()
 
-    def __call__(self, entry: Entry) -> str:
-        """The picture of an answer as a data URI.
+    def __call__(self, entry: Entry) -> bytes:
+        """The picture of an answer as WebP.
 
         Raises:
             VerefineError: its frame cannot be read, or does not hold the object.
         """
         row = entry.row
         if row.instance_id is None:
-            return ""
+            return b""
         answer = self._gallery.runs[entry.run].answers(row.frame).get(row.instance_id)
         target = self._problem(entry).target(row.instance_id)
         return thumbnail(target, answer, WIDTH_PX)

@@ -1,14 +1,40 @@
-"""Opens answers of a batch: that of a point or a card, or the next one in the order of the gallery."""
+"""Opens answers of a batch: that of a point or a card, or the next one in the order of the gallery; tags them."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+from verefine_viz.batch.answer_tags import Arrangement
 from verefine_viz.core.errors import InputError, unknown
-from verefine_viz.viewer.commands import Command, OpenAt, OpenFailure, OpenPoint
-from verefine_viz.viewer.state.batch_gallery import PAGE, Entry, Gallery, plot_of
+from verefine_viz.viewer.commands import (
+    ArrangeGallery,
+    Command,
+    DeleteFilter,
+    OpenAt,
+    OpenFailure,
+    OpenPoint,
+    SaveFilter,
+    TagAnswers,
+)
+from verefine_viz.viewer.state.batch_gallery import Entry, Gallery, plot_of
 from verefine_viz.viewer.state.state import State
 from verefine_viz.viewer.state.view_options import ViewOptions
+
+
+def open_gallery(state: State) -> Gallery:
+    """The answers of the batch that is open.
+
+    Raises:
+        InputError: none is.
+    """
+    if state.browsing.gallery is None:
+        raise InputError("no batch is open; open one with verefine-viz view FOLDER")
+    return state.browsing.gallery
+
+
+def arrangement(command: ArrangeGallery | SaveFilter) -> Arrangement:
+    """What a command has the gallery show."""
+    return Arrangement(order=command.order, only=dict(command.only), search=command.search)
 
 
 def resolved(state: State, command: Command) -> Command:
@@ -19,11 +45,9 @@ def resolved(state: State, command: Command) -> Command:
     """
     if not isinstance(command, OpenFailure | OpenPoint):
         return command
-    gallery, options = state.browsing.gallery, state.options
-    if gallery is None:
-        raise InputError("no batch is open; open one with verefine-viz view FOLDER")
+    gallery, options = open_gallery(state), state.options
     if isinstance(command, OpenPoint):
-        nearest = plot_of(gallery, options.batch_only).nearest(command.u, command.v)
+        nearest = plot_of(gallery, options.arrangement.only).nearest(command.u, command.v)
         if nearest is None:
             raise InputError("no object there; click nearer to a point")
         return gallery.opens(nearest)
@@ -31,7 +55,7 @@ def resolved(state: State, command: Command) -> Command:
 
 
 def _following(gallery: Gallery, last: Entry | None, options: ViewOptions, direction: int) -> Entry:
-    entries = [entry for entry in gallery.shown(options.batch_order, options.batch_only) if entry.can_be_opened]
+    entries = [entry for entry in gallery.shown(options.arrangement) if entry.can_be_opened]
     if not entries:
         raise InputError("no answer passes all filters; choose other filters")
     if last not in entries:
@@ -70,16 +94,28 @@ def _enter(state: State, command: OpenAt) -> None:
 
 
 def _options(state: State, command: OpenAt) -> ViewOptions:
-    """Options with the object in focus, at the iteration, and on the gallery's page that holds it."""
+    """Options with the object in focus, at the iteration, where it can be inspected."""
     browsing, options = state.browsing, state.options.afresh()
     ids = [i.instance_id for i in state.workspace.work.problem.instances]
     options = replace(options, focus=command.instance if command.instance in ids else None)
-    shown = browsing.gallery.shown(options.batch_order, options.batch_only) if browsing.gallery else ()
-    if browsing.last in shown:
-        options = replace(options, batch_page=shown.index(browsing.last) // PAGE)
+    if options.preset == "gallery":
+        options = replace(options, preset="inspect")
     if browsing.last is not None and browsing.last.is_wrong:
         options = replace(options, a="accepted", b="ground truth")
     return replace(options, stage=browsing.stage_asked_for(state.run.cursor))
 
 
-HANDLERS = {OpenAt: _open_at}
+def _tag(state: State, command: TagAnswers) -> None:
+    gallery = open_gallery(state)
+    gallery.tag([gallery.answer(key) for key in command.answers], command.tag, command.on)
+
+
+def _save_filter(state: State, command: SaveFilter) -> None:
+    open_gallery(state).save_filter(command.name, arrangement(command))
+
+
+def _delete_filter(state: State, command: DeleteFilter) -> None:
+    open_gallery(state).save_filter(command.name, None)
+
+
+HANDLERS = {OpenAt: _open_at, TagAnswers: _tag, SaveFilter: _save_filter, DeleteFilter: _delete_filter}

@@ -97,7 +97,7 @@ class ScoreErrorPanel:
         """Worked out again only if the filters changed, drawn again also if another object is open."""
         if snapshot.batch is None:
             return
-        only = dict(snapshot.options.batch_only)
+        only = dict(snapshot.options.arrangement.only)
         if self._plot is None or self._drawn is None or self._drawn[0] != only:
             self._plot = plot_of(snapshot.batch, only)
             style = "font-size:11px;line-height:1.25;margin-bottom:2px"

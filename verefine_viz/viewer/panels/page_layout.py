@@ -13,9 +13,9 @@ from verefine_viz.viewer.assets import asset
 from verefine_viz.viewer.command_json import from_json
 from verefine_viz.viewer.drawing.markup import carries, double_click, text
 from verefine_viz.viewer.panels.bandit_panel import BanditPanel, CurvesPanel
-from verefine_viz.viewer.panels.batch_panel import BatchPanel
 from verefine_viz.viewer.panels.compare_panel import ComparePanel
 from verefine_viz.viewer.panels.errors_panel import ErrorsPanel, ScoreErrorPanel
+from verefine_viz.viewer.panels.gallery_panel import GalleryPanel
 from verefine_viz.viewer.panels.image_panel import ImagePanel
 from verefine_viz.viewer.panels.landscape_panel import LandscapePanel
 from verefine_viz.viewer.panels.objects_panel import ObjectsPanel
@@ -41,6 +41,7 @@ PRESETS: dict[c.Preset, str] = {
     "inspect": "image and 3D view, score maps below",
     "maps": "large score maps of A and of B; the wheel enlarges all of them",
     "compare": "image, 3D view and curves of A and B, score maps below, the A/B tab",
+    "gallery": "the answers of the batch that is open (Esc)",
 }
 """Name and hint of each layout."""
 
@@ -68,6 +69,7 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Layout: Inspect", None, c.ShowLayout("inspect")),
     ("Layout: Maps", None, c.ShowLayout("maps")),
     ("Layout: Compare", None, c.ShowLayout("compare")),
+    ("Layout: Gallery of the batch", None, c.ShowLayout("gallery")),
     ("Run to the next event", None, c.RunUntil("event")),
     ("Run to the next breakpoint", None, c.RunUntil("breakpoint")),
     ("Pause", None, c.Pause()),
@@ -116,10 +118,6 @@ class Layout:
         main = gui.main_panel
         main.dock_right()
         tabs = gui.add_panel()
-        self.batch: BatchPanel | None = None
-        if batch is not None:
-            with tabs.add_tab("Batch"):
-                self.batch = BatchPanel(gui, batch)
         with tabs.add_tab("Score"):
             self.score = ScorePanel(gui, send)
         with tabs.add_tab("Bandit"):
@@ -152,6 +150,10 @@ class Layout:
             self.maps = MapsPanel(gui)
         with _pane(gui, "Timeline"):
             self.timeline = TimelinePanel(gui, send)
+        self.gallery: GalleryPanel | None = None
+        if batch is not None:
+            with _pane(gui, "Gallery"):
+                self.gallery = GalleryPanel(gui, batch)
         corner = gui.add_panel()
         if several_objects:
             self._add_objects(gui, corner)
@@ -189,7 +191,7 @@ class Layout:
 
     def show(self, snapshot: Snapshot, slider_is_ahead: bool = False) -> None:
         """All panels but the photo's, each on its own."""
-        self._preset.show(preset_row(snapshot.options, len(snapshot.scene.objects)))
+        self._preset.show(preset_row(snapshot.options, len(snapshot.scene.objects), snapshot.batch is not None))
         compares = snapshot.options.preset == "compare"
         self._opened.show('<i class="opens-tab" data-tab="A/B"></i>' if compares else "")
         self.verdict.show(snapshot)
@@ -207,8 +209,8 @@ class Layout:
         self.order.show(snapshot)
         self.session.show(snapshot)
         self.layers.show(snapshot)
-        if self.batch is not None and self.score_error is not None:
-            self.batch.show(snapshot)
+        if self.gallery is not None and self.score_error is not None:
+            self.gallery.show(snapshot)
             self.score_error.show(snapshot)
         self.curves.show(snapshot)
         self.maps.show(snapshot)
@@ -247,7 +249,7 @@ def enlarges(pane: c.Pane) -> str:
     return f"<i {double_click(c.Enlarge(pane))}></i>"
 
 
-def preset_row(options: ViewOptions, n_objects: int) -> str:
+def preset_row(options: ViewOptions, n_objects: int, has_batch: bool = False) -> str:
     """A button per layout, the one in use marked; its classes are what `assets/layout.css` goes by, and the number of
     objects.
     """
@@ -256,6 +258,7 @@ def preset_row(options: ViewOptions, n_objects: int) -> str:
         f'<button class="{"on" if options.preset == name else ""}" {carries(c.ShowLayout(name))} title="{text(hint)}">'
         f"{name.capitalize()}</button>"
         for name, hint in PRESETS.items()
+        if name != "gallery" or has_batch
     )
     row = f'<div class="presets preset-{options.preset} {enlarged}">{buttons}</div>'
     return f"<style>:root{{--objects:{n_objects}}}</style>{row}"

@@ -8,7 +8,7 @@ import viser
 
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Instance
-from verefine_viz.pictures.answer_pictures import thumbnail
+from verefine_viz.pictures.answer_pictures import in_uri, thumbnail
 from verefine_viz.viewer.assets import asset
 from verefine_viz.viewer.drawing.markup import link, sentence, text, warning
 from verefine_viz.viewer.panels.widgets import Block, Send, add_style
@@ -55,7 +55,7 @@ class VerdictPanel:
                 return ""
             self._pictured = instance, pose
             try:
-                self._picture = thumbnail(target, T_cam_obj, CROP_PX)
+                self._picture = in_uri(thumbnail(target, T_cam_obj, CROP_PX))
             except VerefineError:  # The words do without it.
                 self._picture = ""
         return self._picture

@@ -9,26 +9,20 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from verefine_viz.batch.answer_cards import WRONG, matches, places_of, values_of, words_of
+from verefine_viz.batch.answer_tags import Arrangement, TagFile, answer_key, checked_name, read_tags, save_tags
 from verefine_viz.batch.folder import SESSION_FILE
-from verefine_viz.batch.index import BatchIndex, Order, find_runs, read_batch, sort_key
+from verefine_viz.batch.index import BatchIndex, Order, find_runs, read_batch
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.batch.totals import doubts_in_words
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.settings import Session
-from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.session.files import load_session
 from verefine_viz.viewer.commands import OpenAt
 
 if TYPE_CHECKING:
     from verefine_viz.session.engine import Run
     from verefine_viz.viewer.state.workspace import Workspace
-
-ALL = "all"
-WRONG = "wrong or no answer"
-RIGHT = "right"
-RESULTS = (WRONG, RIGHT, ALL)
-PAGE = 12
-"""Answers that are shown at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +67,14 @@ class Gallery:
         self.entries = tuple(Entry(run, row) for run, index in self.runs.items() for row in index.rows)
         self._overrides = overrides or {}
         self._sessions: dict[str, Session] = {}
-        self._sorted: dict[Order, tuple[Entry, ...]] = {}
-        self._shown: tuple[Any, tuple[Entry, ...]] = (None, ())
+        self._files: dict[str, TagFile] = {}
+        self.tag_faults: dict[str, str] = {}
+        """Why the tags of a run cannot be read."""
+        for run, index in self.runs.items():
+            try:
+                self._files[run] = read_tags(index.folder)
+            except InputError as error:
+                self._files[run], self.tag_faults[run] = TagFile(), str(error)
 
     @property
     def has_several_runs(self) -> bool:
@@ -106,48 +106,87 @@ class Gallery:
         """In how many frames the data are in doubt, and why; empty where none are."""
         return doubts_in_words([(run, index.rows) for run, index in self.runs.items()])
 
+    @cached_property
+    def values(self) -> dict[Entry, Mapping[str, Sequence[str]]]:
+        """What each answer has for each filter."""
+        return {entry: values_of(entry.row, run=(entry.run,)) for entry in self.entries}
+
+    @cached_property
+    def places(self) -> dict[Entry, Mapping[Order, int]]:
+        """Where each answer comes in each order."""
+        return dict(zip(self.entries, places_of([entry.row for entry in self.entries]), strict=True))
+
     def sorted_by(self, order: Order) -> tuple[Entry, ...]:
         """Everything in one of ``batch.index.ORDERS``."""
-        if order not in self._sorted:
-            place = sort_key(order)
-            self._sorted[order] = tuple(sorted(self.entries, key=lambda entry: place(entry.row)))
-        return self._sorted[order]
+        return tuple(sorted(self.entries, key=lambda entry: self.places[entry][order]))
 
-    def shown(self, order: Order, only: Mapping[str, str]) -> tuple[Entry, ...]:
-        """What passes every filter, in order; the same object while nothing changes.
-
-        Args:
-            order: one of ``batch.index.ORDERS``.
-            only: chosen values by filter: result, cause (its title), object, method, run; none = all, of results
-                :attr:`first_result`.
-        """
-        choice = order, dict(only)
-        if self._shown[0] != choice:
-            passed = set(self.matching(only))
-            self._shown = choice, tuple(entry for entry in self.sorted_by(order) if entry in passed)
-        return self._shown[1]
-
-    def matching(self, only: Mapping[str, str]) -> tuple[Entry, ...]:
-        """What passes every filter of :meth:`shown`, in no order."""
-        chosen = {by: value for by, value in only.items() if value != ALL and by != "result"}
-        result = only.get("result", self.first_result)
+    def shown(self, arrangement: Arrangement) -> tuple[Entry, ...]:
+        """What passes every filter and the search, in order."""
         return tuple(
             entry
-            for entry in self.entries
-            if (result == ALL or entry.is_wrong == (result == WRONG))
-            and all(value_of(entry, by) == value for by, value in chosen.items())
+            for entry in self.sorted_by(arrangement.order)
+            if matches(arrangement, self.values[entry], words_of(entry.row, self.values[entry]), self.tags_of(entry))
         )
 
     @cached_property
-    def first_result(self) -> str:
-        """Which results are shown until the user chooses: wrong ones, if any are known to be."""
-        return WRONG if any(entry.is_wrong for entry in self.entries) else ALL
+    def first_arrangement(self) -> Arrangement:
+        """What is shown until the user chooses: wrong answers, if any are known to be, the worst first."""
+        has_wrong = any(entry.is_wrong for entry in self.entries)
+        return Arrangement(only={"result": WRONG} if has_wrong else {})
 
-    @cached_property
-    def choices(self) -> dict[str, tuple[str, ...]]:
-        """What can be filtered for, by filter; none that would leave no choice."""
-        values = {by: sorted({value_of(entry, by) for entry in self.entries} - {""}) for by in _FILTERS}
-        return {"result": RESULTS} | {by: (ALL, *given) for by, given in values.items() if len(given) > 1}
+    # Tags and saved filters
+
+    def tags_of(self, entry: Entry) -> tuple[str, ...]:
+        return self._files[entry.run].tags.get(answer_key(entry.row), ())
+
+    @property
+    def saved_filters(self) -> dict[str, Arrangement]:
+        """By name; those of all runs."""
+        return {name: saved for file in self._files.values() for name, saved in file.filters.items()}
+
+    def tag(self, entries: Sequence[Entry], tag: str, on: bool) -> None:
+        """Gives answers a tag, or takes it away; kept beside their runs.
+
+        Raises:
+            InputError: it is no tag, or a file is damaged or cannot be written.
+        """
+        tag = checked_name(tag)
+        for run in dict.fromkeys(entry.run for entry in entries):
+            tags = dict(self._files[run].tags)
+            for key in (answer_key(entry.row) for entry in entries if entry.run == run):
+                others = tuple(t for t in tags.pop(key, ()) if t != tag)
+                if others or on:
+                    tags[key] = (*others, tag) if on else others
+            self._save(run, self._files[run].model_copy(update={"tags": tags}))
+
+    def save_filter(self, name: str, arrangement: Arrangement | None) -> None:
+        """Keeps what is shown under a name, beside all runs; None forgets it.
+
+        Raises:
+            InputError: it is no name, or a file is damaged or cannot be written.
+        """
+        name = checked_name(name)
+        for run, file in self._files.items():
+            filters = {k: v for k, v in file.filters.items() if k != name}
+            if arrangement is not None:
+                filters[name] = arrangement
+            self._save(run, file.model_copy(update={"filters": filters}))
+
+    def _save(self, run: str, file: TagFile) -> None:
+        if run in self.tag_faults:
+            raise InputError(self.tag_faults[run])
+        save_tags(self.runs[run].folder, file)
+        self._files[run] = file
+
+    def answer(self, key: int) -> Entry:
+        """The answer of a number, in the order of :attr:`entries`.
+
+        Raises:
+            InputError: there is none.
+        """
+        if not 0 <= key < len(self.entries):
+            raise InputError(unknown("answer", key, range(len(self.entries))))
+        return self.entries[key]
 
     def entry(self, run: str, frame: str, instance_id: int | None) -> Entry | None:
         """What a run reports of an object."""
@@ -214,16 +253,6 @@ class Browsing:
         return there == here and session.hypotheses == now.hypotheses
 
 
-_FILTERS = ("cause", "object", "method", "run")
-
-
-def value_of(entry: Entry, by: str) -> str:
-    """What a filter compares."""
-    if by == "cause":
-        return cause_title(entry.row.cause)
-    return entry.run if by == "run" else entry.row.name if by == "object" else entry.row.method
-
-
 def read_gallery(folder: Path, overrides: Mapping[str, Any] | None = None) -> Gallery:
     """The batch run in ``folder``, or the finished ones of several.
 
@@ -277,8 +306,8 @@ class ScorePlot:
 
 def plot_of(gallery: Gallery, only: Mapping[str, str]) -> ScorePlot:
     """The plot of a gallery: right and wrong answers, of the object, method and run that are chosen."""
-    chosen = {by: value for by, value in only.items() if by in ("object", "method", "run")}
-    return ScorePlot(gallery.matching({**chosen, "result": ALL}))
+    chosen = Arrangement(only={by: value for by, value in only.items() if by in ("object", "method", "run")})
+    return ScorePlot([entry for entry in gallery.entries if matches(chosen, gallery.values[entry], "", ())])
 
 
 def x_of(error: float) -> float:

@@ -177,7 +177,9 @@ class State:
         self.browsing = Browsing(batch, self.workspace)
         self.comparison = Comparison(self.workspace)
         self.running = Running()
-        self.options = ViewOptions()
+        self.options = (
+            ViewOptions(preset="gallery", arrangement=batch.first_arrangement) if batch is not None else ViewOptions()
+        )
         self.demos, self.list_sessions, self.write = demos, sessions, write
         self.sessions = sessions()
         self.message = ""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
-from verefine_viz.batch.index import Order
+from verefine_viz.batch.answer_tags import Arrangement
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.scores import MapName
@@ -72,10 +71,10 @@ class ViewOptions:
     """Whose axes the landscape's curves are along."""
     slice_axes: tuple[int, int] = (5, 0)
     """Numbers of the heat map's two axes, across and up: at first turn about the vertical, shift to the right."""
-    batch_order: Order = "error"
-    batch_only: Mapping[str, str] = field(default_factory=dict)
-    """Filters of the batch's answers, by what they filter."""
-    batch_page: int = 0
+    arrangement: Arrangement = field(default_factory=Arrangement)
+    """Which of a batch's answers are listed, and in which order."""
+    arranged_by: str = ""
+    """The browser in which that was chosen."""
 
     @property
     def T_cam_obj_edited(self) -> Float | None:
@@ -114,8 +113,8 @@ class ViewOptions:
     def afresh(self) -> ViewOptions:
         """The same for another frame or another run: what was chosen for good stays."""
         return ViewOptions(
-            cloud=self.cloud, layers=self.layers, map=self.map, animate=self.animate, batch_order=self.batch_order,
-            batch_only=self.batch_only, batch_page=self.batch_page, preset=self.preset, enlarged=self.enlarged,
+            cloud=self.cloud, layers=self.layers, map=self.map, animate=self.animate, arrangement=self.arrangement,
+            arranged_by=self.arranged_by, preset=self.preset, enlarged=self.enlarged,
             curves_of=self.curves_of, slice_axes=self.slice_axes,
         )  # fmt: skip
 

@@ -10,7 +10,7 @@ import http.client
 import ipaddress
 import re
 import socket
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from http import HTTPStatus
 from urllib.parse import urlsplit
 
@@ -19,8 +19,8 @@ from websockets.http11 import Request, Response
 
 from verefine_viz.core.errors import SettingsError, UnavailableError
 
-Answer = Callable[[ServerConnection, Request], Response | None]
-"""What a web server answers to a request; None = nothing, it opens a websocket."""
+Answer = Callable[[ServerConnection, Request], Response | Awaitable[Response] | None]
+"""What a web server answers to a request, now or later; None = nothing, it opens a websocket."""
 
 _LOCAL_NAMES = ("127.0.0.1", "localhost", "[::1]")
 _EVERYWHERE = {"0.0.0.0": "127.0.0.1", "": "127.0.0.1", "::": "::1"}
@@ -72,7 +72,7 @@ class Admission:
     def guarded(self, answer: Answer) -> Answer:
         """Refuses what is not admitted, in words for the user who typed the address; answers the rest as before."""
 
-        def answer_if_admitted(connection: ServerConnection, request: Request) -> Response | None:
+        def answer_if_admitted(connection: ServerConnection, request: Request) -> Response | Awaitable[Response] | None:
             port = connection.local_address[1]
             if self.admits(port, request.headers.get_all("Host"), request.headers.get_all("Origin")):
                 return answer(connection, request)

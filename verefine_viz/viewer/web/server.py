@@ -1,4 +1,5 @@
-"""The web server of the page: viser, made safe for the user's own machine, with our script before its own.
+"""The web server of the page: viser, made safe for the user's own machine, with our script before its own, and with
+pictures that browsers ask for one by one.
 
 viser binds all interfaces, accepts websockets of any web page, opens a public tunnel for any client that asks, ends in
 tracebacks over messages it cannot read, takes the next port silently when one is taken, and hangs on a host that cannot
@@ -7,6 +8,7 @@ be bound. None of that happens here.
 
 from __future__ import annotations
 
+import asyncio
 import base64
 import contextlib
 import errno
@@ -19,15 +21,18 @@ import re
 import secrets
 import socket
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from functools import lru_cache
 from typing import Any
 
 import viser
 import websockets.asyncio.server
 from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from verefine_viz.batch.answer_cards import gallery_asset
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.rendering.gl_context import SOFTWARE
 from verefine_viz.viewer.assets import asset
@@ -39,11 +44,16 @@ _LOG = logging.getLogger(__name__)
 _CONSTRUCTION = threading.Lock()
 _NONCE = secrets.token_urlsafe(16)
 _SCRIPT = (
-    (asset("page.js") + asset("image_pane.js"))
+    (asset("page.js") + asset("image_pane.js") + gallery_asset("gallery.js"))
     .replace("NONCE", _NONCE)
     .replace("SOFTWARE_RENDERERS", "|".join(SOFTWARE))
     .replace("LINK_LABEL", LINK_LABEL)
 )
+
+
+_PICTURE = re.compile(r"/picture/(\d{1,9})")
+_LONGEST_WAIT_S = 8.0
+"""How long a request may wait for its picture [s]; websockets gives it 10. The browser asks again."""
 
 
 class Server(viser.ViserServer):
@@ -61,6 +71,8 @@ class Server(viser.ViserServer):
 
     def __init__(self, host: str = "127.0.0.1", port: int = 8080, allowed_origins: Sequence[str] = ()) -> None:
         admission = Admission(host, allowed_origins)
+        self.picture: Callable[[int], Future[bytes] | None] = lambda number: None
+        """What ``/picture/N`` answers: a WebP file, empty = there is none; None = there is no such number."""
         check_address(host, port)
         if not is_loopback(host):
             _LOG.warning(
@@ -71,7 +83,11 @@ class Server(viser.ViserServer):
                 port,
             )
         # viser prints a banner and takes no option for origins or scripts; all is seen to while it is built.
-        with _CONSTRUCTION, _served_our_way(admission), contextlib.redirect_stdout(io.StringIO()):
+        with (
+            _CONSTRUCTION,
+            _served_our_way(admission, lambda number: self.picture(number)),
+            contextlib.redirect_stdout(io.StringIO()),
+        ):
             super().__init__(host=host, port=port, verbose=False)
         check_handling(self)
         try:
@@ -133,7 +149,7 @@ def _taken(host: str, port: int) -> str:
 
 
 @contextlib.contextmanager
-def _served_our_way(admission: Admission) -> Iterator[None]:
+def _served_our_way(admission: Admission, picture: Callable[[int], Future[bytes] | None]) -> Iterator[None]:
     """While viser starts, its web server gets what viser has no options for: whom to answer, with which script before
     the page and which headers, and the check of what browsers send.
     """
@@ -141,7 +157,7 @@ def _served_our_way(admission: Admission) -> Iterator[None]:
 
     def serve(*args: Any, process_request: Answer, **kwargs: Any) -> Any:
         ours = {
-            "process_request": admission.guarded(_with_script(process_request)),
+            "process_request": admission.guarded(_with_pictures(_with_script(process_request), picture)),
             "process_response": secured,
             "create_connection": CheckedConnection,
         }
@@ -154,6 +170,35 @@ def _served_our_way(admission: Admission) -> Iterator[None]:
         websockets.asyncio.server.serve = original  # type: ignore[misc]
 
 
+# Pictures of a batch's answers, each made when a browser asks for it
+
+
+def _with_pictures(answer: Answer, picture: Callable[[int], Future[bytes] | None]) -> Answer:
+    """Serves ``/picture/N``; everything else as it was."""
+
+    def answer_with_picture(connection: ServerConnection, request: Request) -> Any:
+        asked = _PICTURE.fullmatch(request.path)
+        future = picture(int(asked[1])) if asked is not None else None
+        return answer(connection, request) if future is None else _picture_response(future)
+
+    return answer_with_picture
+
+
+async def _picture_response(future: Future[bytes]) -> Response:
+    try:
+        made = await asyncio.wait_for(asyncio.shield(asyncio.wrap_future(future)), _LONGEST_WAIT_S)
+    except TimeoutError:
+        return _response(http.HTTPStatus.SERVICE_UNAVAILABLE, b"")
+    return _response(http.HTTPStatus.OK if made else http.HTTPStatus.NO_CONTENT, made)
+
+
+def _response(status: http.HTTPStatus, body: bytes) -> Response:
+    headers = Headers(
+        {"Content-Type": "image/webp", "Content-Length": str(len(body)), "Cross-Origin-Resource-Policy": "same-origin"}
+    )
+    return Response(status.value, status.phrase, headers, body)
+
+
 # Our script at the beginning of viser's page, and a policy of what may run there: viser has no settings for either
 
 
@@ -162,6 +207,7 @@ def _with_script(answer: Answer) -> Answer:
 
     def answer_with_script(connection: ServerConnection, request: Request) -> Response | None:
         response = answer(connection, request)
+        assert response is None or isinstance(response, Response)  # viser's own are not awaited.
         if response is None or response.status_code != http.HTTPStatus.OK:
             return response
         if not response.headers.get("Content-Type", "").startswith("text/html"):

@@ -1,20 +1,24 @@
-"""A batch's answers on the page: a gallery to sort and filter, one click to where an object went wrong."""
+"""The gallery of a batch on the page: what its tiles say, where they lead, and what the page knows of them."""
 
 from __future__ import annotations
 
+import html
+import urllib.error
+import urllib.request
 from pathlib import Path
 
 import pytest
 
 from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_app import SESSION, cursor, until
+from verefine_viz.batch.answer_cards import WRONG
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import RunFile
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
-from verefine_viz.viewer.panels.batch_panel import card, choices, pages, summary
-from verefine_viz.viewer.state.batch_gallery import PAGE, WRONG, Gallery
+from verefine_viz.viewer.panels.gallery_panel import entry_of, gallery_html, tip
+from verefine_viz.viewer.state.batch_gallery import Gallery
 
 
 def row(im_id: int, status: str = "ok", add_s_mm: float | None = None, worst: int | None = None) -> ObjectRow:
@@ -28,43 +32,27 @@ def gallery(tmp_path: Path, *rows: ObjectRow) -> Gallery:
     return Gallery([BatchIndex(tmp_path, SESSION, RunFile(), rows)])
 
 
-def content(app: App) -> str:
-    """The cards on the page."""
-    assert app.page.layout.batch is not None
-    return "".join(block._handle.content for block in app.page.layout.batch._cards)
-
-
-def test_cards_are_links_to_the_worst_iteration_and_names_are_text(tmp_path: Path) -> None:
+def test_tiles_lead_to_the_worst_iteration_and_names_are_text(tmp_path: Path) -> None:
     found = gallery(tmp_path, row(2, add_s_mm=42.0, worst=3), row(1, "failed"))
-    wrong, failed = found.entries
-    html = card(wrong, found.opens(wrong), None, False, False)
-    assert "&lt;b&gt;box" in html
-    assert "<b>box" not in html
-    assert '{"command": "OpenAt", "frame": "0/2", "iteration": 3' in html.replace("&quot;", '"')
-    html = card(failed, found.opens(failed), None, False, False)
-    assert "&lt;i&gt;" in html
-    assert "data-cmd" not in html
+    wrong, failed = (entry_of(found, entry, k) for k, entry in enumerate(found.entries))
+    assert "&lt;b&gt;box" in wrong
+    assert "<b>box" not in wrong
+    assert '{"command": "OpenAt", "frame": "0/2", "iteration": 3' in html.unescape(wrong)
+    assert "42.0 mm" in wrong
+    assert "&lt;i&gt;" in failed
+    assert "data-open" not in failed
 
 
-def test_what_a_card_has_no_room_for_is_in_its_tooltip(tmp_path: Path) -> None:
+def test_what_a_tile_has_no_room_for_is_in_its_tooltip(tmp_path: Path) -> None:
     name = "a_model_with_a_name_that_no_card_has_room_for"
     wrong = row(2, add_s_mm=42.0).model_copy(
         update={"name": name, "method": "rir", "cause": "score", "evidence": "No."}
     )
     failed = row(1, "failed").model_copy(update={"name": name, "method": "rir"})
-    entries = gallery(tmp_path, wrong, failed).entries
-    tips = [card(e, c.Step(), None, False, False).partition('title="')[2].partition('"')[0] for e in entries]
+    tips = [tip(entry) for entry in gallery(tmp_path, wrong, failed).entries]
     cause = "score ranks a wrong pose above the ground truth"
-    assert tips[0].startswith(f"{name} · 0/2 · rir: {cause}. No. Opens ")
-    assert tips[1] == f"{name} · 0/1 · rir: no depth &lt;i&gt;."
-
-
-def test_the_summary_counts_what_is_correct_and_what_has_no_answer(tmp_path: Path) -> None:
-    found = gallery(tmp_path, row(1, add_s_mm=5.0), row(1, add_s_mm=50.0), row(2, "failed"))
-    said = summary(found, found.entries[:1])
-    assert said.startswith("1 of 2 objects in 2 frames are right; 1 has no answer")
-    assert "1 match. Click to open; J/K = next/previous." in said
-    assert "No match: choose other filters." in summary(found, ())
+    assert tips[0].startswith(f"{name} · 0/2 · rir, 42% of the diameter: {cause}. No. Opens ")
+    assert tips[1] == f"{name} · 0/1 · rir: no depth <i>."
 
 
 def test_objects_of_failed_frames_and_those_left_out_count_as_missed(tmp_path: Path) -> None:
@@ -72,12 +60,11 @@ def test_objects_of_failed_frames_and_those_left_out_count_as_missed(tmp_path: P
     unknown = row(3, "failed").model_copy(update={"obj_id": None, "instance_id": None, "name": ""})
     found = gallery(tmp_path, row(1, add_s_mm=5.0), *lost, unknown)
     assert found.outcome == "1 of 3 objects in 3 frames are right; 2 have no answer; 1 frame failed"
-    assert "1 match. Click to open;" in summary(found, found.entries)
-    assert ", none can be opened." in summary(found, found.entries[1:])
+    assert found.outcome in gallery_html(found)
     for entry, said in zip(found.entries[1:], ("frame failed", "left out", "frame failed"), strict=True):
-        html = card(entry, found.opens(entry), None, False, False)
-        assert said in html
-        assert "data-cmd" not in html
+        tile = entry_of(found, entry, 1)
+        assert said in tile
+        assert "data-open" not in tile
 
 
 def test_data_in_doubt_are_told_on_the_card_and_above_all_cards(tmp_path: Path) -> None:
@@ -89,8 +76,8 @@ def test_data_in_doubt_are_told_on_the_card_and_above_all_cards(tmp_path: Path) 
     )
     found = gallery(tmp_path, doubted, row(2, add_s_mm=42.0).model_copy(update={"cause": "score"}))
     assert found.doubt == "Look at the data first: in frame 0/1, objects appear larger: check cam_K."
-    told, plain = (card(entry, found.opens(entry), None, False, False) for entry in found.entries)
-    assert "data in doubt</b></span>" in told
+    told, plain = (entry_of(found, entry, 0) for entry in found.entries)
+    assert "data in doubt</b>" in told
     assert "data in doubt" not in plain
     assert gallery(tmp_path, row(2, add_s_mm=42.0)).doubt == ""
     twice = gallery(tmp_path, doubted, doubted.model_copy(update={"im_id": 3}), row(2, add_s_mm=42.0))
@@ -113,49 +100,44 @@ def test_data_in_doubt_are_told_on_the_card_and_above_all_cards(tmp_path: Path) 
 )
 def test_a_card_says_where_it_leads_and_why(tmp_path: Path, worst: int | None, best: int, said: str) -> None:
     found = gallery(tmp_path, row(2, add_s_mm=42.0, worst=worst).model_copy(update={"best_iteration": best}))
-    assert said in card(found.entries[0], found.opens(found.entries[0]), None, False, False)
+    assert said in tip(found.entries[0])
 
 
 def test_filters_can_be_chosen_where_there_is_a_choice(tmp_path: Path) -> None:
     rows = row(1, add_s_mm=5.0), row(2, add_s_mm=50.0).model_copy(update={"name": "mug"})
-    html = choices(gallery(tmp_path, *rows), "score", {"object": "mug"}).replace("&quot;", '"')
-    assert '{"command": "FilterBatch", "by": "object", "value": "mug"}" selected' in html
-    assert '{"command": "SortBatch", "order": "score"}" selected' in html
-    assert f'"value": "{WRONG}"}}" selected' in html
-    assert 'aria-label="Cause"' not in html
-    assert 'aria-label="Run"' not in html
-
-
-@pytest.mark.parametrize(("page", "n", "said"), [(0, PAGE, ""), (1, 2 * PAGE + 1, f"{PAGE + 1} to {2 * PAGE} of")])
-def test_pages_lead_on_while_there_are_more(page: int, n: int, said: str) -> None:
-    html = pages(page, n)
-    assert said in html
-    assert ("TurnPage" in html) == bool(said)
+    page = gallery_html(gallery(tmp_path, *rows))
+    assert 'aria-label="Object"' in page
+    assert "<option>mug</option>" in page
+    assert f"<option>{WRONG}</option>" in page
+    assert 'aria-label="Cause"' not in page
+    assert 'aria-label="Run"' not in page
 
 
 @pytest.mark.usefixtures("processes")
-def test_a_click_opens_the_frame_at_its_worst_iteration(tmp_path: Path) -> None:
+def test_the_page_holds_all_tiles_and_says_what_is_open(tmp_path: Path) -> None:
     batch = gallery(tmp_path, row(1, add_s_mm=1.0, worst=1), row(2, add_s_mm=90.0, worst=3))
-    app = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path, batch=batch).start()
+    app = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path, batch=batch).start()  # type: ignore[arg-type]
     try:
         app.wait_until_ready(60)
+        assert cursor(app) == 0, "nothing is computed before an answer is opened"
+        assert app.page.layout.gallery is not None
+        state = app.page.layout.gallery._state
+        assert '"only": {"result": "wrong or no answer"}' in html.unescape(state._handle.content)
+        app.send(batch.opens(batch.entries[1]))
         until(app, lambda: cursor(app) == 3)
+        app.wait_until_idle()
         assert app.debugger.workspace.frame == "0/2"
-        assert "0/1 " not in content(app)  # Only what is wrong is shown at first.
-        app.send(c.FilterBatch("result", "all"))
-        app.wait_until_idle()
-        assert content(app).index("0/2 ") < content(app).index("0/1 ")
-        app.send(batch.opens(batch.entries[0]))
-        until(app, lambda: cursor(app) == 1)
-        assert app.debugger.workspace.frame == "0/1"
         assert app.debugger.options.focus == 0
-        app.send(c.SortBatch("frame"))
+        assert '"open": 1' in html.unescape(state._handle.content)
+        app.send(c.TagAnswers((0,), "fine"))
         app.wait_until_idle()
-        assert content(app).index("0/1 ") < content(app).index("0/2 ")
-        assert content(app).count("card marked") == 1
-        app.send(c.FilterBatch("result", WRONG))
-        app.wait_until_idle()
-        assert "0/2" in content(app)
-        assert "0/1 " not in content(app)
+        assert '"tags": {"0": ["fine"]}' in html.unescape(state._handle.content)
+        with urllib.request.urlopen(f"{app.url}/picture/1") as answer:
+            assert answer.status == 204, "the fake data have no such object"
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(f"{app.url}/picture/2")
+        foreign = urllib.request.Request(f"{app.url}/picture/1", headers={"Host": "foreign.invalid"})
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(foreign)
     finally:
         app.stop()
