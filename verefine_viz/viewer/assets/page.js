@@ -46,6 +46,7 @@ addEventListener("unhandledrejection", event => {
     Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, value);
     input.dispatchEvent(new Event("input", {bubbles: true}));
   };
+  document.addEventListener("command", event => send(event.detail));  // Of another of our scripts.
 
   document.addEventListener("click", event => {
     // What the verdict rests on stays open while its content changes, until a click beside it.

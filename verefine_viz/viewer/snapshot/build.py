@@ -21,6 +21,7 @@ from verefine_viz.viewer.snapshot.scene_state import SceneState, known_physics, 
 from verefine_viz.viewer.snapshot.snapshot import BranchSummary, ComparedPose, EvaluatedPose, Progress, Snapshot, probe
 from verefine_viz.viewer.state.branch import Branch
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator, together
+from verefine_viz.viewer.state.page_link import link_of
 from verefine_viz.viewer.state.state import State
 from verefine_viz.viewer.state.view_options import (
     AGAINST,
@@ -86,6 +87,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         session_file=next(reversed(space.files), None),
         frames=space.frames,
         frame=space.frame,
+        link=link_of(state).text,
         demos=state.demos,
         sessions=state.sessions,
         batch=state.browsing.gallery,
