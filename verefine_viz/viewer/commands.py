@@ -447,6 +447,15 @@ class OpenPoint(OpenCommand):
     v: int
 
 
+class RefreshGallery(ViewCommand):
+    """A folder that is watched has changed."""
+
+    latest_wins = True
+
+    def logged(self, cursor: int) -> tuple[Command, ...]:
+        return ()
+
+
 class SortBatch(ViewCommand):
     """The order in which a batch's answers are listed."""
 

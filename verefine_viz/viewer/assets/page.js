@@ -41,12 +41,12 @@ addEventListener("unhandledrejection", event => {
   const send = command => {
     const label = [...document.querySelectorAll("label")].find(label => label.textContent === "LINK_LABEL");
     const input = label?.closest(".mantine-Flex-root").querySelector("input");
-    if (!input) return;
+    if (!input) return false;
     const value = `${JSON.stringify(command)} ${Date.now()}`;
     Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, value);
-    input.dispatchEvent(new Event("input", {bubbles: true}));
+    return input.dispatchEvent(new Event("input", {bubbles: true}));
   };
-  document.addEventListener("command", event => send(event.detail));  // Of another of our scripts.
+  document.addEventListener("command", event => send(event.detail) || event.preventDefault());
 
   document.addEventListener("click", event => {
     // What the verdict rests on stays open while its content changes, until a click beside it.

@@ -2,12 +2,12 @@
 // what is shown. The button in the verdict bar has both that link and the number of the program that sent it.
 {
   const mark = () => document.querySelector(".vz.verdict [data-link]");
+  let asked = location.hash;  // What is to be opened; viser takes it from the address when it starts.
   let shown = null;  // The link that was last in the bar; null until the page is connected.
 
-  const open = () => {
-    const link = mark()?.dataset.link;
-    if (link === undefined || !location.hash || location.hash === `#${link}`) return;
-    document.dispatchEvent(new CustomEvent("command", {detail: {command: "OpenLink", link: location.hash.slice(1)}}));
+  const open = link => {  // Whether it was sent.
+    const detail = {command: "OpenLink", link: link.slice(1)};
+    return document.dispatchEvent(new CustomEvent("command", {detail, cancelable: true}));
   };
 
   setInterval(() => {
@@ -16,17 +16,17 @@
     const {link, program} = button.dataset;
     // A page that is reloaded finds the program as it was; one that it did not show yet opens what its address says.
     const isKnown = sessionStorage.getItem("verefine-program") === program;
+    if (asked && !isKnown && asked !== `#${link}` && !open(asked)) return;
+    asked = "";
     sessionStorage.setItem("verefine-program", program);
-    if (shown === null && location.hash && !isKnown) {
-      shown = link;
-      open();
-    }
     if (link === shown) return;
     shown = link;
     history.replaceState(null, "", `#${link}`);
   }, 400);
 
-  addEventListener("hashchange", open);
+  addEventListener("hashchange", () => {
+    if (mark() && location.hash && location.hash !== `#${mark().dataset.link}`) open(location.hash);
+  });
 
   // Only pages of this machine and of https may write to the clipboard; others select a text and copy that.
   const copy = async text => {

@@ -98,6 +98,8 @@ class Painter:
             VerefineError: its frame cannot be read, or does not hold the object.
         """
         row = entry.row
+        if entry.is_waiting:
+            return thumbnail(self._problem(entry).targets[0], None, WIDTH_PX)
         if row.instance_id is None:
             return ""
         answer = self._gallery.runs[entry.run].answers(row.frame).get(row.instance_id)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from verefine_viz.core.errors import InputError, unknown
-from verefine_viz.viewer.commands import Command, OpenAt, OpenFailure, OpenLink, OpenPoint
+from verefine_viz.viewer.commands import Command, OpenAt, OpenFailure, OpenLink, OpenPoint, RefreshGallery
 from verefine_viz.viewer.state.batch_gallery import PAGE, Entry, Gallery, plot_of
+from verefine_viz.viewer.state.live_gallery import LiveGallery
 from verefine_viz.viewer.state.page_link import read_link
 from verefine_viz.viewer.state.state import State
 from verefine_viz.viewer.state.view_options import ViewOptions
@@ -115,4 +116,14 @@ def _options(state: State, command: OpenAt) -> ViewOptions:
     return replace(options, stage=browsing.stage_asked_for(state.run.cursor))
 
 
-HANDLERS = {OpenAt: _open_at}
+def _refresh(state: State, command: RefreshGallery) -> None:
+    """The frames that can be chosen are those that are there now."""
+    gallery, space = state.browsing.gallery, state.workspace
+    if not isinstance(gallery, LiveGallery):
+        return
+    gallery.refresh()
+    if space.tools.session == gallery.session(state.browsing.run):
+        space.frames = gallery.frames(state.browsing.run)
+
+
+HANDLERS = {OpenAt: _open_at, RefreshGallery: _refresh}

@@ -154,6 +154,8 @@ def _opens_at(entry: Entry) -> str:
 def _error(entry: Entry) -> tuple[str, RGB | None]:
     """How wrong it is, with its colour: red or green where that is known."""
     row = entry.row
+    if entry.is_waiting:
+        return "waiting", None
     if row.status != "ok":
         return {"no_answer": "no answer", "left_out": "left out"}.get(row.status, "frame failed"), LIGHTS["red"]
     if row.relative_error is None:
