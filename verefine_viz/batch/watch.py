@@ -90,14 +90,14 @@ class Watched:
         (scene_id, im_id), method = parse_frame(frame), self.session.method.name
         return ObjectRow(scene_id=scene_id, im_id=im_id, status="no_answer", method=method, message=WAITING)
 
-    def take(self, result: FrameResult) -> None:
-        """Takes over a result, unless the frame is to be tried again."""
-        tries = self.tries.get(result.frame, 0)
+    def take(self, journal: Journal, result: FrameResult) -> None:
+        """Takes over a result, or has the frame tried again where files of it may not have been whole."""
+        frame, tries = result.frame, self.tries.get(result.frame, 0)
         if result.can_be_mended and tries < TRIES:
-            if tries:
-                self.not_before[result.frame] = time.monotonic() + RETRY_S
+            journal.forget(frame)
+            self.not_before[frame] = time.monotonic() + RETRY_S if tries else 0.0
         else:
-            self.results[result.frame] = result
+            self.results[frame] = result
 
 
 class Watch:
@@ -214,8 +214,9 @@ class Watch:
             watched.frames = tuple(dict.fromkeys((*(f for f in watched.frames if f in there), *frames)))
             watched.files = files
             self._faults.pop(data, None)
-        for result in Journal(watched.out / "frames").results(watched.ready):
-            watched.take(result)
+        journal = Journal(watched.out / "frames")
+        for result in journal.results(watched.waiting):
+            watched.take(journal, result)
 
     def _session(self, data: Path) -> Session:
         """What solves the frames of a data set: all of them, whatever its session file names."""
@@ -243,9 +244,6 @@ class Watch:
     def _solve(self, data: Path, watched: Watched) -> None:
         """What is ready of a data set, and what arrives meanwhile; then its tables."""
         session, frames, out = watched.session, watched.frames, watched.out.absolute()
-        journal = Journal(out / "frames")
-        for frame in watched.ready:
-            journal.forget(frame)  # A try that failed.
         try:
             _accept_growth(watched)
             if self._pool is None:

@@ -12,6 +12,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.pictures.answer_pictures import picture_source, thumbnail
 from verefine_viz.scenes.source import SceneSource
 from verefine_viz.viewer.state.batch_gallery import Entry, Gallery
+from verefine_viz.viewer.state.live_gallery import LiveGallery
 
 _LOG = logging.getLogger(__name__)
 WIDTH_PX = 176
@@ -111,7 +112,8 @@ class Painter:
         # Runs on the same data share it.
         data = index.session.scene.model_copy(update={"frames": ()}).model_dump_json()
         if data not in self._sources:
-            frames = index.frames if index.session.scene.source == "bop" else ()
+            is_fixed = index.session.scene.source == "bop" and not isinstance(self._gallery, LiveGallery)
+            frames = index.frames if is_fixed else ()
             self._sources[data] = picture_source(index.session, frames)
         if (data, entry.row.frame) not in self._problems:
             self._problems[(data, entry.row.frame)] = self._sources[data].problem(entry.row.frame)

@@ -22,6 +22,12 @@ CROP_PX = 240
 """Width of the crop of the photo; the bar shows it smaller."""
 PROGRAM = secrets.token_hex(4)
 """Tells a page that is reloaded whether the program is still the one that it showed."""
+CHAIN = (
+    '<svg viewBox="0 0 16 16" width="14" height="14" fill="none" stroke="currentColor" stroke-width="1.6">'
+    '<path d="M7 9.5a3 3 0 0 0 4.2 0l2-2a3 3 0 0 0-4.2-4.2l-1 1"/>'
+    '<path d="M9 6.5a3 3 0 0 0-4.2 0l-2 2a3 3 0 0 0 4.2 4.2l1-1"/></svg>'
+)
+"""Two links of a chain."""
 KINDS = {"✓": "right", "✗": "wrong", "?": "unknown", "…": "going"}
 """By mark, the bar's class."""
 
@@ -79,7 +85,7 @@ def bar_html(it: Verdict, crop: str, why: str, n_warnings: int = 0, page_link: s
         f'<b class="number" title="{text(it.number_means)}">{text(it.number)}</b>'
         f'<span class="cause" title="{text(it.line)}">{text(it.cause)}</span>{look}<span class="crop">{picture}</span>'
         f'<button class="copy-link" data-link="{text(page_link)}" data-program="{PROGRAM}" '
-        'title="copy a link to this frame, object and iteration"></button>'
+        f'title="copy a link to this frame, object and iteration">{CHAIN}</button>'
         f'<button class="why" title="evidence and numbers">why{count}</button></div>'
         f'<div class="because">{picture}{why}</div>'
     )
