@@ -352,6 +352,6 @@ def _accept_growth(watched: Watched) -> None:
             "hypotheses": before.hypotheses.model_copy(update=hypotheses),
         }
     )
-    is_kept = {*before.hypotheses.files} <= {*now.hypotheses.files}
-    if before != now and grown == now and is_kept:
+    keeps_files = {*before.hypotheses.files} <= {*now.hypotheses.files}
+    if before != now and grown == now and keeps_files:
         save_session(now, file)
