@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from verefine_viz.batch.answer_tags import Arrangement
 from verefine_viz.batch.index import ORDERS, Order, sort_key
-from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.batch.rows import WAITING, ObjectRow
 from verefine_viz.diagnosis.causes import cause_title
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ Values = Mapping[str, Sequence[str]]
 
 def values_of(row: ObjectRow, **more: Sequence[str]) -> dict[str, Sequence[str]]:
     """What an answer has for each filter; ``more``: run, group, or other values than the row's own."""
-    is_wrong = row.status != "ok" or row.is_correct is False
-    result = WRONG if is_wrong else RIGHT if row.is_correct else "unknown"
+    is_wrong = not row.is_waiting and (row.status != "ok" or row.is_correct is False)
+    result = WRONG if is_wrong else RIGHT if row.is_correct else WAITING if row.is_waiting else "unknown"
     own = {"result": result, "cause": cause_title(row.cause), "object": row.name, "method": row.method}
     return {by: (value,) for by, value in own.items() if value} | more
 
@@ -75,6 +75,8 @@ def choices_of(values: Sequence[Values]) -> list[tuple[str, str, list[str]]]:
 
 def number_of(row: ObjectRow) -> str:
     """How wrong an answer is, or its score where that is unknown."""
+    if row.is_waiting:
+        return "waiting"
     if row.status != "ok":
         return NO_ANSWER[row.status]
     if row.add_s_mm is not None:
@@ -123,8 +125,8 @@ def entry_html(
         row=row, key=key, values=json.dumps(values), places=json.dumps(places), words=words_of(row, values),
         tags=json.dumps(tags), picture=picture, number=number or number_of(row),
         cause=cause_of(row), score="" if row.score is None or row.add_s_mm is None or number else f"{row.score:.2f}",
-        is_right=False if row.status != "ok" else row.is_correct, made_by=made_by, tip=tip, command=command,
-        anchor=anchor, more=_ready(more),
+        is_right=False if row.status != "ok" and not row.is_waiting else row.is_correct,
+        made_by=made_by, tip=tip, command=command, anchor=anchor, more=_ready(more),
     )  # fmt: skip
 
 

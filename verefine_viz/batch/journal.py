@@ -58,6 +58,10 @@ class Journal:
         """
         save_entry(self._file(result.frame), result)
 
+    def forget(self, frame: str) -> None:
+        """Has a restart solve a frame again."""
+        self._file(frame).unlink(missing_ok=True)
+
     def entry(self, frame: str) -> FrameResult | None:
         """The result of a frame; None where it is not finished.
 

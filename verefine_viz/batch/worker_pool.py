@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import threading
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -24,18 +25,19 @@ TRIES = 2
 class _Worker:
     process: BaseProcess
     channel: connection.Connection
+    session: Session
     out: Path
-    """Folder of the batch whose session it has."""
+    """Folder of the batch."""
     frame: str = ""
 
     def give(self, frame: str, session: Session, out: Path) -> None:
         self.frame = frame
         # If the process has just died, reading the channel will show it.
         with suppress(OSError):
-            if self.out != out:
+            if (self.session, self.out) != (session, out):
                 self.channel.send((session, out))
             self.channel.send(frame)
-        self.out = out
+        self.session, self.out = session, out
 
     def answer(self) -> FrameResult | str | None:
         """Its result, or a sentence on what is taking long; None where it died instead."""
@@ -61,11 +63,19 @@ class Pool:
         task: what they do with each frame.
         limit_bytes: a worker that holds more than this after a frame is replaced by a new one; None: its share of
             the machine's memory.
+        pause_s: most time between two results, or None in their place [s]; None: they come when they come.
     """
 
     def __init__(
-        self, session: Session, out: Path, n_workers: int, task: TaskName = "solve", limit_bytes: int | None = None
+        self,
+        session: Session,
+        out: Path,
+        n_workers: int,
+        task: TaskName = "solve",
+        limit_bytes: int | None = None,
+        pause_s: float | None = None,
     ) -> None:
+        self._pause_s = pause_s
         self._session, self._out, self._n_workers, self._task = session, out, n_workers, task
         self._given_limit_bytes = limit_bytes
         self._peak_bytes = 0
@@ -102,7 +112,7 @@ class Pool:
         self._tries.clear()
         self._again.clear()
 
-    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | str]:
+    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | str | None]:
         """See :class:`verefine_viz.batch.run_batch.Workers`."""
         waiting = iter(frames)
         idle, busy = list(self._workers), list[_Worker]()
@@ -118,7 +128,9 @@ class Pool:
 
         give_out()
         while busy:
-            ready = connection.wait([worker.channel for worker in busy])
+            ready = connection.wait([worker.channel for worker in busy], self._pause_s)
+            if not ready:
+                yield None
             for worker in [w for w in busy if w.channel in ready]:
                 result = worker.answer()
                 if isinstance(result, str):
@@ -178,12 +190,18 @@ class Pool:
         with interrupts_ignored():
             process.start()
         theirs.close()
-        return _Worker(process, ours, self._out)
+        return _Worker(process, ours, self._session, self._out)
 
 
 @contextmanager
 def interrupts_ignored() -> Iterator[None]:
-    """Processes started inside do not react to Ctrl-C; this process ends them."""
+    """Processes started inside do not react to Ctrl-C; this process ends them.
+
+    A thread beside the main one cannot see to that: they ignore it themselves once they run.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield

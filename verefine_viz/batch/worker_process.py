@@ -6,6 +6,7 @@ This module must not import numpy or numba, which read the number of threads whe
 from __future__ import annotations
 
 import os
+import signal
 import threading
 from multiprocessing import connection, parent_process
 from pathlib import Path
@@ -24,6 +25,7 @@ def work(channel: connection.Connection, session: Session, out: Path, task: Task
 
     Before a result it may send a sentence on what is taking long.
     """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent ends it.
     # One frame per core beats several threads in one frame.
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     threading.Thread(target=_end_with_parent, daemon=True).start()

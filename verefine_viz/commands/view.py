@@ -36,10 +36,20 @@ class View:
     use it, such as http://localhost:3000. May be given several times."""
     open_browser: bool = True
     """Open the page in this desktop's browser, where there is one."""
+    watch: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
+    """A folder in which frames arrive, in BOP layout or from keep_frame, or that holds several such: each is listed at
+    once, solved in the background with the method of SESSION (none = of the folder's own session.toml), and can be
+    opened."""
+    out: Path | None = None
+    """With --watch: folder for its results, those of a batch; none = FOLDER-runs beside it."""
     settings: AnySettings = field(default_factory=SessionFlags)
 
     def run(self, arguments: Sequence[str]) -> int:
         overrides = given(self.settings, arguments)
+        if self.watch is not None:
+            return self._run_watch(self.watch, overrides)
+        if self.out is not None:
+            raise InputError("--out is for the results of --watch FOLDER; leave it out, or name the folder to watch")
         recordings = _recordings(self.session, self.other, overrides)
         recording, _ = recordings
         batch: Gallery | None = None
@@ -60,19 +70,37 @@ class View:
             from verefine_viz.session.files import load_session
 
             session = load_session(self.session, overrides)
+        path = None if batch or recording else self.session
+        return self._serve(session, session_path=path, recordings=recordings, batch=batch)
+
+    def _serve(self, session: Session, **shown: Any) -> int:
         from verefine_viz.viewer.app import serve
 
         serve(
             session,
-            session_path=None if batch or recording else self.session,
-            recordings=recordings,
-            batch=batch,
             host=self.host,
             port=self.port,
             allowed_origins=self.allow_origin,
             open_browser=self.open_browser and _has_desktop(),
+            **shown,
         )
         return 0
+
+    def _run_watch(self, folder: Path, overrides: Mapping[str, Any]) -> int:
+        if self.other is not None or (self.session is not None and self.session.suffix != ".toml"):
+            wrong = self.session if self.other is None else self.other
+            raise InputError(f"{wrong} is no session; with --watch expected a session file (.toml) or none")
+        from verefine_viz.batch.watch import Watch
+        from verefine_viz.session.files import DURING_A_RUN, changed, load_session
+        from verefine_viz.viewer.app import check_method
+
+        base = load_session(self.session, overrides) if self.session is not None else None
+        by_options = {section: given for section, given in overrides.items() if section in DURING_A_RUN}
+        settings = base or changed(Session(), by_options)
+        check_method(settings)
+        beside = folder.resolve()
+        out = self.out if self.out is not None else beside.with_name(f"{beside.name}-runs")
+        return self._serve(settings, watch=Watch(folder, out, base, overrides))
 
 
 def _is_recording(path: Path | None) -> bool:

@@ -57,6 +57,10 @@ class BopSource:
             raise SettingsError("scene.dataset is empty; set it to the folder of a BOP data set")
         self._scene = scene
         self._hypotheses = hypotheses
+        self._read()
+
+    def _read(self) -> None:
+        scene, hypotheses = self._scene, self._hypotheses
         self._dataset = BopDataset(scene.dataset, scene.split, scene.model_points, scene.seed)
         self._check_objects()
         self._detections = _detections(scene.masks)
@@ -87,6 +91,8 @@ class BopSource:
         """
         ids = parse_frame(frame)
         progress.checkpoint(f"Reading the pictures of frame {frame}.")
+        if not self._dataset.has(*ids):  # It may have arrived since.
+            self._read()
         image = self._dataset.image(*ids)
         of_frame = self._segments(ids, image.camera)
         segments, notes = of_frame.segments, of_frame.notes

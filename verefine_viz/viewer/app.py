@@ -7,6 +7,7 @@ from __future__ import annotations
 import logging
 import signal
 import threading
+import time
 import webbrowser
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -14,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from verefine_viz.batch.watch import POLL_S, Watch
 from verefine_viz.core.errors import Cancelled, SettingsError, VerefineError, unknown
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
@@ -23,12 +25,13 @@ from verefine_viz.session.edits import edits_elsewhere
 from verefine_viz.session.files import changed
 from verefine_viz.session.kernel_compilation import compiling_reported
 from verefine_viz.viewer.busy_status import BusyStatus
-from verefine_viz.viewer.commands import Command, CompareRecording, OpenRecording
+from verefine_viz.viewer.commands import Command, CompareRecording, OpenRecording, RefreshGallery
 from verefine_viz.viewer.debugger import Debugger, RequestQueue
 from verefine_viz.viewer.export import Exporter
 from verefine_viz.viewer.panels.page_layout import set_theme
 from verefine_viz.viewer.session_page import Page, Worker
 from verefine_viz.viewer.state.batch_gallery import Gallery
+from verefine_viz.viewer.state.live_gallery import LiveGallery
 from verefine_viz.viewer.state.workspace import HULLS
 from verefine_viz.viewer.web.server import Server
 from verefine_viz.viewer.web.viser_internals import lost_style
@@ -37,6 +40,8 @@ if TYPE_CHECKING:
     from verefine_viz.session.toolbox import Toolbox
 
 _LOG = logging.getLogger(__name__)
+MOST_TRIED = 3
+"""Frames of a watched folder that are tried one after another until one can be opened."""
 
 
 class App:
@@ -50,6 +55,7 @@ class App:
         allowed_origins: other pages that may use it, see :class:`verefine_viz.viewer.web.admission.Admission`.
         make_tools: builds the algorithm's parts from a session; None = the real ones.
         batch: whose answers the gallery shows, with which the page then opens; None = no batch.
+        watch: a folder whose frames are listed and solved instead, once one is there; then ``session`` is not used.
         folder: where sessions and exports are written; None = ``sessions`` in the working directory.
         first: what is done before the page is shown; what cannot be done keeps the session from opening.
     """
@@ -65,7 +71,10 @@ class App:
         folder: Path | None = None,
         batch: Gallery | None = None,
         first: Sequence[Command] = (),
+        watch: Watch | None = None,
     ) -> None:
+        self._watch = watch
+        self._watching: threading.Thread | None = None
         self._session, self._path = session, session_path
         self._host, self._port, self._allowed_origins = host, port, allowed_origins
         self._make_tools = make_tools
@@ -121,8 +130,14 @@ class App:
     def stop(self) -> None:
         """Ends the worker, the command at hand too where it can be cancelled, and frees the port."""
         self._requests.stop()
+        if self._watch is not None:
+            self._watch.stop()
         if self._worker is not None:
             self._worker.join(timeout=20)
+        if self._watching is not None:
+            self._watching.join(timeout=20)
+        if self._watch is not None:
+            self._watch.close()
         if hasattr(self, "page") and self.page.layout.gallery is not None:
             self.page.layout.gallery.stop()
         self.server.stop()
@@ -144,14 +159,7 @@ class App:
             worker.work()
 
     def _open(self) -> Worker:
-        try:
-            with self._requests.opening():
-                debugger = self._new_debugger()
-        except Cancelled:
-            if not self._requests.wants_hulls:
-                raise
-            self._session = changed(self._session, HULLS)
-            debugger = self._new_debugger()
+        debugger = self._opened() if self._watch is None else self._opened_of(self._watch)
         self.debugger = debugger.carry_out(self._first)
         self._busy.tell("Drawing the first picture.")
         self.debugger.view(deep=False)  # Where kernels are compiled for it, the page can still say so.
@@ -162,9 +170,42 @@ class App:
         self._busy.move_to(self.page.layout.run)
         worker = Worker(self.page, self.debugger, self._requests, self._busy)
         worker.show()
+        if self._watch is not None:
+            work = partial(self._watch.work, lambda: self.send(RefreshGallery()))
+            self._watching = threading.Thread(target=work, name="verefine-watch", daemon=True)
+            self._watching.start()
         return worker
 
-    def _new_debugger(self) -> Debugger:
+    def _opened(self, frame: str | None = None) -> Debugger:
+        try:
+            with self._requests.opening():
+                return self._new_debugger(frame)
+        except Cancelled:
+            if not self._requests.wants_hulls:
+                raise
+            self._session = changed(self._session, HULLS)
+            return self._new_debugger(frame)
+
+    def _opened_of(self, watch: Watch) -> Debugger:
+        """One of the frames that are there, or the first that comes; one that cannot be read is passed over."""
+        fault = ""
+        while True:
+            watch.look()
+            self._batch = LiveGallery(watch) if any(index.rows for index in watch.latest[0]) else None
+            entries = self._batch.sorted_by("error") if self._batch is not None else ()
+            for entry in [entry for entry in entries if entry.can_be_opened][:MOST_TRIED]:
+                assert self._batch is not None
+                self._session = self._batch.session(entry.run)
+                try:
+                    return self._opened(entry.row.frame)
+                except VerefineError as error:
+                    fault = str(error)
+            self._busy.tell(f"Waiting for a frame in {watch.folder}. {watch.latest[1] or fault}".rstrip())
+            if not self._requests.is_wanted():
+                raise Cancelled
+            time.sleep(POLL_S)
+
+    def _new_debugger(self, frame: str | None = None) -> Debugger:
         """With the real simulator, renderer and refiners, imported late since they are heavy, or those given."""
         make_tools, checks = self._make_tools, {}
         if make_tools is None:
@@ -189,6 +230,7 @@ class App:
             sessions=lambda: tuple(str(p) for p in sorted(self._folder.glob("*.toml"))),
             batch=self._batch,
             progress=self._progress,
+            frame=frame,
             **checks,
         )
 
@@ -215,15 +257,17 @@ def serve(
     open_browser: bool = True,
     recordings: tuple[Path | None, Path | None] = (None, None),
     batch: Gallery | None = None,
+    watch: Watch | None = None,
 ) -> None:
     """Serves the page until Ctrl-C, SIGTERM or SIGHUP; prints its address, one line. Call it in the main thread.
 
-    ``recordings`` are A, the open run, and B beside it; ``batch`` is what the gallery shows.
+    ``recordings`` are A, the open run, and B beside it; ``batch`` is what the gallery shows, or the frames of
+    ``watch``, whose sessions are then opened.
 
     Raises:
         VerefineError: the port is taken, the host cannot be bound, or the session cannot be opened.
     """
-    notes = check_names(session)
+    notes = check_names(session) if watch is None else ()
     open_a, compare_b = recordings
     first = [
         *([OpenRecording(str(open_a))] if open_a else []),
@@ -232,11 +276,13 @@ def serve(
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_DFL:  # nohup has it ignored.
             signal.signal(number, signal.default_int_handler)
-    app = App(session, session_path, host, port, allowed_origins, batch=batch, first=first).start()
+    app = App(session, session_path, host, port, allowed_origins, batch=batch, first=first, watch=watch).start()
     try:
         print(f"verefine-viz: {app.url}  (Ctrl-C ends it)", flush=True)
         for note in notes:
             print(f"note: {note}", flush=True)
+        if watch is not None:
+            print(f"watching {watch.folder}; results in {watch.out}", flush=True)
         app.wait_until_ready()
         if open_browser:
             webbrowser.open(app.url)
@@ -245,6 +291,18 @@ def serve(
         pass
     finally:
         app.stop()
+
+
+def check_method(session: Session) -> None:
+    """That method and refiner exist.
+
+    Raises:
+        SettingsError: one of them does not.
+    """
+    if session.method.name not in ALL_METHOD_NAMES:
+        raise SettingsError(unknown("method", session.method.name, ALL_METHOD_NAMES))
+    if session.method.refiner not in REFINERS:
+        raise SettingsError(unknown("refiner", session.method.refiner, REFINERS))
 
 
 def check_names(session: Session) -> tuple[str, ...]:
@@ -256,9 +314,6 @@ def check_names(session: Session) -> tuple[str, ...]:
     """
     from verefine_viz.scenes.source import open_scene
 
-    if session.method.name not in ALL_METHOD_NAMES:
-        raise SettingsError(unknown("method", session.method.name, ALL_METHOD_NAMES))
-    if session.method.refiner not in REFINERS:
-        raise SettingsError(unknown("refiner", session.method.refiner, REFINERS))
+    check_method(session)
     scene = open_scene(session.scene, session.hypotheses)
     return (*scene.notes, *edits_elsewhere(session.edits, scene.frames))

@@ -421,9 +421,17 @@ class OpenAt(OpenCommand):
     """Of several batch runs the one whose session is opened; empty = the one that is open."""
     instance: int | None = None
     """instance_id of the object that is then in focus."""
+    object: int | None = None
+    """obj_id of the object that is then in focus, which the frame holds once."""
 
     def logged(self, cursor: int) -> tuple[Command, ...]:
         return (replace(self, iteration=cursor),)
+
+
+class OpenLink(OpenCommand):
+    """What stands behind the # of the page's address, see :mod:`verefine_viz.viewer.state.page_link`."""
+
+    link: str
 
 
 class OpenFailure(OpenCommand):
@@ -437,6 +445,15 @@ class OpenPoint(OpenCommand):
 
     u: int
     v: int
+
+
+class RefreshGallery(ViewCommand):
+    """A folder that is watched has changed."""
+
+    latest_wins = True
+
+    def logged(self, cursor: int) -> tuple[Command, ...]:
+        return ()
 
 
 class ArrangeGallery(ViewCommand):

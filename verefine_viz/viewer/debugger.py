@@ -164,7 +164,8 @@ class Debugger(State):
             VerefineError: it cannot be done; everything is as before.
             Cancelled: it is no longer wanted; everything is as before.
         """
-        self.message, self.refused, self.offer = "", False, None
+        if not isinstance(command, c.RefreshGallery):  # The user did not ask for it.
+            self.message, self.refused, self.offer = "", False, None
         if isinstance(command, c.TogglePause):
             command = c.Pause() if self.is_busy else c.RunUntil("end")
         command = gallery_handlers.resolved(self, command)

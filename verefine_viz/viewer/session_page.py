@@ -110,6 +110,13 @@ class Page:
         self._server.flush()
         self._shown_at = monotonic()
 
+    def show_gallery(self) -> None:
+        """What arrived in a folder that is watched; everything else is left as it is."""
+        snapshot = self._debugger.view(deep=False)
+        with self._server.atomic():
+            self.layout.show_gallery(snapshot)
+        self._server.flush()
+
     def animate(self, command: c.Command, before: int) -> None:
         """Has what a command did shown picture by picture, where it is to be; ``before`` was the cursor before it."""
         snapshot = self._snapshot
@@ -241,7 +248,10 @@ class Worker:
             self._give_up(message, refused=True, offer=offer, with_maps=not only_shows)
 
     def _carry_out(self, command: c.Command | object | None) -> None:
-        if isinstance(command, c.Command):
+        if isinstance(command, c.RefreshGallery):
+            self._debugger.apply(command)
+            self._page.show_gallery()
+        elif isinstance(command, c.Command):
             self._page.leave_off()
             before = self._debugger.run.cursor
             self._apply(command)
@@ -295,6 +305,8 @@ class Worker:
             self._debugger.apply(command)
         except VerefineError as error:
             self._debugger.message, self._debugger.refused = str(error), True
+        if isinstance(command, c.RefreshGallery):
+            return self._page.show_gallery()
         self._page.show(with_picture=True)
         self._page.move_camera(command)
         self._page.go_on()

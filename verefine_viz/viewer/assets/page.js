@@ -41,9 +41,13 @@ addEventListener("unhandledrejection", event => {
   const waiting = [];
   const APART_MS = 80;  // Of two changes of a field within 50 ms viser sends one.
   let busy = false;
-  const send = command => {
+  const field = () => [...document.querySelectorAll("label")]
+    .find(label => label.textContent === "LINK_LABEL")?.closest(".mantine-Flex-root").querySelector("input");
+  const send = command => {  // Whether it goes its way; not before the page is connected.
+    if (!field()) return false;
     waiting.push(command);
     if (!busy) sendNext();
+    return true;
   };
   const sendNext = () => {
     busy = waiting.length > 0;
@@ -52,14 +56,11 @@ addEventListener("unhandledrejection", event => {
     setTimeout(sendNext, APART_MS);
   };
   const write = command => {
-    const label = [...document.querySelectorAll("label")].find(label => label.textContent === "LINK_LABEL");
-    const input = label?.closest(".mantine-Flex-root").querySelector("input");
-    if (!input) return;
-    const value = `${JSON.stringify(command)} ${Date.now()}`;
+    const input = field(), value = `${JSON.stringify(command)} ${Date.now()}`;
     Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, value);
     input.dispatchEvent(new Event("input", {bubbles: true}));
   };
-  document.addEventListener("command", event => send(event.detail));
+  document.addEventListener("command", event => send(event.detail) || event.preventDefault());
 
   document.addEventListener("click", event => {
     // What the verdict rests on stays open while its content changes, until a click beside it.

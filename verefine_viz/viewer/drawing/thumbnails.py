@@ -13,6 +13,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.pictures.answer_pictures import picture_source, thumbnail
 from verefine_viz.scenes.source import SceneSource
 from verefine_viz.viewer.state.batch_gallery import Entry, Gallery
+from verefine_viz.viewer.state.live_gallery import LiveGallery
 
 _LOG = logging.getLogger(__name__)
 WIDTH_PX = 320
@@ -100,6 +101,8 @@ class Painter:
             VerefineError: its frame cannot be read, or does not hold the object.
         """
         row = entry.row
+        if entry.is_waiting:
+            return thumbnail(self._problem(entry).targets[0], None, WIDTH_PX)
         if row.instance_id is None:
             return b""
         answer = self._gallery.runs[entry.run].answers(row.frame).get(row.instance_id)
@@ -111,7 +114,8 @@ class Painter:
         # Runs on the same data share it.
         data = index.session.scene.model_copy(update={"frames": ()}).model_dump_json()
         if data not in self._sources:
-            frames = index.frames if index.session.scene.source == "bop" else ()
+            is_fixed = index.session.scene.source == "bop" and not isinstance(self._gallery, LiveGallery)
+            frames = index.frames if is_fixed else ()
             self._sources[data] = picture_source(index.session, frames)
         if (data, entry.row.frame) not in self._problems:
             self._problems[(data, entry.row.frame)] = self._sources[data].problem(entry.row.frame)

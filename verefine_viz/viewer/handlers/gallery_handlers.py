@@ -1,4 +1,4 @@
-"""Opens answers of a batch: that of a point or a card, or the next one in the order of the gallery; tags them."""
+"""Opens answers of a batch, of a point, a card or a link, or the next one in the gallery's order; and tags them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,15 @@ from verefine_viz.viewer.commands import (
     DeleteFilter,
     OpenAt,
     OpenFailure,
+    OpenLink,
     OpenPoint,
+    RefreshGallery,
     SaveFilter,
     TagAnswers,
 )
 from verefine_viz.viewer.state.batch_gallery import Entry, Gallery, plot_of
+from verefine_viz.viewer.state.live_gallery import LiveGallery
+from verefine_viz.viewer.state.page_link import read_link
 from verefine_viz.viewer.state.state import State
 from verefine_viz.viewer.state.view_options import ViewOptions
 
@@ -43,6 +47,8 @@ def resolved(state: State, command: Command) -> Command:
     Raises:
         InputError: there is no such answer.
     """
+    if isinstance(command, OpenLink):
+        return _linked(state, command)
     if not isinstance(command, OpenFailure | OpenPoint):
         return command
     gallery, options = open_gallery(state), state.options
@@ -66,12 +72,40 @@ def _following(gallery: Gallery, last: Entry | None, options: ViewOptions, direc
     return entries[place]
 
 
+def _linked(state: State, command: OpenLink) -> OpenAt:
+    """Without an iteration the open frame stays where it is, and another begins before its first."""
+    link, space = read_link(command.link), state.workspace
+    frame = link.frame or space.frame
+    iteration = link.iteration
+    if iteration is None:
+        iteration = space.run.cursor if frame == space.frame and not link.run else 0
+    return OpenAt(frame, iteration, link.run, link.instance, link.object)
+
+
 def _open_at(state: State, command: OpenAt) -> None:
     _enter(state, command)
     run = state.run
     run.seek(min(max(command.iteration, 0), run.length))
     state.running.goal = command.iteration if command.iteration > run.length and not run.is_done else None
     state.options = _options(state, command)
+    missing = _missing(state, command)
+    state.message, state.refused = missing, bool(missing)
+
+
+def _missing(state: State, command: OpenAt) -> str:
+    """What a link names and the open frame lacks, in words; empty where it has all."""
+    problem, run = state.workspace.work.problem, state.run
+    obj_ids, ids = [i.obj_id for i in problem.instances], [i.instance_id for i in problem.instances]
+    words = []
+    if command.object is not None and obj_ids.count(command.object) > 1:
+        words.append(f"frame {problem.frame} holds object {command.object} several times: name its instance")
+    elif command.object is not None and command.object not in obj_ids:
+        words.append(f"frame {problem.frame}: {unknown('object', command.object, sorted(obj_ids))}")
+    elif command.object is None and command.instance is not None and command.instance not in ids:
+        words.append(f"frame {problem.frame}: {unknown('instance', command.instance, ids)}")
+    if command.iteration > run.n_iterations:
+        words.append(f"the run has no iteration {command.iteration}: {run.n_iterations} is its last")
+    return "; ".join(words)
 
 
 def _enter(state: State, command: OpenAt) -> None:
@@ -96,8 +130,10 @@ def _enter(state: State, command: OpenAt) -> None:
 def _options(state: State, command: OpenAt) -> ViewOptions:
     """Options with the object in focus, at the iteration, where it can be inspected."""
     browsing, options = state.browsing, state.options.afresh()
-    ids = [i.instance_id for i in state.workspace.work.problem.instances]
-    options = replace(options, focus=command.instance if command.instance in ids else None)
+    instances = state.workspace.work.problem.instances
+    asked = [i.instance_id for i in instances if command.object is not None and i.obj_id == command.object]
+    focus = asked[0] if len(asked) == 1 else command.instance
+    options = replace(options, focus=focus if focus in [i.instance_id for i in instances] else None)
     if options.preset == "gallery":
         options = replace(options, preset="inspect")
     if browsing.last is not None and browsing.last.is_wrong:
@@ -118,4 +154,20 @@ def _delete_filter(state: State, command: DeleteFilter) -> None:
     open_gallery(state).save_filter(command.name, None)
 
 
-HANDLERS = {OpenAt: _open_at, TagAnswers: _tag, SaveFilter: _save_filter, DeleteFilter: _delete_filter}
+def _refresh(state: State, command: RefreshGallery) -> None:
+    """The frames that can be chosen are those that are there now."""
+    gallery, space = state.browsing.gallery, state.workspace
+    if not isinstance(gallery, LiveGallery):
+        return
+    gallery.refresh()
+    if space.tools.session == gallery.session(state.browsing.run):
+        space.frames = gallery.frames(state.browsing.run)
+
+
+HANDLERS = {
+    OpenAt: _open_at,
+    TagAnswers: _tag,
+    SaveFilter: _save_filter,
+    DeleteFilter: _delete_filter,
+    RefreshGallery: _refresh,
+}

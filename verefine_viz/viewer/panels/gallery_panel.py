@@ -28,13 +28,17 @@ class GalleryPanel:
     def __init__(self, gui: viser.GuiApi, gallery: Gallery) -> None:
         add_style(gui, gallery_asset("gallery.css"))
         self._gallery = gallery
-        self._numbers = {entry: k for k, entry in enumerate(gallery.entries)}
         self._thumbnails = Thumbnails(Painter(gallery))
-        Block(gui, "gallery-pane").show(gallery_html(gallery))
-        self._state = Block(gui, "gallery-hidden")
+        self._tiles, self._state = Block(gui, "gallery-pane"), Block(gui, "gallery-hidden")
+        self._entries: tuple[Entry, ...] = ()
+        self._numbers: dict[Entry, int] = {}
 
     def show(self, snapshot: Snapshot) -> None:
-        """What of it is chosen; pictures wait while a run is on, which gets all cores."""
+        """What is chosen, and the tiles where others came; pictures wait while a run is on, which gets all cores."""
+        if self._gallery.entries is not self._entries:
+            self._entries = self._gallery.entries
+            self._numbers = {entry: k for k, entry in enumerate(self._entries)}
+            self._tiles.show(gallery_html(self._gallery))
         self._state.show(f'<i class="gallery-state" data-state="{text(json.dumps(self._state_of(snapshot)))}"></i>')
         b_runs = snapshot.comparison is not None and snapshot.comparison.running
         self._thumbnails.hold(snapshot.progress.running or b_runs)
@@ -57,7 +61,7 @@ class GalleryPanel:
             "by": options.arranged_by,
             "tags": tags,
             "filters": {name: saved.model_dump() for name, saved in gallery.saved_filters.items()},
-            "open": None if snapshot.entry is None else self._numbers[snapshot.entry],
+            "open": self._numbers.get(snapshot.entry) if snapshot.entry is not None else None,
         }
 
 

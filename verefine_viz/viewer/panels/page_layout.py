@@ -231,6 +231,13 @@ class Layout:
         self.physics.show(snapshot)
         self.landscape.show(snapshot)
 
+    def show_gallery(self, snapshot: Snapshot) -> None:
+        """The panels about frames that come and go."""
+        self.run.show_frames(snapshot)
+        if self.gallery is not None and self.score_error is not None:
+            self.gallery.show(snapshot)
+            self.score_error.show(snapshot)
+
     def _add_objects(self, gui: viser.GuiApi, panel: viser.PanelHandle) -> None:
         with panel.add_tab("Objects"):
             self.objects = ObjectsPanel(gui)

@@ -82,12 +82,16 @@ class RunPanel:
         words = f'<p title="{text(headline(snapshot))}">{text(brief(snapshot))}</p>'
         self._words.show(message_html(snapshot) + words + event_lines(snapshot) + of_the_end(snapshot))
         self._progress.visible = False
-        _options(self.frame, snapshot.frames, snapshot.frame)
-        self.frame.visible = len(snapshot.frames) > 1
+        self.show_frames(snapshot)
         _options(self.demo, snapshot.demos, snapshot.session.scene.demo)
         self.demo.visible = snapshot.session.scene.source == "demo" and bool(snapshot.demos)
         notes = "".join(f'<p class="dim fold folded" title="{text(n)}">Note: {text(n)}</p>' for n in snapshot.notes)
         self._branches.show(branches_table(snapshot) + notes)
+
+    def show_frames(self, snapshot: Snapshot) -> None:
+        """Those that can be chosen."""
+        _options(self.frame, snapshot.frames, snapshot.frame)
+        self.frame.visible = len(snapshot.frames) > 1
 
 
 def event_lines(snapshot: Snapshot) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Sequence
 
 import viser
@@ -19,6 +20,14 @@ from verefine_viz.viewer.text.verdict import Verdict, verdict
 
 CROP_PX = 240
 """Width of the crop of the photo; the bar shows it smaller."""
+PROGRAM = secrets.token_hex(4)
+"""Tells a page that is reloaded whether the program is still the one that it showed."""
+CHAIN = (
+    '<svg viewBox="0 0 16 16" width="14" height="14" fill="none" stroke="currentColor" stroke-width="1.6">'
+    '<path d="M7 9.5a3 3 0 0 0 4.2 0l2-2a3 3 0 0 0-4.2-4.2l-1 1"/>'
+    '<path d="M9 6.5a3 3 0 0 0-4.2 0l-2 2a3 3 0 0 0 4.2 4.2l1-1"/></svg>'
+)
+"""Two links of a chain."""
 KINDS = {"✓": "right", "✗": "wrong", "?": "unknown", "…": "going"}
 """By mark, the bar's class."""
 
@@ -42,7 +51,8 @@ class VerdictPanel:
         it = verdict(snapshot)
         warnings = findings(snapshot)
         crop = self._crop(it, snapshot.deep)
-        self._bar.show(bar_html(it, crop, why_html(snapshot, it, warnings), sum(not one.calm for one in warnings)))
+        why, n_warnings = why_html(snapshot, it, warnings), sum(not one.calm for one in warnings)
+        self._bar.show(bar_html(it, crop, why, n_warnings, snapshot.link))
 
     def _crop(self, it: Verdict, draws: bool) -> str:
         """A data URI; "" where there is none, or not yet."""
@@ -61,8 +71,11 @@ class VerdictPanel:
         return self._picture
 
 
-def bar_html(it: Verdict, crop: str, why: str, n_warnings: int = 0) -> str:
-    """The bar, and behind it what opens on a click; ``crop`` is a data URI, ``why`` HTML with so many warnings."""
+def bar_html(it: Verdict, crop: str, why: str, n_warnings: int = 0, page_link: str = "") -> str:
+    """The bar, and behind it what opens on a click; ``crop`` is a data URI, ``why`` HTML with so many warnings.
+
+    ``page_link`` is what the page's address gets behind its #, which `assets/page_link.js` reads here.
+    """
     picture = f'<img src="{crop}" alt="the answer on the photo">' if crop else ""
     look = link(it.look_at[0], it.look_at[1], "go there") if it.look_at is not None else ""
     done = f'<i class="done" style="width:{100 * it.share:.1f}%"></i>' if it.share is not None else ""
@@ -71,6 +84,8 @@ def bar_html(it: Verdict, crop: str, why: str, n_warnings: int = 0) -> str:
         f'<div class="bar-line {KINDS[it.mark]}">{done}<b class="mark">{it.mark}</b>'
         f'<b class="number" title="{text(it.number_means)}">{text(it.number)}</b>'
         f'<span class="cause" title="{text(it.line)}">{text(it.cause)}</span>{look}<span class="crop">{picture}</span>'
+        f'<button class="copy-link" data-link="{text(page_link)}" data-program="{PROGRAM}" '
+        f'title="copy a link to this frame, object and iteration">{CHAIN}</button>'
         f'<button class="why" title="evidence and numbers">why{count}</button></div>'
         f'<div class="because">{picture}{why}</div>'
     )

@@ -23,6 +23,7 @@ from verefine_viz.viewer.snapshot.snapshot import BranchSummary, ComparedPose, E
 from verefine_viz.viewer.state.batch_gallery import Entry
 from verefine_viz.viewer.state.branch import Branch
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator, together
+from verefine_viz.viewer.state.page_link import link_of
 from verefine_viz.viewer.state.state import State
 from verefine_viz.viewer.state.timeline_marks import RED, Mark
 from verefine_viz.viewer.state.view_options import (
@@ -89,6 +90,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         session_file=next(reversed(space.files), None),
         frames=space.frames,
         frame=space.frame,
+        link=link_of(state).text,
         demos=state.demos,
         sessions=state.sessions,
         batch=state.browsing.gallery,

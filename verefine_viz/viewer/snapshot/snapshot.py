@@ -98,6 +98,8 @@ class Snapshot:
     """Where the open session was read or written last, absolute; None = in no file."""
     frames: tuple[str, ...]
     frame: str
+    link: str
+    """What the page's address has behind its #: this frame, object and iteration."""
     demos: tuple[str, ...]
     sessions: tuple[str, ...]
     """Session files that lie at hand."""

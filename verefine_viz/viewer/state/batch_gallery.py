@@ -25,18 +25,23 @@ if TYPE_CHECKING:
     from verefine_viz.viewer.state.workspace import Workspace
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Entry:
-    """One object of a frame, as one run answered it."""
+    """One object of a frame, as one run answered it; or a frame of a watched folder that is not solved yet."""
 
     run: str
     """Name of the run's folder."""
     row: ObjectRow
 
     @property
+    def is_waiting(self) -> bool:
+        """Whether it is a frame that is not solved yet."""
+        return self.row.is_waiting
+
+    @property
     def is_wrong(self) -> bool:
         """Whether the answer is wrong or missing; False also where that is unknown."""
-        return self.row.status != "ok" or self.row.is_correct is False
+        return not self.is_waiting and (self.row.status != "ok" or self.row.is_correct is False)
 
     @property
     def can_be_opened(self) -> bool:
@@ -89,17 +94,20 @@ class Gallery:
     @cached_property
     def outcome(self) -> str:
         """How many objects are right, in words; as in a batch, one without an answer is not."""
-        objects = [e.row for e in self.entries if e.row.is_object]
+        solved = [e for e in self.entries if not e.is_waiting]
+        objects = [e.row for e in solved if e.row.is_object]
         known = [row for row in objects if row.has_truth or row.is_correct is not None]
         n_right, missing = sum(row.is_correct is True for row in known), sum(row.status != "ok" for row in objects)
-        n_frames, failed = len({e.row.frame for e in self.entries}), len(self.entries) - len(objects)
+        n_frames, failed = len({e.row.frame for e in solved}), len(solved) - len(objects)
         words = f"{n_right} of {len(known)} objects" if known else f"{len(objects)} objects"
         words += (
             f" of {len(self.runs)} runs" if self.has_several_runs else f" in {n_frames} frame{'s' * (n_frames != 1)}"
         )
         words += " are right" if known else ""
         words += f"; {missing} {'has' if missing == 1 else 'have'} no answer" if missing else ""
-        return words + (f"; {failed} frame{'s' * (failed != 1)} failed" if failed else "")
+        words += f"; {failed} frame{'s' * (failed != 1)} failed" if failed else ""
+        n_waiting = len(self.entries) - len(solved)
+        return words + (f"; {n_waiting} frame{'s' * (n_waiting != 1)} not solved yet" if n_waiting else "")
 
     @cached_property
     def doubt(self) -> str:

@@ -158,6 +158,7 @@ class State:
         write: writes what :class:`~commands.SaveSession` and :class:`~commands.Export` ask for, and says where.
         sessions: lists the session files at hand.
         batch: whose answers are listed; None = no batch.
+        frame: what is opened first; None = the first of the session.
     """
 
     def __init__(
@@ -172,8 +173,9 @@ class State:
         batch: Gallery | None = None,
         progress: ProgressToken = NEVER_CANCELLED,
         overlap: Callable[..., Any] | None = None,
+        frame: str | None = None,
     ) -> None:
-        self.workspace = Workspace(session, path, make_tools, plausibility, progress, overlap)
+        self.workspace = Workspace(session, path, make_tools, plausibility, progress, overlap, frame)
         self.browsing = Browsing(batch, self.workspace)
         self.comparison = Comparison(self.workspace)
         self.running = Running()

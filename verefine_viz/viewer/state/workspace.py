@@ -154,6 +154,7 @@ class Workspace:
         plausibility: see :class:`CachedEvaluator`.
         progress: checked before anything that may take seconds.
         overlap: see :class:`CachedEvaluator`.
+        frame: what to open first of it; None = its first.
     """
 
     def __init__(
@@ -164,11 +165,12 @@ class Workspace:
         plausibility: Callable[..., Any] | None = None,
         progress: ProgressToken = NEVER_CANCELLED,
         overlap: Callable[..., Any] | None = None,
+        frame: str | None = None,
     ) -> None:
         self.make_tools = make_tools
         self._progress = progress
         self._plausibility, self._overlap = plausibility, overlap
-        self.open(session, path)
+        self.open(session, path, frame)
 
     def open(self, session: Session, path: Path | None, frame: str | None = None) -> None:
         """Another session, at its first frame or the one named."""

@@ -1,0 +1,131 @@
+"""``view --watch FOLDER`` as a program: what it refuses, killed in the middle and started again, ended by Ctrl-C."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from tests.fakes import box_problem
+from tests.session.test_keep_frame import box_mesh, found, kept
+from verefine_viz.batch.index import read_batch
+from verefine_viz.cli import main
+from verefine_viz.session.files import resolve, save_session
+from verefine_viz.viewer import app as page_app
+
+PROBLEM = box_problem(n_hypotheses=2)
+PATIENCE_S = 240.0
+
+
+@pytest.fixture
+def frames(tmp_path: Path) -> Path:
+    """A folder of ``keep_frame`` with one frame."""
+    keep(tmp_path / "frames")
+    return tmp_path / "frames"
+
+
+def keep(folder: Path, n: int = 1) -> None:
+    mesh = folder.parent / "box.stl"
+    for _ in range(n):
+        kept(folder, PROBLEM, [found(PROBLEM, mesh if mesh.is_file() else box_mesh(mesh))])
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("--watch", "nowhere"), "--watch nowhere does not exist; expected the folder in which frames arrive"),
+        (("a.rrd", "--watch", "frames"), "a.rrd is no session; with --watch expected a session file (.toml) or none"),
+        (("--out", "runs"), "--out is for the results of --watch FOLDER; leave it out, or name the folder to watch"),
+        (("--watch", "frames", "--method.name", "best"), "unknown method 'best'"),
+        (("--watch", "frames", "--method.tau", "1"), "--method.tau"),
+        (("none.toml", "--watch", "frames"), "session file none.toml does not exist"),
+    ],
+)
+def test_what_cannot_be_watched_is_refused_in_one_line(
+    frames: Path, words: tuple[str, ...], why: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(frames.parent)
+    assert main(["view", *words]) == 2
+    said = capsys.readouterr().err
+    assert why in said
+    assert said.count("\n") == 1 or "--method.tau" in why
+    assert not (frames.parent / "frames-runs").exists()
+
+
+def test_results_go_beside_the_folder_or_where_they_are_wanted(
+    frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: dict[str, Any] = {}
+    monkeypatch.setattr(page_app, "serve", lambda session, **given: asked.update(given, session=session))
+    for words, out in (((), tmp_path / "frames-runs"), (("--out", str(tmp_path / "there")), tmp_path / "there")):
+        assert main(["view", "--watch", str(frames), *words]) == 0
+        assert asked["watch"].out == out
+        asked["watch"].close()
+
+
+# The program itself
+
+
+@contextmanager
+def program(frames: Path) -> Iterator[subprocess.Popen[str]]:
+    """The page of the folder, with a method that is done soon."""
+    session = frames.parent / "quick.toml"
+    save_session(resolve({"method": {"name": "refine", "iterations": 3}, "physics": {"enabled": False}}), session)
+    words = ["view", str(session), "--watch", str(frames), "--port", "0", "--no-open-browser"]
+    child = subprocess.Popen(
+        [sys.executable, "-m", "verefine_viz.cli", *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    try:
+        yield child
+    finally:
+        child.kill()
+        child.communicate()
+
+
+def until(child: subprocess.Popen[str], holds: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while not holds():
+        assert child.poll() is None, child.communicate()[0]
+        assert time.monotonic() < end, "it never happened"
+        time.sleep(0.05)
+
+
+def test_killed_and_started_again_it_goes_on_and_ctrl_c_leaves_a_whole_batch(frames: Path, processes: None) -> None:
+    run = frames.parent / "frames-runs" / "frames"
+
+    def solved() -> list[str]:
+        return sorted(path.name for path in (run / "frames").glob("*.json"))
+
+    with program(frames) as child:
+        until(child, lambda: len(solved()) == 1)
+        keep(frames, 3)
+        until(child, lambda: len(solved()) >= 2)
+        workers = psutil.Process(child.pid).children(recursive=True)
+        assert workers
+        child.kill()
+        assert child.wait() == -signal.SIGKILL
+        assert not psutil.wait_procs(workers, timeout=60)[1], "workers outlived the program"
+    before = {name: (run / "frames" / name).stat().st_mtime_ns for name in solved()}
+    with program(frames) as child:
+        until(child, lambda: len(solved()) == 4)
+        keep(frames)
+        until(child, lambda: len(solved()) == 5)
+        workers = psutil.Process(child.pid).children(recursive=True)
+        child.send_signal(signal.SIGINT)
+        said, _ = child.communicate(timeout=60)
+        assert child.returncode == 0, said
+        assert "Traceback" not in said
+        assert f"watching {frames}; results in {frames.parent / 'frames-runs'}\n" in said
+        assert not psutil.wait_procs(workers, timeout=60)[1], "workers outlived the program"
+    assert before == {name: (run / "frames" / name).stat().st_mtime_ns for name in before}, "a frame was solved twice"
+    assert not list(run.rglob("*.part"))
+    assert not list(run.rglob("*.rrd.journal"))
+    assert [row.frame for row in read_batch(run).rows] == [f"1/{k}" for k in range(1, 6)]

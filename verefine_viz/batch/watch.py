@@ -1,0 +1,357 @@
+"""A folder in which frames arrive: which there are, and a batch per data set of it that solves them as they come.
+
+The folder is a data set in BOP layout (what ``keep_frame`` writes is one), or holds several. Each gets a run of its
+own below ``out``, with the files of any batch: a watch that is killed goes on where it was, and ``view`` opens what it
+left.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from verefine_viz.batch.folder import SESSION_FILE, RunFolder
+from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.journal import Journal, RunFile
+from verefine_viz.batch.rows import FrameResult, ObjectRow
+from verefine_viz.batch.run_batch import Backend, Progress, run_batch
+from verefine_viz.batch.worker_pool import Pool
+from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
+from verefine_viz.core.paths import check_folder, try_lock
+from verefine_viz.core.settings import Session
+from verefine_viz.scenes.frames import parse_frame
+from verefine_viz.scenes.source import open_scene
+from verefine_viz.session.files import load_session, save_session
+
+_LOG = logging.getLogger(__name__)
+POLL_S = 1.0
+"""Time between two looks into the folder [s]."""
+TRIES = 3
+"""How often a frame is solved that fails, or in which a file cannot be read: it may still be being written."""
+RETRY_S = 3.0
+"""Time between two of them [s]."""
+WAITING = "not solved yet"
+LOCK = ".watch.lock"
+SCENES, CAMERAS = "*/[0-9]*", "scene_camera.json"
+"""Scenes of a data set, and the file that lists the images of one."""
+
+
+@dataclass(eq=False)
+class Watched:
+    """One data set of the folder, and its run."""
+
+    out: Path
+    """Folder of the run."""
+    session: Session
+    frames: tuple[str, ...] = ()
+    """Those that are there, in the order in which they came."""
+    results: dict[str, FrameResult] = field(default_factory=dict)
+    """Of the frames that are solved, and of those that are given up."""
+    tries: dict[str, int] = field(default_factory=dict)
+    not_before: dict[str, float] = field(default_factory=dict)
+    """When a frame that failed may be tried again [s]."""
+    blocked_until: float = 0.0
+    """When a session that could not be run is tried again [s]."""
+    written: tuple[str, ...] = ()
+    """Frames that are in the run's tables."""
+    files: object = None
+    """What its files were when they were read, see :func:`_state_of`."""
+
+    @property
+    def waiting(self) -> tuple[str, ...]:
+        """Frames that are still to be solved."""
+        return tuple(frame for frame in self.frames if frame not in self.results)
+
+    @property
+    def ready(self) -> tuple[str, ...]:
+        """Those of them that can be solved now."""
+        now = time.monotonic()
+        return tuple(frame for frame in self.waiting if self.not_before.get(frame, 0.0) <= now)
+
+    @property
+    def has_work(self) -> bool:
+        """Whether something is to be solved or written now."""
+        return time.monotonic() >= self.blocked_until and bool(self.ready or self.written != self.frames)
+
+    @property
+    def index(self) -> BatchIndex:
+        """For the gallery: the answers in the order in which they came, then a row per frame that waits."""
+        there = {*self.frames}
+        done = [row for frame, result in self.results.items() if frame in there for row in result.objects]
+        return BatchIndex(self.out, self.session, RunFile(), (*done, *map(self._waiting_row, self.waiting)))
+
+    def _waiting_row(self, frame: str) -> ObjectRow:
+        (scene_id, im_id), method = parse_frame(frame), self.session.method.name
+        return ObjectRow(scene_id=scene_id, im_id=im_id, status="no_answer", method=method, message=WAITING)
+
+    def take(self, journal: Journal, result: FrameResult) -> None:
+        """Takes over a result, or has the frame tried again where files of it may not have been whole."""
+        frame, tries = result.frame, self.tries.get(result.frame, 0)
+        if result.can_be_mended and tries < TRIES:
+            journal.forget(frame)
+            self.not_before[frame] = time.monotonic() + RETRY_S if tries else 0.0
+        else:
+            self.results[frame] = result
+
+
+class Watch:
+    """Looks into a folder and solves what it finds; all but :attr:`latest` and :meth:`stop` belongs to one thread.
+
+    Args:
+        folder: what is watched.
+        out: gets a folder per data set.
+        base: whose method and other settings are used; None = those of a data set's own ``session.toml``, or defaults.
+        overrides: settings that win over those.
+        n_workers: processes that solve.
+
+    Raises:
+        InputError: the folder does not exist, or ``out`` cannot be written.
+        UnavailableError: another program watches with the same ``out``.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        out: Path,
+        base: Session | None = None,
+        overrides: Mapping[str, Any] | None = None,
+        n_workers: int = 1,
+    ) -> None:
+        if not folder.is_dir():
+            what = "is a file" if folder.exists() else "does not exist"
+            raise InputError(f"--watch {folder} {what}; expected the folder in which frames arrive")
+        check_folder(out)
+        out.mkdir(parents=True, exist_ok=True)
+        lock = try_lock(out / LOCK)
+        if lock is None:
+            raise UnavailableError(f"another program watches with its results in {out}; end it or choose another --out")
+        self.folder, self.out = folder, out
+        self._lock = lock
+        self._base, self._overrides, self._n_workers = base, overrides or {}, n_workers
+        self._watched: dict[Path, Watched] = {}
+        self._faults: dict[Path, str] = {}
+        self._pool: Pool | None = None
+        self._stopping = threading.Event()
+        self._changed: Callable[[], None] = lambda: None
+        self._looked_at = 0.0
+        self.latest: tuple[tuple[BatchIndex, ...], str] = ((), "")
+        """A run per data set that has or had frames, and what keeps frames from being read or solved, one line."""
+
+    def look(self) -> bool:
+        """Looks what has arrived, was solved or is gone; whether anything has changed."""
+        self._looked_at = time.monotonic()
+        folders = data_folders(self.folder)
+        for data, watched in self._watched.items():
+            if data not in folders:
+                watched.frames, watched.files = (), None
+        self._faults = {data: fault for data, fault in self._faults.items() if data in self._watched}
+        for data in folders:
+            try:
+                self._read(data)
+            except VerefineError as error:  # A file may still be being written.
+                self._faults[data] = str(error)
+        before, self.latest = (
+            self.latest,
+            (
+                tuple(watched.index for watched in self._watched.values()),
+                "; ".join(self._faults.values()),
+            ),
+        )
+        for fault in {*self._faults.values()} - {*before[1].split("; ")}:
+            _LOG.warning("%s", fault)
+        return _shown(before) != _shown(self.latest)
+
+    def work(self, changed: Callable[[], None]) -> None:
+        """Looks and solves until :meth:`stop`; ``changed`` is called after each change."""
+        self._changed = changed
+        with suppress(_Stopped):
+            while not self._stopping.wait(max(self._looked_at + POLL_S - time.monotonic(), 0)):
+                self._look_and_tell()
+                for data, watched in self._watched.items():
+                    if watched.has_work:
+                        self._solve(data, watched)
+
+    def stop(self) -> None:
+        """Has :meth:`work` end within a second or two. Callable from any thread."""
+        self._stopping.set()
+
+    def close(self) -> None:
+        """Ends the workers, and removes what they had half written. Not while :meth:`work` runs."""
+        if self._pool is not None:
+            self._pool.close()
+        for watched in self._watched.values():
+            if (watched.out / SESSION_FILE).exists():
+                with suppress(VerefineError):
+                    RunFolder(watched.out, watched.session).close()
+        self._lock.close()
+
+    def _look_and_tell(self) -> None:
+        if self.look():
+            self._changed()
+
+    def _read(self, data: Path) -> None:
+        """Which frames a data set has now, and which of them are solved.
+
+        Raises:
+            VerefineError: a file of it is damaged, or not whole yet.
+        """
+        watched, files = self._watched.get(data), _state_of(data)
+        if watched is None or watched.files != files:
+            session = self._session(data)
+            frames = open_scene(session.scene, session.hypotheses).frames
+            if watched is None:
+                taken = {other.out.name for other in self._watched.values()}
+                watched = self._watched[data] = Watched(self.out / _free(data.resolve().name, taken), session)
+            if session != watched.session:
+                watched.session = session
+            there = {*frames}
+            watched.frames = tuple(dict.fromkeys((*(f for f in watched.frames if f in there), *frames)))
+            watched.files = files
+            self._faults.pop(data, None)
+        journal = Journal(watched.out / "frames")
+        for result in journal.results(watched.waiting):
+            watched.take(journal, result)
+
+    def _session(self, data: Path) -> Session:
+        """What solves the frames of a data set: all of them, whatever its session file names."""
+        own, base, title = data / SESSION_FILE, self._base, data.resolve().name
+        if own.is_file():
+            session = load_session(own, self._overrides)
+        elif base is not None and base.scene.source == "bop":
+            scene = base.scene.model_copy(update={"dataset": str(data.resolve())})
+            session = base.model_copy(update={"title": title, "scene": scene})
+        else:
+            split = min(path.parent.parent.name for path in data.glob(f"{SCENES}/{CAMERAS}"))
+            has_gt = any(data.glob(f"{split}/[0-9]*/scene_gt.json"))
+            sections: dict[str, Any] = {
+                "scene": {"source": "bop", "dataset": str(data.resolve()), "split": split},
+                "hypotheses": {"source": "perturb" if has_gt else "ppf"},
+            }
+            given = {name: {**fields, **self._overrides.get(name, {})} for name, fields in sections.items()}
+            session = load_session(None, {"title": title, **self._overrides, **given})
+        if base is not None:
+            data_of = {"title": session.title, "scene": session.scene, "hypotheses": session.hypotheses}
+            session = base.model_copy(update=data_of)
+        scene = session.scene.model_copy(update={"frames": ()})
+        return session.model_copy(update={"scene": scene, "edits": ()})
+
+    def _solve(self, data: Path, watched: Watched) -> None:
+        """What is ready of a data set, and what arrives meanwhile; then its tables."""
+        session, frames, out = watched.session, watched.frames, watched.out.absolute()
+        try:
+            _accept_growth(watched)
+            if self._pool is None:
+                self._pool = Pool(session, out, self._n_workers, "explain", pause_s=POLL_S)
+            self._pool.switch_to(session, out)
+            workers = _Newest(self._pool, watched)
+            run_batch(session, watched.out, Backend(self._n_workers), self._report, workers=workers)
+            watched.written = frames
+            self._faults.pop(data, None)
+        except VerefineError as error:
+            if self._pool is not None:  # Its workers may still be at frames of this round.
+                self._pool.close()
+                self._pool = None
+            self._faults[data] = str(error)
+            watched.blocked_until = time.monotonic() + 3 * RETRY_S
+        self._look_and_tell()
+
+    def _report(self, progress: Progress) -> None:
+        """While frames are solved others arrive."""
+        if self._stopping.is_set():
+            raise _Stopped
+        self._look_and_tell()
+
+
+class _Stopped(BaseException):
+    """The watch ends."""
+
+
+@dataclass(frozen=True)
+class _Newest:
+    """The workers of a batch, which solve the newest frames first, also those that arrive meanwhile."""
+
+    pool: Pool
+    watched: Watched
+
+    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | str | None]:
+        return self.pool.solve(self._wanted(self.watched.session))
+
+    def _wanted(self, session: Session) -> Iterator[str]:
+        """Until nothing is ready, or needs another session."""
+        given = set[str]()
+        while self.watched.session is session:
+            ready = [frame for frame in self.watched.ready if frame not in given]
+            if not ready:
+                return
+            given.add(ready[-1])
+            self.watched.tries[ready[-1]] = self.watched.tries.get(ready[-1], 0) + 1
+            yield ready[-1]
+
+    def close(self) -> None:
+        """They are used again."""
+
+    @property
+    def needs(self) -> str:
+        return self.pool.needs
+
+    @property
+    def warning(self) -> str:
+        return self.pool.warning
+
+
+def data_folders(folder: Path) -> tuple[Path, ...]:
+    """The data sets of a folder that hold a frame: itself, or those directly in it."""
+    try:
+        if _has_frames(folder):
+            return (folder,)
+        return tuple(sorted(path for path in folder.iterdir() if path.is_dir() and _has_frames(path)))
+    except OSError:  # It is gone, or a folder in it is.
+        return ()
+
+
+def _has_frames(folder: Path) -> bool:
+    return any(folder.glob(f"{SCENES}/{CAMERAS}"))
+
+
+def _state_of(data: Path) -> object:
+    """Time and size of the files that say which frames there are, and how they are to be read."""
+    files = sorted((data / SESSION_FILE, *data.glob(f"{SCENES}/{CAMERAS}")))
+    stats = [(file, file.stat()) for file in files if file.is_file()]
+    return tuple((file, stat.st_mtime_ns, stat.st_size) for file, stat in stats)
+
+
+def _free(name: str, taken: Iterable[str]) -> str:
+    names = (name, *(f"{name}-{k}" for k in range(2, len([*taken]) + 3)))
+    return next(free for free in names if free not in taken)
+
+
+def _shown(latest: tuple[tuple[BatchIndex, ...], str]) -> object:
+    return [(index.folder, index.session, index.rows) for index in latest[0]], latest[1]
+
+
+def _accept_growth(watched: Watched) -> None:
+    """Lets a run go on with the session that ``keep_frame`` wrote with later frames.
+
+    Further results files, more poses per object, and gravity that later frames know do not change what earlier frames
+    have to be solved with.
+    """
+    file = watched.out / SESSION_FILE
+    if not file.exists():
+        return
+    before, now = load_session(file), watched.session
+    hypotheses = {"files": now.hypotheses.files, "max_per_object": now.hypotheses.max_per_object}
+    grown = before.model_copy(
+        update={
+            "scene": before.scene.model_copy(update={"gravity": now.scene.gravity}),
+            "hypotheses": before.hypotheses.model_copy(update=hypotheses),
+        }
+    )
+    keeps_files = {*before.hypotheses.files} <= {*now.hypotheses.files}
+    if before != now and grown == now and keeps_files:
+        save_session(now, file)
