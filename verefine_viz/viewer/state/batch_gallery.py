@@ -13,7 +13,6 @@ from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.index import BatchIndex, Order, find_runs, read_batch, sort_key
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.batch.totals import doubts_in_words
-from verefine_viz.batch.watch import WAITING
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import cause_title
@@ -43,7 +42,7 @@ class Entry:
     @property
     def is_waiting(self) -> bool:
         """Whether it is a frame that is not solved yet."""
-        return self.row.message == WAITING
+        return self.row.is_waiting
 
     @property
     def is_wrong(self) -> bool:
