@@ -18,8 +18,8 @@ from verefine_viz.batch import watch as watching
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex, read_batch
 from verefine_viz.batch.journal import Journal
-from verefine_viz.batch.rows import FrameResult
-from verefine_viz.batch.watch import TRIES, WAITING, Watch, data_folders
+from verefine_viz.batch.rows import WAITING, FrameResult
+from verefine_viz.batch.watch import TRIES, Watch, data_folders
 from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session, resolve

@@ -21,6 +21,8 @@ from verefine_viz.diagnosis.causes import DATA_FIRST
 from verefine_viz.scenes.frames import parse_frame
 
 Status = Literal["ok", "no_answer", "left_out", "failed"]
+WAITING = "not solved yet"
+"""The message of a row for a frame that has only just arrived in a watched folder; no table has such rows."""
 
 
 class Row(BaseModel):
@@ -97,6 +99,11 @@ class ObjectRow(Row):
     def is_object(self) -> bool:
         """Whether it is about an object; False of a failed frame whose objects are unknown."""
         return self.status != "failed" or self.obj_id is not None
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether it stands for a frame that is still to be solved."""
+        return self.message == WAITING
 
     @property
     def can_be_right(self) -> bool:

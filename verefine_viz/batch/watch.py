@@ -19,7 +19,7 @@ from typing import Any
 from verefine_viz.batch.folder import SESSION_FILE, RunFolder
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import Journal, RunFile
-from verefine_viz.batch.rows import FrameResult, ObjectRow
+from verefine_viz.batch.rows import WAITING, FrameResult, ObjectRow
 from verefine_viz.batch.run_batch import Backend, Progress, run_batch
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
@@ -36,7 +36,6 @@ TRIES = 3
 """How often a frame is solved that fails, or in which a file cannot be read: it may still be being written."""
 RETRY_S = 3.0
 """Time between two of them [s]."""
-WAITING = "not solved yet"
 LOCK = ".watch.lock"
 SCENES, CAMERAS = "*/[0-9]*", "scene_camera.json"
 """Scenes of a data set, and the file that lists the images of one."""
