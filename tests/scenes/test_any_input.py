@@ -88,6 +88,7 @@ def test_any_value_anywhere_in_a_json_file(made: Made, file: str, new: Any, step
 
 @settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
 @given(new=values, steps=steps)
+@example(new={"\n": None}, steps=[0])
 def test_any_value_anywhere_in_detections(made: Made, found: list[dict[str, Any]], new: Any, steps: list[int]) -> None:
     path = made.root / "any.json"
     path.write_text(json.dumps(replaced(found, steps, new)))

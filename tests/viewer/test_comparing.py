@@ -32,7 +32,7 @@ def test_b_is_computed_beside_the_open_run() -> None:
     assert d.workspace.run.cursor == 3, "A is left alone"
     d.apply(c.Step())
     d.apply(c.ColorCloud())
-    d.apply(c.TurnPage(0))
+    d.apply(c.ArrangeGallery())
     assert d.comparison.is_running, "looking around does not disturb it"
     d.apply(c.PauseB())
     assert not d.comparison.is_running

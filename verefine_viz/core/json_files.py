@@ -116,7 +116,7 @@ def key_of(entry: Any, key: str, where: str) -> Any:
     if not isinstance(entry, dict):
         raise InputError(f"{where} is a JSON {type(entry).__name__}, expected an object with {key!r}")
     if key not in entry:
-        raise InputError(f"{where} has no {key!r}; it has {', '.join(map(str, entry)) or 'nothing'}")
+        raise InputError(f"{where} has no {key!r}; it has {', '.join(map(_shown, entry)) or 'nothing'}")
     return entry[key]
 
 
@@ -195,3 +195,8 @@ def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
         raise InputError(f"has the key {quoted(twice, 40)} twice in one object; delete one of them")
     return entry
+
+
+def _shown(name: object) -> str:
+    """A key as it is where that fits a line, else quoted."""
+    return str(name) if str(name).isprintable() else quoted(name)
