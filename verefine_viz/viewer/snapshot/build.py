@@ -12,14 +12,14 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Instance, Problem, Target
 from verefine_viz.core.records import Best, Iteration
-from verefine_viz.core.scores import PoseScore, ScoreMaps
+from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore, ScoreMaps
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.snapshot.comparison_snapshot import comparison_snapshot
 from verefine_viz.viewer.snapshot.finished_objects import FinishedObject, finished_objects
 from verefine_viz.viewer.snapshot.scene_state import SceneState, known_physics, others_of, scene_state, work_out
-from verefine_viz.viewer.snapshot.snapshot import BranchSummary, ComparedPose, EvaluatedPose, Progress, Snapshot, probe
+from verefine_viz.viewer.snapshot.snapshot import BranchSummary, ComparedPose, EvaluatedPose, Probe, Progress, Snapshot
 from verefine_viz.viewer.state.batch_gallery import Entry
 from verefine_viz.viewer.state.branch import Branch
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator, together
@@ -360,7 +360,30 @@ def _compared_scenes(
 def _with_probe(pose: EvaluatedPose, maps: ScoreMaps | None, target: Target, options: ViewOptions) -> ComparedPose:
     if maps is None or options.pixel is None:
         return ComparedPose(pose, maps)
-    return ComparedPose(pose, maps, probe(maps, target, *options.pixel))
+    return ComparedPose(pose, maps, _probe(maps, target, *options.pixel))
+
+
+def _probe(maps: ScoreMaps, target: Target, u: int, v: int) -> Probe:
+    """The numbers of pixel (row v, column u)."""
+    observed, rendered = float(target.observation.depth_m[v, u]), float(maps.rendered_m[v, u])
+    angle = float(np.rad2deg(maps.angle_rad[v, u]))
+    counted = bool(maps.counted[v, u])
+    f_d, f_n = float(maps.f_d[v, u]), float(maps.f_n[v, u])
+    value = int(maps.classes[v, u])
+    both = observed > 0 and rendered > 0
+    return Probe(
+        u=u,
+        v=v,
+        observed_m=observed if observed > 0 else None,
+        rendered_m=rendered if rendered > 0 else None,
+        difference_mm=(observed - rendered) * 1000 if both else None,
+        angle_deg=angle if rendered > 0 and np.isfinite(angle) else None,
+        f_d=f_d,
+        f_n=f_n,
+        pixel_class=PIXEL_CLASSES[value - 1] if value else "not scored",
+        contribution=(f_d + f_n) / 2 / int(maps.counted.sum()) if counted else 0.0,
+        counted=counted,
+    )
 
 
 @lru_cache(maxsize=4)

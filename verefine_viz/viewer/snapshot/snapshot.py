@@ -8,12 +8,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Best, Iteration
-from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore, ScoreMaps
+from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Edit, Session
 from verefine_viz.diagnosis.ambiguity import OtherPose
 from verefine_viz.diagnosis.symmetry import UndeclaredTurn
@@ -267,29 +265,6 @@ class Probe:
     contribution: float
     """What this pixel adds to the score: (f_d + f_n) / 2N; 0 where it is not counted."""
     counted: bool
-
-
-def probe(maps: ScoreMaps, target: Target, u: int, v: int) -> Probe:
-    """The numbers of pixel (row v, column u)."""
-    observed, rendered = float(target.observation.depth_m[v, u]), float(maps.rendered_m[v, u])
-    angle = float(np.rad2deg(maps.angle_rad[v, u]))
-    counted = bool(maps.counted[v, u])
-    f_d, f_n = float(maps.f_d[v, u]), float(maps.f_n[v, u])
-    value = int(maps.classes[v, u])
-    both = observed > 0 and rendered > 0
-    return Probe(
-        u=u,
-        v=v,
-        observed_m=observed if observed > 0 else None,
-        rendered_m=rendered if rendered > 0 else None,
-        difference_mm=(observed - rendered) * 1000 if both else None,
-        angle_deg=angle if rendered > 0 and np.isfinite(angle) else None,
-        f_d=f_d,
-        f_n=f_n,
-        pixel_class=PIXEL_CLASSES[value - 1] if value else "not scored",
-        contribution=(f_d + f_n) / 2 / int(maps.counted.sum()) if counted else 0.0,
-        counted=counted,
-    )
 
 
 def visit(snapshot: Snapshot, iteration: Iteration) -> c.Command:
