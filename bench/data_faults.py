@@ -158,7 +158,7 @@ def initial_poses(times: float = 1.0) -> Fault:
 
 
 def has_cause(*causes: str) -> Check:
-    """Whether sizes and places in true poses show one of these causes, or any at all where none is given."""
+    """Whether sizes and places in ground-truth poses show one of these causes, or any at all where none is given."""
 
     def check(p: Problem) -> bool:
         known = [(p.models[i.obj_id], i.T_cam_obj_gt, i.mask) for i in p.instances if i.T_cam_obj_gt is not None]
@@ -170,7 +170,7 @@ def has_cause(*causes: str) -> Check:
 
 
 def is_elsewhere(p: Problem) -> bool:
-    """Whether depth lies nowhere near the true poses."""
+    """Whether depth lies nowhere near the ground-truth poses."""
     return bool(ground_truth_notes(p.instances, p.models, Path(), False))
 
 
@@ -210,11 +210,11 @@ CHECKS: tuple[tuple[str, Check, tuple[Fault, ...]], ...] = (
     ("cx or cy", has_cause("principal point"), (camera(dx=-40), camera(dx=20), camera(dy=-20), camera(dy=40))),
     ("cam_K of another image size", has_cause("image"), tuple(camera(image=f) for f in (0.5, 0.8, 1.25, 2.0))),
     ("size of models", has_cause("models", "focal length or models"), tuple(models(f) for f in NEAR)),
-    ("distance of true poses", has_cause("distances"), (truth(0.8), truth(1.2))),
+    ("distance of ground-truth poses", has_cause("distances"), (truth(0.8), truth(1.2))),
     ("masks displaced", has_cause("masks"), (masks(-30), masks(15))),
-    ("depth_scale, by true poses", has_cause("depth"), tuple(depth(f) for f in NEAR)),
+    ("depth_scale, by ground-truth poses", has_cause("depth"), tuple(depth(f) for f in NEAR)),
     (
-        "units of depth or true poses",
+        "units of depth or ground-truth poses",
         is_elsewhere,
         tuple(depth(f) for f in (0.1, 0.5, 2.0, 10.0)) + tuple(truth(f) for f in FAR),
     ),

@@ -70,7 +70,7 @@ def _vsd_rows() -> list[dict[str, Any]]:
             return vsd(background, model_depth(model, R_EST, T_EST_MM, K, SHAPE), truth, K, model.diameter_mm)
 
         rows.append(_row(f"VSD, {n_faces} faces, both poses drawn", pair, official))
-        rows.append(_row(f"VSD, {n_faces} faces, true pose kept", estimate_only, official))
+        rows.append(_row(f"VSD, {n_faces} faces, ground-truth pose kept", estimate_only, official))
     return rows
 
 

@@ -225,7 +225,7 @@ def test_an_object_whose_model_is_damaged_is_a_failure_until_it_is_mended(
     assert without_times(out) == without_times(uninterrupted)
 
 
-def test_an_object_without_a_row_in_the_pool_is_told_once(made: Made, tmp_path: Path) -> None:
+def test_an_object_without_a_row_in_the_pool_is_reported_once(made: Made, tmp_path: Path) -> None:
     pool, rows = tmp_path / "pool.csv", []
     for im_id in range(N_FRAMES):
         for instance in made.problem.instances[::2]:

@@ -35,7 +35,7 @@ FLOAT = "all 3 objects float above the support plane: give scene.gravity"
         ),
     ],
 )
-def test_each_reason_is_told_with_its_frames_the_most_frequent_first(whys: list[str], said: str) -> None:
+def test_each_reason_is_reported_with_its_frames_the_most_frequent_first(whys: list[str], said: str) -> None:
     doubts = Doubts()
     for k, why in enumerate(whys):
         doubts.add(f"0/{k}", why)

@@ -18,7 +18,7 @@ def test_an_object_with_one_number_keeps_it() -> None:
     assert counted((LACKS.format(2),), (LACKS.format(2),)) == {LACKS.format(2): 2}
 
 
-def test_an_object_is_told_once_whatever_its_number() -> None:
+def test_an_object_is_reported_once_whatever_its_number() -> None:
     said = "mug has no hypothesis: no row for object 5"
     assert counted((LACKS.format(0),), (LACKS.format(3),), (LACKS.format(0),)) == {said: 3}
     # Two of them in one frame are one frame.

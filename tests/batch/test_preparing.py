@@ -21,7 +21,7 @@ SESSION = resolve(
 
 
 @pytest.mark.usefixtures("processes")
-def test_convex_parts_are_told_of_by_name_when_they_are_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_convex_parts_are_named_by_name_when_they_are_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     told: list[list[str]] = []
     for start in "ab":

@@ -230,7 +230,7 @@ def test_two_browsers_show_the_same_run(look: Look, chromium: object) -> None:
     other.page.close()
 
 
-def test_a_program_that_has_ended_is_told_until_it_is_back(look: Look) -> None:
+def test_a_program_that_has_ended_is_reported_until_it_is_back(look: Look) -> None:
     screen = look(MUG)
     line = "getComputedStyle(document.body, '::after').content"
     assert screen.page.evaluate(line) == "none"

@@ -66,7 +66,7 @@ def test_a_wrong_principal_point_is_named_with_its_pixels(dx: float, dy: float, 
     assert advice in said.advice
 
 
-def test_masks_that_are_all_displaced_are_told_from_a_wrong_principal_point() -> None:
+def test_masks_that_are_all_displaced_are_reported_from_a_wrong_principal_point() -> None:
     seen = scene().observation
     displaced = [(model, T, np.roll(mask, (8, -30), axis=(0, 1))) for model, T, mask in objects(scene())]
     said = verdict(displaced, seen.camera, seen.depth_m)

@@ -16,7 +16,7 @@ CLUTTER = scene()
 
 
 def moved(instance: Instance, by_mm: Float) -> Float:
-    """The true pose, somewhere else."""
+    """The ground-truth pose, somewhere else."""
     assert instance.T_cam_obj_gt is not None
     T = np.array(instance.T_cam_obj_gt)
     T[:3, 3] += 1e-3 * by_mm
@@ -43,7 +43,7 @@ def estimated(off_mm: float, depth: float = 1.0) -> Problem:
         (2.0, "(about 0.50 times as much would fit)"),
     ],
 )
-def test_depth_that_is_off_by_a_factor_is_told_before_the_run(depth: float, said: str) -> None:
+def test_depth_that_is_off_by_a_factor_is_reported_before_the_run(depth: float, said: str) -> None:
     (note,) = depth_notes(estimated(5.0, depth))
     assert said in note
 

@@ -33,7 +33,7 @@ def test_a_wrong_focal_length_is_noticed_with_its_factor(factor: float) -> None:
 
 
 @pytest.mark.parametrize("factor", [0.5, 0.8, 0.92, 1.08, 1.3, 2.0])
-def test_a_camera_of_images_of_another_size_is_told_from_a_wrong_focal_length(factor: float) -> None:
+def test_a_camera_of_images_of_another_size_is_reported_from_a_wrong_focal_length(factor: float) -> None:
     camera = scene().observation.camera
     K = np.diag([factor, factor, 1.0]) @ (camera.K + HALF_A_PIXEL)
     K[:2, 2] -= 0.5
@@ -51,7 +51,7 @@ def moved_away(of: Objects, factor: float) -> Objects:
 
 
 @pytest.mark.parametrize("factor", [0.75, 0.88, 1.12, 1.3])
-def test_models_distances_and_depth_of_another_size_are_told_apart(factor: float) -> None:
+def test_models_distances_and_depth_of_another_size_are_reported_apart(factor: float) -> None:
     camera, depth_m = scene().observation.camera, scene().observation.depth_m
     said = verdict(resized(objects(scene()), factor), camera, depth_m)
     assert said.cause == "models"

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.batch import fragile
-from tests.cli.desk import Desk
+from tests.cli.bad_input_sessions import BadInput
 from tests.scenes.bop_folder import Made, make
 from verefine_viz.batch import worker_pool as pool
 
@@ -16,7 +16,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
 
 
 @pytest.fixture
-def desk(tmp_path: Path, made: Made, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Desk:
+def desk(tmp_path: Path, made: Made, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> BadInput:
     # Bad input must be refused before the first frame is solved; a real worker would only cost time.
     monkeypatch.setattr(pool, "work", fragile.work)
-    return Desk(tmp_path, made, capsys)
+    return BadInput(tmp_path, made, capsys)

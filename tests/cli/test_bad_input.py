@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import rerun as rr
 
-from tests.cli.desk import Desk
+from tests.cli.bad_input_sessions import BadInput
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.session.files import resolve
 
@@ -23,13 +23,13 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.usefixtures("processes")
-def test_out_is_a_file(desk: Desk) -> None:
+def test_out_is_a_file(desk: BadInput) -> None:
     desk.file("out", "precious")
     assert "is a file, expected a folder" in desk.batch(desk.bop())
     assert (desk.folder / "out").read_text() == "precious"
 
 
-BELOW: dict[str, Callable[[Desk], list[object]]] = {
+BELOW: dict[str, Callable[[BadInput], list[object]]] = {
     "batch": lambda d: ["batch", d.bop(), "--out"],
     "batch of several": lambda d: ["batch", d.bop(), "--methods", "pir", "sir", "--out"],
     "estimate": lambda d: ["estimate", d.bop(), "--hypotheses.source", "ppf", "--out"],
@@ -41,7 +41,7 @@ BELOW: dict[str, Callable[[Desk], list[object]]] = {
 
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("command", BELOW)
-def test_out_is_below_a_file(desk: Desk, command: str) -> None:
+def test_out_is_below_a_file(desk: BadInput, command: str) -> None:
     file = desk.file("thing", "precious")
     words = BELOW[command](desk)
     said = desk.refused(*words, file / "out")
@@ -52,7 +52,7 @@ def test_out_is_below_a_file(desk: Desk, command: str) -> None:
 
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("command", BELOW)
-def test_out_cannot_be_written(desk: Desk, command: str) -> None:
+def test_out_cannot_be_written(desk: BadInput, command: str) -> None:
     # /proc refuses even root.
     words = BELOW[command](desk)
     said = desk.refused(*words, "/proc/runs")
@@ -61,13 +61,13 @@ def test_out_cannot_be_written(desk: Desk, command: str) -> None:
 
 
 @pytest.mark.parametrize("command", ["estimate", "report"])
-def test_out_is_a_folder_instead_of_a_file(desk: Desk, command: str) -> None:
+def test_out_is_a_folder_instead_of_a_file(desk: BadInput, command: str) -> None:
     assert "is a folder, expected the name of a file, for example" in desk.refused(*BELOW[command](desk), desk.folder)
 
 
 @pytest.mark.parametrize("command", ["batch", "batch of several", "estimate"])
 @pytest.mark.parametrize("inside", ["", "000007/run"])
-def test_out_lies_among_the_images(desk: Desk, command: str, inside: str) -> None:
+def test_out_lies_among_the_images(desk: BadInput, command: str, inside: str) -> None:
     split = desk.made.root / "test"
     out = split / inside / "new.csv"
     said = desk.refused(*BELOW[command](desk), out)
@@ -77,7 +77,9 @@ def test_out_lies_among_the_images(desk: Desk, command: str, inside: str) -> Non
 
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("words", [["--out", "~/runs"], ["--out=~/runs"]])
-def test_the_home_folder_that_a_shell_left_alone(desk: Desk, words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_home_folder_that_a_shell_left_alone(
+    desk: BadInput, words: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     desk.file("runs/thesis.tex", "")
     monkeypatch.setenv("HOME", str(desk.folder))
     desk.bop()
@@ -86,32 +88,32 @@ def test_the_home_folder_that_a_shell_left_alone(desk: Desk, words: list[str], m
 
 
 @pytest.mark.usefixtures("processes")
-def test_out_holds_other_files(desk: Desk) -> None:
+def test_out_holds_other_files(desk: BadInput) -> None:
     desk.file("out/thesis.tex", "")
     assert "holds other files (thesis.tex) and no batch run" in desk.batch(desk.bop())
 
 
 @pytest.mark.usefixtures("processes")
-def test_out_holds_another_session(desk: Desk) -> None:
+def test_out_holds_another_session(desk: BadInput) -> None:
     RunFolder(desk.folder / "out", resolve({"method": {"name": "pir"}})).close()
     assert "holds a run of another session: " in desk.batch(desk.bop())
 
 
 @pytest.mark.usefixtures("processes")
-def test_out_holds_a_damaged_session(desk: Desk) -> None:
+def test_out_holds_a_damaged_session(desk: BadInput) -> None:
     desk.file("out/session.toml", "[[[")
     assert "is not TOML" in desk.batch(desk.bop())
 
 
 @pytest.mark.usefixtures("processes")
-def test_out_is_in_use(desk: Desk) -> None:
+def test_out_is_in_use(desk: BadInput) -> None:
     folder = RunFolder(desk.folder / "out", resolve({}))
     assert "another batch is writing to" in desk.batch(desk.bop())
     folder.close()
 
 
 @pytest.mark.usefixtures("processes")
-def test_out_holds_a_damaged_run_json(desk: Desk) -> None:
+def test_out_holds_a_damaged_run_json(desk: BadInput) -> None:
     session = desk.file("demo.toml", '[scene]\ndemo = "mug"\n')
     RunFolder(desk.folder / "out", resolve({})).close()
     desk.file("out/run.json", "{")
@@ -122,12 +124,12 @@ def test_out_holds_a_damaged_run_json(desk: Desk) -> None:
 
 
 @pytest.mark.parametrize("command", BELOW)
-def test_out_holds_a_nul(desk: Desk, command: str) -> None:
+def test_out_holds_a_nul(desk: BadInput, command: str) -> None:
     assert desk.refused(*BELOW[command](desk), "a\0b") == r"'a\x00b': it holds \0, which no path can"
 
 
 @pytest.mark.parametrize("command", BELOW)
-def test_out_is_in_a_loop_of_links(desk: Desk, command: str) -> None:
+def test_out_is_in_a_loop_of_links(desk: BadInput, command: str) -> None:
     loop = desk.folder / "loop"
     loop.symlink_to(loop)
     said = desk.refused(*BELOW[command](desk), loop / "x")
@@ -138,11 +140,11 @@ def test_out_is_in_a_loop_of_links(desk: Desk, command: str) -> None:
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("name", ["n" * 300, "/".join(["n" * 200] * 25)])
 @pytest.mark.parametrize("command", BELOW)
-def test_out_has_a_name_that_is_too_long(desk: Desk, command: str, name: str) -> None:
+def test_out_has_a_name_that_is_too_long(desk: BadInput, command: str, name: str) -> None:
     assert "File name too long" in desk.refused(*BELOW[command](desk), desk.folder / name)
 
 
-INPUTS: dict[str, tuple[str, Callable[[Desk, Path], list[object]]]] = {
+INPUTS: dict[str, tuple[str, Callable[[BadInput, Path], list[object]]]] = {
     "view": (".toml", lambda d, x: ["view", x]),
     "batch": (".toml", lambda d, x: ["batch", x, "--out", d.folder / "out"]),
     "estimate": (".toml", lambda d, x: ["estimate", x, "--out", d.folder / "pool.csv"]),
@@ -156,20 +158,22 @@ INPUTS: dict[str, tuple[str, Callable[[Desk, Path], list[object]]]] = {
     [os.mkfifo, lambda path: path.symlink_to("/dev/zero"), lambda path: path.symlink_to(path), lambda path: None],
     ids=["pipe", "device", "loop", "missing"],
 )
-def test_an_input_that_is_no_file_is_one_line_at_once(desk: Desk, command: str, make: Callable[[Path], object]) -> None:
+def test_an_input_that_is_no_file_is_one_line_at_once(
+    desk: BadInput, command: str, make: Callable[[Path], object]
+) -> None:
     suffix, words = INPUTS[command]
     path = desk.folder / f"it{suffix}"
     make(path)
     assert str(path) in desk.refused(*words(desk, path))
 
 
-def test_a_value_of_thousands_of_letters_is_cut(desk: Desk) -> None:
+def test_a_value_of_thousands_of_letters_is_cut(desk: BadInput) -> None:
     for words in (["--method.name", "x" * 5000], ["--method.iterations", "9" * 5000], ["--port", "9" * 5000]):
         assert len(desk.refused("view", *words)) < 500
 
 
 @pytest.mark.parametrize("n", ["-1", "10001", str(10**30)])
-def test_failures_that_no_report_shows(desk: Desk, n: str) -> None:
+def test_failures_that_no_report_shows(desk: BadInput, n: str) -> None:
     assert desk.refused("report", desk.folder, "--failures", n) == f"--failures is {n}, expected 0 to 10000"
 
 
@@ -177,7 +181,7 @@ def test_failures_that_no_report_shows(desk: Desk, n: str) -> None:
 
 
 @pytest.mark.usefixtures("processes")
-def test_the_port_is_taken(desk: Desk) -> None:
+def test_the_port_is_taken(desk: BadInput) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -194,32 +198,32 @@ def test_make_takes_the_port_that_is_advised() -> None:
 
 
 @pytest.mark.parametrize("port", ["-1", "65536"])
-def test_a_port_that_does_not_exist(desk: Desk, port: str) -> None:
+def test_a_port_that_does_not_exist(desk: BadInput, port: str) -> None:
     assert port in desk.refused("view", "--port", port)
 
 
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("host", ["192.0.2.1", "no.such.host.invalid"])
-def test_a_host_that_is_not_this_machine(desk: Desk, host: str) -> None:
+def test_a_host_that_is_not_this_machine(desk: BadInput, host: str) -> None:
     assert host in desk.refused("view", "--host", host, "--port", "0")
 
 
 @pytest.mark.parametrize("host", ["h" * 300, "a\udcff"])
-def test_a_host_that_is_no_name_of_a_machine(desk: Desk, host: str) -> None:
+def test_a_host_that_is_no_name_of_a_machine(desk: BadInput, host: str) -> None:
     assert "is no name of a machine" in desk.refused("view", "--host", host, "--port", "0")
 
 
-def test_view_of_a_missing_session(desk: Desk) -> None:
+def test_view_of_a_missing_session(desk: BadInput) -> None:
     assert "does not exist" in desk.refused("view", desk.folder / "none.toml")
 
 
-def test_view_of_something_that_is_not_there(desk: Desk) -> None:
+def test_view_of_something_that_is_not_there(desk: BadInput) -> None:
     expected = "nowhere does not exist; expected a session (.toml), the folder of a batch run, or a recording (.rrd)"
     assert desk.refused("view", desk.folder / "nowhere").endswith(expected)
 
 
 @pytest.mark.parametrize("other", [False, True])
-def test_report_of_what_is_no_folder(desk: Desk, other: bool) -> None:
+def test_report_of_what_is_no_folder(desk: BadInput, other: bool) -> None:
     words = ["report", desk.batch_folder()] if other else ["report"]
     file, missing = desk.file("thesis.tex", ""), desk.folder / "nowhere"
     assert desk.refused(*words, file) == f"{file} is a file; expected the folder of a batch run, or of several"
@@ -228,23 +232,23 @@ def test_report_of_what_is_no_folder(desk: Desk, other: bool) -> None:
     )
 
 
-def test_a_file_is_no_data_set(desk: Desk) -> None:
+def test_a_file_is_no_data_set(desk: BadInput) -> None:
     assert "thesis.tex is a file; give the folder" in desk.refused("datasets", "check", desk.file("thesis.tex", ""))
 
 
-def test_view_of_a_session_that_cannot_be_opened(desk: Desk) -> None:
+def test_view_of_a_session_that_cannot_be_opened(desk: BadInput) -> None:
     session = desk.file("s.toml", '[scene]\ndemo = "teapot"\n')
     assert "unknown demo scene 'teapot'" in desk.refused("view", session, "--port", "0", "--no-open-browser")
 
 
-def test_view_of_a_folder_that_is_no_batch(desk: Desk) -> None:
+def test_view_of_a_folder_that_is_no_batch(desk: BadInput) -> None:
     assert "is no folder of a batch: it has no run.json" in desk.refused("view", desk.folder)
     session = desk.file("session.toml", '[scene]\ndemo = "mug"\n')
     said = f"it has no run.json; its session opens by verefine-viz view {session}"
     assert said in desk.refused("view", session.parent)
 
 
-def test_view_of_a_batch_that_was_killed(desk: Desk) -> None:
+def test_view_of_a_batch_that_was_killed(desk: BadInput) -> None:
     folder = desk.batch_folder()
     assert desk.refused("view", folder).endswith("the batch is running or was killed; run it again to finish it")
     done = desk.file(f"{folder.name}/recordings/000050_000001.rrd", "")
@@ -253,7 +257,7 @@ def test_view_of_a_batch_that_was_killed(desk: Desk) -> None:
 
 
 @pytest.mark.parametrize("text", ["a,b\n1,2\n", "scene_id,im_id,status\n1,x,ok\n", "scene_id\n1,2,3\n"])
-def test_view_of_a_batch_with_a_foreign_table(desk: Desk, text: str) -> None:
+def test_view_of_a_batch_with_a_foreign_table(desk: BadInput, text: str) -> None:
     folder = desk.batch_folder()
     (folder / "frames.csv").write_text(text)
     assert "frames.csv is not what a batch writes" in desk.refused("view", folder)
@@ -273,7 +277,7 @@ def test_view_of_a_batch_with_a_foreign_table(desk: Desk, text: str) -> None:
     ],
 )
 @pytest.mark.parametrize("verify", [[], ["--verify"]])
-def test_files_that_are_no_recordings(desk: Desk, content: bytes | None, expected: str, verify: list[str]) -> None:
+def test_files_that_are_no_recordings(desk: BadInput, content: bytes | None, expected: str, verify: list[str]) -> None:
     file = desk.folder / "run.rrd"
     if content is not None:
         file.write_bytes(content)
@@ -281,7 +285,7 @@ def test_files_that_are_no_recordings(desk: Desk, content: bytes | None, expecte
 
 
 @pytest.mark.parametrize("verify", [[], ["--verify"]])
-def test_a_folder_is_no_recording(desk: Desk, verify: list[str]) -> None:
+def test_a_folder_is_no_recording(desk: BadInput, verify: list[str]) -> None:
     said = f"{desk.folder} is a folder, expected a recording (.rrd)"
     assert desk.refused("replay", desk.folder, *verify) == said
     run = desk.batch_folder()
@@ -289,7 +293,7 @@ def test_a_folder_is_no_recording(desk: Desk, verify: list[str]) -> None:
         assert desk.refused("replay", folder, *verify).endswith(f"; those of a batch lie in {run / 'recordings'}")
 
 
-def test_two_runs_to_view_are_told_how_to_compare_and_where_they_are(desk: Desk) -> None:
+def test_two_runs_to_view_are_reported_how_to_compare_and_where_they_are(desk: BadInput) -> None:
     run = desk.batch_folder()
     line = desk.refused("view", run, run)
     assert "report RUN_A RUN_B" in line
@@ -298,7 +302,7 @@ def test_two_runs_to_view_are_told_how_to_compare_and_where_they_are(desk: Desk)
 
 
 @pytest.mark.usefixtures("processes")
-def test_a_recording_of_another_program(desk: Desk) -> None:
+def test_a_recording_of_another_program(desk: BadInput) -> None:
     file = desk.folder / "other.rrd"
     rec = rr.RecordingStream("somebody_else")
     rec.save(file)

@@ -8,17 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.desk import Desk
+from tests.cli.bad_input_sessions import BadInput
 from tests.scenes.bop_folder import make
 
 MOST = 4 * (os.cpu_count() or 1)
 """Workers."""
-Case = tuple[Callable[[Desk], Path], str]
+Case = tuple[Callable[[BadInput], Path], str]
 
 SESSION_FILES: dict[str, Case] = {
     "missing": (lambda d: d.folder / "none.toml", "none.toml does not exist"),
     "a folder": (lambda d: d.folder, "cannot be read: it is a folder, expected a .toml file"),
-    "the folder of a batch": (Desk.batch_folder, "did you mean "),
+    "the folder of a batch": (BadInput.batch_folder, "did you mean "),
     "not TOML": (lambda d: d.file("s.toml", "[scene\n"), "is not TOML"),
     "JSON instead of TOML": (lambda d: d.file("s.toml", '{"scene": {}}'), "is not TOML"),
     "not text": (lambda d: d.file("s.toml", b"\xff\xfe\x00"), "cannot be read: it is no text, expected a .toml file"),
@@ -131,13 +131,13 @@ SESSION_FILES: dict[str, Case] = {
 }
 
 
-def _damaged(desk: Desk, name: str) -> Path:
+def _damaged(desk: BadInput, name: str) -> Path:
     made = make(desk.folder / "damaged", targets=False)
     (made.scene / name).write_text("{")
     return desk.file("d.toml", '[scene]\nsource = "bop"\ndataset = "damaged"\n')
 
 
-def _unseen(desk: Desk, obj_id: int) -> Path:
+def _unseen(desk: BadInput, obj_id: int) -> Path:
     """Asks for an object that has a model and is in no frame."""
     models = make(desk.folder / "more").root / "models"
     (models / f"obj_{obj_id:06d}.ply").write_bytes((models / "obj_000002.ply").read_bytes())
@@ -147,7 +147,7 @@ def _unseen(desk: Desk, obj_id: int) -> Path:
 
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("case", SESSION_FILES)
-def test_a_bad_session_is_one_clear_line(desk: Desk, case: str) -> None:
+def test_a_bad_session_is_one_clear_line(desk: BadInput, case: str) -> None:
     make_file, expected = SESSION_FILES[case]
     assert expected in desk.batch(make_file(desk))
     assert not (desk.folder / "out").exists()
@@ -169,20 +169,20 @@ def test_a_bad_session_is_one_clear_line(desk: Desk, case: str) -> None:
         (["--workers", str(MOST + 1)], f"--workers is {MOST + 1}, expected {MOST} or fewer, 4 for each core"),
     ],
 )
-def test_a_bad_option_is_one_clear_line(desk: Desk, words: list[str], expected: str) -> None:
+def test_a_bad_option_is_one_clear_line(desk: BadInput, words: list[str], expected: str) -> None:
     assert expected in desk.batch(desk.bop(), *words)
 
 
-def test_no_session_at_all(desk: Desk) -> None:
+def test_no_session_at_all(desk: BadInput) -> None:
     assert "no session file given" in desk.refused("batch", "--out", desk.folder)
 
 
-def test_two_sessions_of_one_name(desk: Desk) -> None:
+def test_two_sessions_of_one_name(desk: BadInput) -> None:
     first, second = desk.file("a/s.toml", ""), desk.file("b/s.toml", "")
     assert "two sessions are called 's'" in desk.refused("batch", first, second, "--out", desk.folder / "out")
 
 
-def test_a_mistake_in_the_last_session_shows_before_the_first_runs(desk: Desk) -> None:
+def test_a_mistake_in_the_last_session_shows_before_the_first_runs(desk: BadInput) -> None:
     good, bad = desk.bop(), desk.file("bad.toml", '[method]\nname = "none"\n')
     assert "unknown method" in desk.refused("batch", good, bad, "--out", desk.folder / "out")
     assert not (desk.folder / "out").exists()

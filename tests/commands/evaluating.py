@@ -14,7 +14,7 @@ from verefine_viz.scenes.results_csv import ResultRow
 
 
 @dataclass(frozen=True)
-class Desk(CommandLine):
+class BadInput(CommandLine):
     """A data set, a perfect results file, and what the command prints."""
 
     results: Path

@@ -35,7 +35,7 @@ MIRRORED = "1 0 0 0 1 0 0 0 -1,0 0 500"
 TARGETS = "test_targets_bop19.json"
 
 
-class Desk(CommandLine):
+class BadInput(CommandLine):
     """A data set, and what the command line says."""
 
     def refused(self, *words: object) -> str:
@@ -62,9 +62,9 @@ class Desk(CommandLine):
 
 
 @pytest.fixture
-def desk(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Desk:
+def desk(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> BadInput:
     monkeypatch.setattr(pool, "work", answering.work)
-    found = Desk(tmp_path, make(tmp_path / "boxes"), capsys)
+    found = BadInput(tmp_path, make(tmp_path / "boxes"), capsys)
     found.session()
     return found
 
@@ -98,7 +98,7 @@ BAD_RESULTS: dict[str, tuple[str | bytes, str]] = {
 
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("case", BAD_RESULTS)
-def test_a_results_file_that_breaks_the_format(desk: Desk, case: str) -> None:
+def test_a_results_file_that_breaks_the_format(desk: BadInput, case: str) -> None:
     content, words = BAD_RESULTS[case]
     path = desk.file("bad_boxes-test.csv", content)
     line = desk.refused(*desk.evaluated(path))
@@ -121,7 +121,7 @@ def test_a_results_file_that_breaks_the_format(desk: Desk, case: str) -> None:
     ],
 )
 def test_what_is_no_pose_starts_no_batch_but_is_scored_as_officially(
-    desk: Desk, text: str, in_batch: str, in_evaluation: str
+    desk: BadInput, text: str, in_batch: str, in_evaluation: str
 ) -> None:
     path = desk.file("odd_boxes-test.csv", text)
     hypotheses = ("--hypotheses.source", "results", "--hypotheses.files", str(path))
@@ -141,12 +141,12 @@ def test_what_is_no_pose_starts_no_batch_but_is_scored_as_officially(
         ),
     ],
 )
-def test_rows_that_do_not_count_are_counted(desk: Desk, text: str, note: str) -> None:
+def test_rows_that_do_not_count_are_counted(desk: BadInput, text: str, note: str) -> None:
     assert cli.main([*desk.evaluated(desk.file("dup_lmo-test.csv", text))]) == 0
     assert note in desk.capsys.readouterr().out
 
 
-def test_files_that_are_no_results_files(desk: Desk) -> None:
+def test_files_that_are_no_results_files(desk: BadInput) -> None:
     assert "none.csv does not exist" in desk.refused(*desk.evaluated(desk.folder / "none.csv"))
     (desk.folder / "loop.csv").symlink_to("loop.csv")
     assert "loop.csv cannot be read: " in desk.refused(*desk.evaluated(desk.folder / "loop.csv"))
@@ -192,13 +192,13 @@ BAD_TARGETS: dict[str, tuple[Callable[[list[Any]], str | bytes], str]] = {
 
 
 @pytest.mark.parametrize("case", BAD_TARGETS)
-def test_a_targets_file_that_cannot_be_used(desk: Desk, case: str) -> None:
+def test_a_targets_file_that_cannot_be_used(desk: BadInput, case: str) -> None:
     content, words = BAD_TARGETS[case]
     targets = desk.file("mine.json", content(json.loads((desk.made.root / TARGETS).read_text())))
     assert words in desk.refused(*desk.evaluated(desk.file("a.csv", GOOD), "--targets", targets))
 
 
-def test_targets_that_ask_for_what_is_not_there(desk: Desk) -> None:
+def test_targets_that_ask_for_what_is_not_there(desk: BadInput) -> None:
     entries = json.loads((desk.made.root / TARGETS).read_text())
     targets = desk.file("mine.json", json.dumps([*entries, {**entries[0], "obj_id": 77, "inst_count": 2}]))
     assert cli.main([*desk.evaluated(desk.file("a.csv", GOOD), "--targets", targets)]) == 0
@@ -246,14 +246,14 @@ BAD_DATA: dict[str, tuple[Callable[[Made], Any], str, str]] = {
 
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("case", BAD_DATA)
-def test_a_data_set_that_cannot_be_used(desk: Desk, case: str) -> None:
+def test_a_data_set_that_cannot_be_used(desk: BadInput, case: str) -> None:
     spoil, in_evaluation, in_batch = BAD_DATA[case]
     spoil(desk.made)
     assert in_evaluation in desk.refused(*desk.evaluated(desk.file("a.csv", GOOD)))
     assert in_batch in desk.refused(*desk.batch())
 
 
-def test_without_ground_truth_there_is_nothing_to_score(desk: Desk) -> None:
+def test_without_ground_truth_there_is_nothing_to_score(desk: BadInput) -> None:
     (desk.made.scene / "scene_gt.json").unlink()
     line = desk.refused(*desk.evaluated(desk.file("a.csv", GOOD)))
     assert "scene_gt.json is missing; without ground truth there is nothing to score" in line
@@ -282,7 +282,7 @@ def test_a_damaged_image_in_the_middle(tmp_path: Path, capsys: pytest.CaptureFix
     assert f"frame 7/1 failed: {made.scene / 'depth' / '000001.png'} is damaged" in said
 
 
-def test_a_folder_that_is_no_data_set(desk: Desk) -> None:
+def test_a_folder_that_is_no_data_set(desk: BadInput) -> None:
     assert "does not exist" in desk.refused("datasets", "check", desk.folder / "none")
     assert "holds no split with scenes; expected for example" in desk.refused("datasets", "check", desk.made.scene)
     split = desk.made.scene.parent
@@ -297,13 +297,13 @@ def test_a_folder_that_is_no_data_set(desk: Desk) -> None:
 
 
 @pytest.mark.parametrize("address", ["foo", "what://x:1", "tcp://host", "http://127.0.0.1:1", "tcp://host:port"])
-def test_what_is_no_address_of_a_cluster(desk: Desk, address: str) -> None:
+def test_what_is_no_address_of_a_cluster(desk: BadInput, address: str) -> None:
     line = desk.refused(*desk.batch("--cluster", address))
     assert line == f"--cluster {address} is no address; expected tcp://HOST:PORT of a Dask scheduler, or local"
 
 
 @pytest.mark.usefixtures("processes")
-def test_something_that_listens_and_says_nothing(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_something_that_listens_and_says_nothing(desk: BadInput, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scheduler, "CONNECT_S", 0.5)
     with socket.socket() as silent:
         silent.bind(("127.0.0.1", 0))
@@ -314,7 +314,7 @@ def test_something_that_listens_and_says_nothing(desk: Desk, monkeypatch: pytest
 
 
 @pytest.mark.usefixtures("processes")
-def test_something_that_speaks_another_language(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_something_that_speaks_another_language(desk: BadInput, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scheduler, "CONNECT_S", 0.5)
 
     class Page(BaseHTTPRequestHandler):

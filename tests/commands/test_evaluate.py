@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.commands.evaluating import Desk, rows
+from tests.commands.evaluating import BadInput, rows
 from tests.scenes.bop_folder import box_ply, cut, make
 from verefine_viz.batch.rows import write_frames_csv
 from verefine_viz.commands.score_output import without_common_ends
@@ -22,14 +22,14 @@ POSE = "1 0 0 0 1 0 0 0 1,0 0 500"
 
 
 @pytest.fixture
-def desk(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Desk:
+def desk(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> BadInput:
     made = make(tmp_path / "boxes")
     results = tmp_path / "perfect_boxes-test.csv"
     write_results(results, rows(made))
-    return Desk(tmp_path, made, capsys, results)
+    return BadInput(tmp_path, made, capsys, results)
 
 
-def test_the_table_has_a_row_for_each_file(desk: Desk) -> None:
+def test_the_table_has_a_row_for_each_file(desk: BadInput) -> None:
     other = desk.file("other_boxes-test.csv", f"{HEADER}\n7,3,5,1,{POSE},-1\n99,3,5,1,{POSE},-1\n")
     text = desk.run(desk.results, other)
     assert "boxes/test, test_targets_bop19.json, 3 targets: average recall [%]" in text
@@ -44,7 +44,7 @@ def test_the_table_has_a_row_for_each_file(desk: Desk) -> None:
     assert max(map(len, text.splitlines()[:6])) <= 80
 
 
-def test_json_holds_every_number(desk: Desk) -> None:
+def test_json_holds_every_number(desk: BadInput) -> None:
     found = desk.json()
     assert (found["dataset"], found["split"], found["targets"]) == ("boxes", "test", "test_targets_bop19.json")
     assert found["seconds"] > 0
@@ -64,7 +64,7 @@ def test_json_holds_every_number(desk: Desk) -> None:
     assert score["add_s_below_10_percent"] == 1.0
 
 
-def test_json_has_null_where_nothing_is_known(desk: Desk) -> None:
+def test_json_has_null_where_nothing_is_known(desk: BadInput) -> None:
     path = desk.file("none_boxes-test.csv", f"7,3,5,1,{POSE.replace('500', 'nan')},-1\n")
     (score,) = desk.json(path)["results"]
     assert score["AR"] == 0.0
@@ -74,7 +74,7 @@ def test_json_has_null_where_nothing_is_known(desk: Desk) -> None:
     assert score["counts"]["missing"] == 2
 
 
-def test_a_table_by_object(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_table_by_object(desk: BadInput, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "100")
     assert "obj_000005" not in desk.run(desk.results)
     text = desk.run(desk.results, "--per-object")
@@ -82,13 +82,13 @@ def test_a_table_by_object(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "obj_000005" in text
 
 
-def test_detection(desk: Desk) -> None:
+def test_detection(desk: BadInput) -> None:
     (score,) = desk.json(desk.results, "--task", "detection")["results"]
     assert [score[k] for k in ("mAP", "mAP_MSSD", "mAP_MSPD", "mAP_MSSD_mm")] == [1.0] * 4
     assert "mAP" in desk.run(desk.results, "--task", "detection", "--per-object")
 
 
-def test_targets_of_bop24_ask_for_detection(desk: Desk) -> None:
+def test_targets_of_bop24_ask_for_detection(desk: BadInput) -> None:
     (desk.made.root / "test_targets_bop24.json").write_text(json.dumps([{"scene_id": 7, "im_id": 3}]))
     assert desk.json(desk.results)["results"][0]["task"] == "localization"
     assert desk.json(desk.results, "--targets", "test_targets_bop24.json")["results"][0]["task"] == "detection"
@@ -96,7 +96,7 @@ def test_targets_of_bop24_ask_for_detection(desk: Desk) -> None:
     assert "name a …_targets_bop19.json with --targets" in refusal
 
 
-def test_targets_may_be_few(desk: Desk) -> None:
+def test_targets_may_be_few(desk: BadInput) -> None:
     entries = [{"scene_id": 7, "im_id": 3, "obj_id": 5, "inst_count": 1}]
     path = desk.file("mine.json", json.dumps(entries))
     (score,) = desk.json(desk.results, "--targets", path)["results"]
@@ -104,7 +104,7 @@ def test_targets_may_be_few(desk: Desk) -> None:
     assert score["counts"]["unasked"] == 2
 
 
-def test_without_a_targets_file_all_that_is_visible_is_asked_for(desk: Desk) -> None:
+def test_without_a_targets_file_all_that_is_visible_is_asked_for(desk: BadInput) -> None:
     listed = desk.json()
     (desk.made.root / "test_targets_bop19.json").unlink()
     found = desk.json()
@@ -120,7 +120,7 @@ def test_without_a_targets_file_all_that_is_visible_is_asked_for(desk: Desk) -> 
     assert desk.json()["results"][0]["counts"]["targets"] == 2
 
 
-def test_without_a_targets_file_images_without_ground_truth_are_not_asked_for(desk: Desk) -> None:
+def test_without_a_targets_file_images_without_ground_truth_are_not_asked_for(desk: BadInput) -> None:
     (desk.made.root / "test_targets_bop19.json").unlink()
     desk.made.edit("scene_camera.json", lambda x: x.update({"8": x["3"]}))
     assert desk.json()["results"][0]["counts"]["targets"] == 3
@@ -128,7 +128,7 @@ def test_without_a_targets_file_images_without_ground_truth_are_not_asked_for(de
     assert "has ground truth; without it nothing is scored" in desk.refused()
 
 
-def test_detection_needs_a_targets_file(desk: Desk) -> None:
+def test_detection_needs_a_targets_file(desk: BadInput) -> None:
     (desk.made.root / "test_targets_bop19.json").unlink()
     refusal = desk.refused(desk.results, "--task", "detection")
     assert "no test_targets_bop24.json or test_targets_bop19.json (targets files there: none at all)" in refusal
@@ -138,17 +138,17 @@ def test_a_split_with_another_name_is_found(tmp_path: Path, capsys: pytest.Captu
     made = make(tmp_path / "tless", split="test_primesense")
     results = tmp_path / "perfect_tless-test.csv"
     write_results(results, rows(made))
-    assert Desk(tmp_path, made, capsys, results).json()["split"] == "test_primesense"
+    assert BadInput(tmp_path, made, capsys, results).json()["split"] == "test_primesense"
 
 
-def test_models_eval_win(desk: Desk) -> None:
+def test_models_eval_win(desk: BadInput) -> None:
     shutil.copytree(desk.made.root / "models", desk.made.root / "models_eval")
     assert desk.json()["notes"] == []
     cut(desk.made.root / "models" / "obj_000005.ply")
     assert desk.json()["results"][0]["AR"] == 1.0
 
 
-def test_a_mesh_in_metres_is_measured_in_millimetres_and_said(desk: Desk) -> None:
+def test_a_mesh_in_metres_is_measured_in_millimetres_and_said(desk: BadInput) -> None:
     (desk.made.root / "models" / "obj_000005.ply").write_text(box_ply(desk.made.problem, unit_m=1.0))
     found = desk.json()
     assert [found["results"][0][k] for k in ("AR", "AR_VSD", "AR_MSSD", "AR_MSPD")] == [1.0] * 4
@@ -156,13 +156,13 @@ def test_a_mesh_in_metres_is_measured_in_millimetres_and_said(desk: Desk) -> Non
     assert said.endswith("models_info.json says 141.4 mm: its unit was taken to be metres")
 
 
-def test_a_mesh_of_another_size_is_measured_as_it_is_and_said(desk: Desk) -> None:
+def test_a_mesh_of_another_size_is_measured_as_it_is_and_said(desk: BadInput) -> None:
     desk.made.edit("../../models/models_info.json", lambda x: x["5"].update(diameter=300.0))
     said = "object 5: obj_000005.ply is 141.4 mm across, models_info.json says 300 mm; one of them is wrong"
     assert said in desk.json()["notes"]
 
 
-def test_without_scene_gt_info_all_instances_count_as_visible(desk: Desk) -> None:
+def test_without_scene_gt_info_all_instances_count_as_visible(desk: BadInput) -> None:
     (desk.made.scene / "scene_gt_info.json").unlink()
     found = desk.json()
     assert found["results"][0]["AR"] == 1.0
@@ -182,7 +182,9 @@ def test_without_scene_gt_info_all_instances_count_as_visible(desk: Desk) -> Non
         (["rir/results.csv", "rir_boxes-test.csv"], ["results", "rir"]),
     ],
 )
-def test_methods_of_the_same_name_are_called_as_their_folders(desk: Desk, files: list[str], methods: list[str]) -> None:
+def test_methods_of_the_same_name_are_called_as_their_folders(
+    desk: BadInput, files: list[str], methods: list[str]
+) -> None:
     paths = [desk.results.parent / "more" / name for name in files]
     for path in paths:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -190,7 +192,7 @@ def test_methods_of_the_same_name_are_called_as_their_folders(desk: Desk, files:
     assert [score["method"] for score in desk.json(*paths)["results"]] == methods
 
 
-def test_how_much_of_the_targets_a_file_covers(desk: Desk) -> None:
+def test_how_much_of_the_targets_a_file_covers(desk: BadInput) -> None:
     (whole,) = desk.json()["results"]
     assert whole["coverage"] == {
         "images": 1, "images_asked": 1, "objects": 2, "objects_asked": 2,
@@ -210,32 +212,32 @@ def test_how_much_of_the_targets_a_file_covers(desk: Desk) -> None:
         (f"7,3,9,1,{POSE},-1", "in images asked for it names object 9, the targets objects 2, 5"),
     ],
 )
-def test_results_that_say_nothing_about_any_target(desk: Desk, row: str, words: str) -> None:
+def test_results_that_say_nothing_about_any_target(desk: BadInput, row: str, words: str) -> None:
     path = desk.file("other_lmo-test.csv", row)
     line = desk.refused(desk.results, path)
     assert line.startswith(f"{path} has no estimate for any target of test_targets_bop19.json: {words}; does it belong")
 
 
-def test_detections_of_no_object_that_is_in_the_image(desk: Desk) -> None:
+def test_detections_of_no_object_that_is_in_the_image(desk: BadInput) -> None:
     path = desk.file("other_lmo-test.csv", f"7,3,9,1,{POSE},-1\n")
     only_images = desk.file("images.json", json.dumps([{"scene_id": 7, "im_id": 3}]))
     said = f"{path} has an estimate for none of the 3 instances that images.json asks for; does it belong to another"
     assert said in desk.refused(path, "--targets", only_images)
 
 
-def test_results_of_many_other_scenes(desk: Desk) -> None:
+def test_results_of_many_other_scenes(desk: BadInput) -> None:
     path = desk.file("other_lmo-test.csv", "".join(f"{k},3,5,1,{POSE},-1\n" for k in range(10, 40)))
     assert "it names scenes 10, 11, 12, 13, 14, …, the targets scene 7" in desk.refused(path)
 
 
-def test_detections_that_say_nothing_about_any_image(desk: Desk) -> None:
+def test_detections_that_say_nothing_about_any_image(desk: BadInput) -> None:
     only_images = desk.file("images.json", json.dumps([{"scene_id": 7, "im_id": 3}]))
     path = desk.file("none_boxes-test.csv", f"7,4,5,1,{POSE},-1\n")
     assert "in scene 7 it names image 4, the targets image 3" in desk.refused(path, "--targets", only_images)
 
 
 @pytest.mark.parametrize("columns", [40, 80, 200])
-def test_numbers_are_never_cut(desk: Desk, columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_numbers_are_never_cut(desk: BadInput, columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
     long = desk.file(f"{'a_long_name_' * 6}boxes-test.csv", desk.results.read_text())
     monkeypatch.setenv("COLUMNS", str(columns))
     text = desk.run(long, "--per-object")
@@ -245,7 +247,7 @@ def test_numbers_are_never_cut(desk: Desk, columns: int, monkeypatch: pytest.Mon
     assert ["2", "obj_000002", *["100.0"] * 5, "0.0", "0.0", "0/2"] in table
 
 
-def test_rows_that_are_no_poses_are_counted_as_the_official_script_counts_them(desk: Desk) -> None:
+def test_rows_that_are_no_poses_are_counted_as_the_official_script_counts_them(desk: BadInput) -> None:
     mirrored, unknown = "1 0 0 0 1 0 0 0 -1,0 0 500", "nan 0 0 0 1 0 0 0 1,0 0 500"
     lines = [f"7,3,5,1,{mirrored},-1", f"7,3,2,nan,{unknown},-1", f"7,3,2,1,{POSE.replace('500', 'inf')},-1"]
     path = desk.file("odd_boxes-test.csv", "\n".join(lines))
@@ -257,26 +259,26 @@ def test_rows_that_are_no_poses_are_counted_as_the_official_script_counts_them(d
     assert (score["AR"], score["counts"]["missing"]) == (0.0, 0)
 
 
-def edit(path: str, change: Callable[[Any], None]) -> Callable[[Desk], None]:
+def edit(path: str, change: Callable[[Any], None]) -> Callable[[BadInput], None]:
     return lambda desk: desk.made.edit(path, change)
 
 
-def remove(path: str) -> Callable[[Desk], None]:
+def remove(path: str) -> Callable[[BadInput], None]:
     return lambda desk: (desk.made.scene / path).unlink()
 
 
-def damage(path: str) -> Callable[[Desk], None]:
+def damage(path: str) -> Callable[[BadInput], None]:
     return lambda desk: cut(desk.made.scene / path)
 
 
-def write(path: str, text: str) -> Callable[[Desk], None]:
-    def change(desk: Desk) -> None:
+def write(path: str, text: str) -> Callable[[BadInput], None]:
+    def change(desk: BadInput) -> None:
         (desk.made.scene / path).write_text(text)
 
     return change
 
 
-def black_and_white(desk: Desk) -> None:
+def black_and_white(desk: BadInput) -> None:
     Image.new("RGB", (80, 60)).save(desk.made.scene / "depth" / "000003.png")
 
 
@@ -318,7 +320,7 @@ MODELS = "../../models"
         (remove(f"{MODELS}/obj_000005.ply"), "unknown model 5; available: 2"),
     ],
 )
-def test_a_data_set_that_cannot_be_used(desk: Desk, change: Callable[[Desk], None], words: str) -> None:
+def test_a_data_set_that_cannot_be_used(desk: BadInput, change: Callable[[BadInput], None], words: str) -> None:
     change(desk)
     assert words in desk.refused()
 
@@ -338,13 +340,13 @@ def test_a_data_set_that_cannot_be_used(desk: Desk, change: Callable[[Desk], Non
         (f"scene_id, im_id, obj_id, score, R, t, time\n7,3,5,1,{POSE},-1\n", "line 1: the header is 'scene_id, im_id"),
     ],
 )
-def test_a_results_file_that_the_official_check_refuses(desk: Desk, text: str, words: str) -> None:
+def test_a_results_file_that_the_official_check_refuses(desk: BadInput, text: str, words: str) -> None:
     path = desk.file("bad_boxes-test.csv", text)
     assert words in desk.refused(path)
     assert words in desk.refused(desk.results, path)
 
 
-def test_a_batch_run_s_table_of_objects_is_told_from_its_poses(desk: Desk, tmp_path: Path) -> None:
+def test_a_batch_run_s_table_of_objects_is_reported_from_its_poses(desk: BadInput, tmp_path: Path) -> None:
     write_frames_csv(tmp_path / "frames.csv", [])
     assert "; the poses of this run" not in desk.refused(tmp_path / "frames.csv")
     poses = tmp_path / "results.csv"
@@ -354,7 +356,7 @@ def test_a_batch_run_s_table_of_objects_is_told_from_its_poses(desk: Desk, tmp_p
     assert f"…, expected {HEADER} or none; the poses of this run are in {poses}" in said
 
 
-def test_other_bad_words(desk: Desk, tmp_path: Path) -> None:
+def test_other_bad_words(desk: BadInput, tmp_path: Path) -> None:
     assert "no.csv does not exist" in desk.refused(tmp_path / "no.csv")
     assert "no results file given" in desk.refused("--split", "test")
     assert "does not exist; give --dataset a folder" in desk.refused(desk.results, "--dataset", tmp_path / "no")
@@ -368,7 +370,7 @@ def test_other_bad_words(desk: Desk, tmp_path: Path) -> None:
     assert "is no text file" in desk.refused(binary)
 
 
-def test_files_of_another_kind_say_what_was_expected(desk: Desk, tmp_path: Path) -> None:
+def test_files_of_another_kind_say_what_was_expected(desk: BadInput, tmp_path: Path) -> None:
     line = desk.refused(desk.made.scene / "scene_camera.json")
     assert "scene_camera.json is no results file; expected a BOP results CSV (scene_id,im_id,obj_id," in line
     assert "such as a batch's results.csv: " in line

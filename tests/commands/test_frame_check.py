@@ -52,7 +52,7 @@ def test_right_frames_are_silent(made: Made, clutter: Path) -> None:
     for root in (made.root, clutter):
         found = each_frame(root)
         assert found.advice == ""
-        assert "of the depth in the objects' masks lies on their models in their true poses" in found.result
+        assert "of the depth in the objects' masks lies on their models in their ground-truth poses" in found.result
 
 
 def test_instances_of_one_frame_in_another_order_are_named(made: Made, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.batch.frames import make_frames
-from tests.commands.evaluating import Desk, rows
+from tests.commands.evaluating import BadInput, rows
 from tests.scenes.bop_folder import OBJ_IDS
 from verefine_viz.scenes.results_csv import write_results
 
@@ -22,7 +22,7 @@ THREE = [
 
 
 @pytest.fixture
-def three(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Desk:
+def three(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> BadInput:
     """Three images that are all the same, and a run over the first two that found nothing in the second."""
     made = make_frames(tmp_path / "boxes", 3)
     (made.root / "test_targets_bop19.json").write_text(json.dumps(THREE))
@@ -31,10 +31,10 @@ def three(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Desk:
     write_results(results, rows(made, im_id=0))
     (results.parent / "run.json").write_text("{}")
     (results.parent / "frames.csv").write_text("scene_id,im_id,status\n7,0,ok\n7,0,ok\n7,1,failed\n")
-    return Desk(tmp_path, made, capsys, results)
+    return BadInput(tmp_path, made, capsys, results)
 
 
-def test_the_score_of_a_run_over_some_frames_stands_before_the_official_one(three: Desk) -> None:
+def test_the_score_of_a_run_over_some_frames_stands_before_the_official_one(three: BadInput) -> None:
     text = three.run()
     own, official = text.index("boxes/test, only the images that each run covered"), text.index("(official score)")
     assert own < official
@@ -52,7 +52,7 @@ def test_the_score_of_a_run_over_some_frames_stands_before_the_official_one(thre
     assert own_score["objects"]["2"]["AR"] == 0.5
 
 
-def test_the_objects_of_a_run_over_some_frames_are_those_of_its_frames(three: Desk) -> None:
+def test_the_objects_of_a_run_over_some_frames_are_those_of_its_frames(three: BadInput) -> None:
     text = three.run(three.results, "--per-object")
     assert "out, the 2 of 3 images that the run covered: average recall [%]" in text
     by_object = {line.split()[0]: line.split() for line in text.splitlines() if "obj_00000" in line}
@@ -60,7 +60,7 @@ def test_the_objects_of_a_run_over_some_frames_are_those_of_its_frames(three: De
     assert by_object["2"][-1:] == ["2/4"]
 
 
-def test_objects_that_a_run_was_not_to_solve_do_not_count(three: Desk) -> None:
+def test_objects_that_a_run_was_not_to_solve_do_not_count(three: BadInput) -> None:
     write_results(three.results, [row for row in rows(three.made, im_id=0) if row.obj_id == 5])
     (three.results.parent / "session.toml").write_text("[scene]\nobjects = [5, 9]\n")
     text = three.run(three.results, "--per-object")
@@ -79,7 +79,7 @@ def test_objects_that_a_run_was_not_to_solve_do_not_count(three: Desk) -> None:
     assert (own_score["images"], own_score["AR"], own_score["targets"]) == (3, pytest.approx(1 / 3), 3 * n)
 
 
-def test_a_run_that_was_to_solve_all_objects_says_nothing_about_objects(three: Desk) -> None:
+def test_a_run_that_was_to_solve_all_objects_says_nothing_about_objects(three: BadInput) -> None:
     (three.results.parent / "session.toml").write_text("[scene]\nobjects = [2, 5]\n")
     assert "boxes/test, only the images that each run covered" in three.run()
     assert three.json()["results"][0]["own_images"]["only_objects"] is None
@@ -88,7 +88,7 @@ def test_a_run_that_was_to_solve_all_objects_says_nothing_about_objects(three: D
     assert three.json()["results"][0]["own_images"]["only_objects"] is None
 
 
-def test_of_a_file_that_nobody_says_more_about_the_official_score_comes_first(three: Desk) -> None:
+def test_of_a_file_that_nobody_says_more_about_the_official_score_comes_first(three: BadInput) -> None:
     alone = three.folder / "rir_boxes-test.csv"
     shutil.copy(three.results, alone)
     text = three.run(alone)
@@ -103,7 +103,7 @@ def test_of_a_file_that_nobody_says_more_about_the_official_score_comes_first(th
     assert three.json()["results"][0]["own_images"]["known_from"] == "file"
 
 
-def test_a_run_over_all_images_says_why_it_is_not_in_the_table_of_files(three: Desk) -> None:
+def test_a_run_over_all_images_says_why_it_is_not_in_the_table_of_files(three: BadInput) -> None:
     alone = three.folder / "rir_boxes-test.csv"
     shutil.copy(three.results, alone)
     (three.results.parent / "frames.csv").write_text("scene_id,im_id\n7,0\n7,1\n7,2\n")
@@ -113,7 +113,7 @@ def test_a_run_over_all_images_says_why_it_is_not_in_the_table_of_files(three: D
     assert said not in three.run(alone)
 
 
-def test_precision_over_own_images(three: Desk) -> None:
+def test_precision_over_own_images(three: BadInput) -> None:
     (score,) = three.json(three.results, "--task", "detection")["results"]
     assert score["own_images"]["mAP"] > score["mAP"] > 0
     assert "only the images that each run covered: mean average precision [%]" in three.run(
@@ -121,7 +121,7 @@ def test_precision_over_own_images(three: Desk) -> None:
     )
 
 
-def test_a_run_over_all_targets_has_one_score(three: Desk) -> None:
+def test_a_run_over_all_targets_has_one_score(three: BadInput) -> None:
     table = three.results.parent / "frames.csv"
     table.write_text(table.read_text() + "7,2,failed\n7,8,ok\n")
     assert "official" not in three.run().split("has estimates for")[0]

@@ -59,7 +59,7 @@ def test_of_several_runs_the_session_of_the_worst_is_opened_with_the_settings_gi
     assert served["batch"].session("rir").method.exploration == 0.2
 
 
-def test_runs_that_are_left_out_are_told(
+def test_runs_that_are_left_out_are_reported(
     tmp_path: Path, served: dict[str, Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
     batch_run(tmp_path / "rir", "rir", (5.0, 40.0))

@@ -163,7 +163,7 @@ def test_long_lists_are_cut(names: Iterable[object], said: str) -> None:
     assert listed(names) == said
 
 
-def test_of_many_names_the_first_are_told_and_how_many_more_there_are() -> None:
+def test_of_many_names_the_first_are_reported_and_how_many_more_there_are() -> None:
     assert first_of([], 2) == ""
     assert first_of(["a", "b"], 2) == "a, b"
     assert first_of(["a", "b", "c"], 2) == "a, b and 1 more"

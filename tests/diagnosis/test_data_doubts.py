@@ -29,7 +29,7 @@ def raised(by_mm: float) -> Problem:
     ("by_mm", "said"),
     [(80, "objects sink into the support plane, by"), (-200, "float above the support plane"), (0, ""), (10, "")],
 )
-def test_a_plane_that_carries_nothing_is_told(by_mm: float, said: str) -> None:
+def test_a_plane_that_carries_nothing_is_reported(by_mm: float, said: str) -> None:
     notes = plane_notes(raised(by_mm), TRUE)
     assert [said in note for note in notes] == [True] * bool(said)
 

@@ -16,7 +16,7 @@ DOUBT = "Look at the data first: objects appear"
 
 
 @pytest.mark.parametrize("focal", [1.0, 0.75])
-def test_a_wrong_focal_length_is_told_beside_the_cause(tmp_path: Path, focal: float) -> None:
+def test_a_wrong_focal_length_is_reported_beside_the_cause(tmp_path: Path, focal: float) -> None:
     folder = written(tmp_path / "clutter", [scene()], focal)
     toolbox = Toolbox(
         Session(

@@ -97,7 +97,7 @@ def test_half_turns_have_quaternions_too() -> None:
     assert np.allclose(np.abs(quats_of(Rs)), np.eye(4))
 
 
-def test_clusters_that_lie_apart_are_told_apart() -> None:
+def test_clusters_that_lie_apart_are_reported_apart() -> None:
     rng = np.random.default_rng(0)
     truth = rng.integers(0, 5, 300)
     middle = np.array([[0, 0, 1], [0.2, 0, 1], [0, 0.2, 1], [0.2, 0.2, 1], [0.1, 0.1, 1.3]])

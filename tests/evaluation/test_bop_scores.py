@@ -151,7 +151,7 @@ def test_methods_together_score_as_alone_with_any_number_of_threads(demo: DemoSe
         assert [s.answers for s in together][1] == scored(demo, tables[1]).answers
 
 
-def test_progress_is_told(demo: DemoSet) -> None:
+def test_progress_is_reported(demo: DemoSet) -> None:
     told: list[tuple[int, int]] = []
     bop_scores([table([])], demo.truth, demo.targets, report=lambda done, total: told.append((done, total)))
     assert told == [(k, 4) for k in (1, 2, 3, 4)]

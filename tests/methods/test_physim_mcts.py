@@ -79,7 +79,7 @@ def problems(draw: st.DrawFn) -> Problem:
 
 
 def toy() -> Problem:
-    """Two boxes; the true pose of each is the hypothesis with the smaller overlap, so greed alone misses it."""
+    """Two boxes; the ground-truth pose of each is the hypothesis with the smaller overlap, so greed alone misses it."""
     problem = box_problem(1, 2)
     instances = []
     for i in problem.instances:
@@ -114,7 +114,7 @@ def test_what_lies_below_the_better_first_object_is_searched_first() -> None:
     first = {it.tree.node.node: it.arm for it in run.iterations if it.instance_id == 0}
     below = [first[it.tree.branch[1]] for it in run.iterations if it.instance_id == 1]
     assert sorted(first.values()) == [0, 1, 2, 3]
-    assert below[:4] == [2] * 4  # the true pose; nothing is left to try below it then
+    assert below[:4] == [2] * 4  # the ground-truth pose; nothing is left to try below it then
     assert 2 not in below[4:]
 
 

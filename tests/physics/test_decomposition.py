@@ -63,7 +63,7 @@ def test_after_a_cancelled_one_the_same_collider_is_built(tmp_path: Path) -> Non
     assert first_difference(again, build(ring(), "decomposition")) is None
 
 
-def test_a_process_that_fails_is_told_in_one_line_with_the_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_that_fails_is_reported_in_one_line_with_the_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", "/bin/false")
     with pytest.raises(ShapeError) as caught:
         decomposed("object 7 (ring)", ring().vertices, ring().faces)
@@ -105,7 +105,7 @@ def test_what_is_taken_apart_in_time_needs_no_note() -> None:
     assert build(ring(), "decomposition").note == ""
 
 
-def test_each_start_is_told_once_and_how_long_it_takes_meanwhile() -> None:
+def test_each_start_is_reported_once_and_how_long_it_takes_meanwhile() -> None:
     told: list[str] = []
     told_once: list[str] = []
     progress = ProgressToken(lambda doing, share: told.append(doing), report_once=told_once.append)

@@ -59,7 +59,7 @@ def test_a_recording_cannot_be_edited_or_continued(tmp_path: Path) -> None:
         again.fork(1, None, (0, 0, np.eye(4)))
 
 
-def test_data_that_changed_since_are_told(tmp_path: Path) -> None:
+def test_data_that_changed_since_are_reported(tmp_path: Path) -> None:
     recorded_run(tmp_path / "run.rrd", session("sir", 2, maps=False))
     recorded = read_recording(tmp_path / "run.rrd")
     with pytest.raises(InputError, match="made from 3 initial poses of 0_box, its session now gives 2"):

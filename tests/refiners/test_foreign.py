@@ -52,7 +52,7 @@ def test_it_is_named_with_its_line(monkeypatch: pytest.MonkeyPatch) -> None:
     assert raised_by_refiner(error) == f"the refiner 'nudge' raised ZeroDivisionError: division by zero ({HERE}:{line})"
 
 
-def test_what_a_library_raises_is_told_where_the_refiner_called_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_library_raises_is_reported_where_the_refiner_called_it(monkeypatch: pytest.MonkeyPatch) -> None:
     error = error_of(lambda session: Broken(lambda: np.linalg.inv(np.zeros((2, 2)))), monkeypatch)
     assert raised_by_refiner(error).endswith(f"Singular matrix ({HERE}:{line_of('np.linalg.' + 'inv')})")
 

@@ -202,7 +202,7 @@ def test_same_as_moving_the_model_in_the_camera_frame() -> None:
 
 
 def shared_cloud(rng: np.random.Generator) -> tuple[Target, Placed, np.ndarray]:
-    """A target whose segment also holds half of a neighbour's points, the neighbour, and the target's true pose."""
+    """A target whose segment also holds half of a neighbour's points, the neighbour, and the ground truth."""
     target = box_problem().targets[0]
     T_true, T_other = transform(np.eye(3), [0, 0, 0.7]), transform(np.eye(3), [0.12, 0, 0.7])
     own = apply(T_true, target.model.points[::3])

@@ -1,7 +1,7 @@
 """Scores with the settings that a session has by default, simplified mesh and all, against the full mesh.
 
 The witness casts rays at every triangle. Without simplification both verifiers agree with it to 3e-4 (the other
-tests). With the default 0.2 mm a score of a real frame is off by up to 1e-3; at the true pose of a frame without noise,
+tests). With the default 0.2 mm a score of a real frame is off by up to 1e-3; at ground truth of a frame without noise,
 where every deviation costs and none averages out, by up to 3e-3.
 """
 

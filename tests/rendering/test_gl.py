@@ -91,7 +91,7 @@ def test_several_verifiers_may_live_in_one_thread() -> None:
 
 
 @pytest.mark.usefixtures("needs_gl")
-def test_another_thread_is_told_whose_it_is() -> None:
+def test_another_thread_is_reported_whose_it_is() -> None:
     gl = GlVerifier(ScoreSettings(simplify_mm=0))
     gl.score(target_of(), disturbed(1))
     caught: list[BaseException] = []

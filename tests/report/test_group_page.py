@@ -122,7 +122,7 @@ def test_what_files_say_is_text(tmp_path: Path) -> None:
     assert "<u>rir" not in html
 
 
-def test_data_in_doubt_are_told_above_all_with_a_run_that_says_so(tmp_path: Path) -> None:
+def test_data_in_doubt_are_reported_above_all_with_a_run_that_says_so(tmp_path: Path) -> None:
     for name, evidence in (("rir-0", ""), ("sir-0", "Look at the data first: objects look small: check cam_K.")):
         write_run(tmp_path / name, [row(1, evidence=evidence), row(2)], {**GONE, "method": {"name": name[:3]}})
     assert cli.main(["report", str(tmp_path)]) == 0

@@ -55,7 +55,7 @@ def test_a_preset_stands_for_all_that_it_sets(tmp_path: Path) -> None:
     assert set(names(load_groups(folders))) == {"recommended", "published"}
 
 
-def test_numbers_are_told_apart_where_the_method_is_the_same(tmp_path: Path) -> None:
+def test_numbers_are_reported_apart_where_the_method_is_the_same(tmp_path: Path) -> None:
     folders = [write(tmp_path, f"c{c}", method={"exploration": c}) for c in (0.1, 0.5)]
     assert set(names(load_groups(folders))) == {"method.exploration 0.1", "method.exploration 0.5"}
 

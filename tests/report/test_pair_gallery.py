@@ -57,7 +57,7 @@ def test_without_ground_truth_the_lowest_scores_of_a_are_shown(tmp_path: Path) -
     assert [frame for _, _, frame in cards(pair_gallery(*runs, 2, lambda done, of: None))] == ["1/1#0", "1/2#0"]
 
 
-def test_tables_lead_to_the_cards_and_both_causes_are_told(tmp_path: Path) -> None:
+def test_tables_lead_to_the_cards_and_both_causes_are_reported(tmp_path: Path) -> None:
     a = [row(1, 0, cause="mask", evidence="It leaks.", **WRONG), row(2, 0, add_s_mm=12.0), row(3, 0, add_s_mm=15.0)]
     b = [row(1, 0, cause="pool", evidence="All far off.", add_s_mm=60.0), row(2, 0), row(3, 0, add_s_mm=16.0)]
     folders = [write_run(tmp_path / name, rows, GONE) for name, rows in (("a", a), ("b", b))]

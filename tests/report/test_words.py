@@ -81,7 +81,7 @@ def test_counts_have_ticks_at_whole_numbers_and_not_too_many(most: int) -> None:
     assert step == 1 or most / step > 2
 
 
-def test_data_in_doubt_are_told_with_the_run_that_says_so() -> None:
+def test_data_in_doubt_are_reported_with_the_run_that_says_so() -> None:
     doubted, fine = run(label="A"), run(label="B")
     rows = (row(1, evidence="The score misleads. Look at the data first: objects look small: check cam_K."), row(2))
     doubted = replace(doubted, index=replace(doubted.index, rows=rows))

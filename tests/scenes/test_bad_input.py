@@ -397,7 +397,7 @@ def test_an_object_that_no_frame_holds_beside_one_that_is_there_is_named(tmp_pat
         assert notes[-1:] == ("no chosen frame holds object 5 (obj_000005) of scene.objects",)
 
 
-def test_where_nobody_knows_what_a_frame_holds_its_own_trouble_is_told(tmp_path: Path) -> None:
+def test_where_nobody_knows_what_a_frame_holds_its_own_trouble_is_reported(tmp_path: Path) -> None:
     made = make(tmp_path)
     (made.scene / "scene_gt.json").unlink()
     assert "has no scene_gt, so its masks have no object ids" in refusal(made, objects=(5,), frames=("7/3",))

@@ -172,7 +172,7 @@ def test_results_files_can_start_a_demo(tmp_path: Path) -> None:
     np.testing.assert_allclose(instance.hypotheses[0].T_cam_obj, T, atol=1e-6)
 
 
-def test_files_of_the_same_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:
+def test_files_of_the_same_name_are_reported_apart_by_their_folders(tmp_path: Path) -> None:
     truth = made("mug").instances[0]
     assert truth.T_cam_obj_gt is not None
     files = []

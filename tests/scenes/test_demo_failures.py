@@ -165,7 +165,7 @@ def test_a_promising_arm_is_starved() -> None:
 def test_the_mask_leaks() -> None:
     played = play("failure_mask_leaks")
     assert played.best.score.shares["missed"] > 0.3
-    # The missed pixels of the true pose are the neighbour's.
+    # The missed pixels of the ground-truth pose are the neighbour's.
     assert played.target.instance.T_cam_obj_gt is not None
     maps = played.toolbox.verifier.maps(played.target, played.target.instance.T_cam_obj_gt)
     missed = maps.classes == 2

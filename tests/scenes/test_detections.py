@@ -94,7 +94,7 @@ def test_negative_runs_are_refused(runs: list[int], write: Any) -> None:
         decode_rle({"size": [3, 4], "counts": write(runs)}, (3, 4), "here")
 
 
-def test_a_size_that_is_none_is_told_in_short() -> None:
+def test_a_size_that_is_none_is_reported_in_short() -> None:
     with pytest.raises(InputError) as refused:
         decode_rle({"size": [3] * 10_000, "counts": [12]}, (3, 4), "here")
     assert len(str(refused.value)) < 200

@@ -77,7 +77,7 @@ def test_a_single_detection_of_something_else_is_no_sign_of_wrong_data(tmp_path:
 
 
 def results(made: Made, folder: Path, change: Callable[[Float], Float], skip: Sequence[int] = ()) -> HypothesesSettings:
-    """A results file of the true poses, ``change`` applied."""
+    """A results file of the ground-truth poses, ``change`` applied."""
     rows = []
     for k, (obj_id, instance) in enumerate(zip(OBJ_IDS, made.problem.instances, strict=True)):
         assert instance.T_cam_obj_gt is not None

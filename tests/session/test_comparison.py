@@ -184,7 +184,7 @@ def test_sentences_have_numbers_and_units() -> None:
     assert found.text == "goes through current, refined with box instead of current, simulated, mixed, refined"
 
 
-def test_scores_and_deeds_are_told_apart() -> None:
+def test_scores_and_deeds_are_reported_apart() -> None:
     a = trace("rir")
     start = {own: tuple(f + 0.01 for f in scores) for own, scores in a.initial.items()}
     b = replace(a, initial=start)
@@ -209,7 +209,7 @@ def test_what_is_not_made_yet_is_no_difference_but_a_missing_call_is() -> None:
     assert found.text == "has no refiner call 3 on box, A goes on"
 
 
-def test_other_objects_and_other_initial_poses_are_told_before_the_first_iteration() -> None:
+def test_other_objects_and_other_initial_poses_are_reported_before_the_first_iteration() -> None:
     a, b = trace("sir", 2), trace("sir", 1)
     found = between(a, b)
     assert found is not None

@@ -177,7 +177,7 @@ def test_what_stands_is_not_called_unstable(tmp_path: Path) -> None:
     assert "unstable" not in kinds(standing(tmp_path).iterations)
 
 
-def test_physics_that_made_a_pose_worse_is_told_with_both_scores(tmp_path: Path) -> None:
+def test_physics_that_made_a_pose_worse_is_reported_with_both_scores(tmp_path: Path) -> None:
     first = held_too_high(tmp_path).iterations[0]
     (text,) = (event.text for event in first.events if event.kind == "physics_worse")
     was, now = first.stages[0].score, first.stages[1].score
@@ -189,7 +189,7 @@ def test_physics_that_made_a_pose_worse_is_told_with_both_scores(tmp_path: Path)
     assert "physics_worse" not in kinds(standing(tmp_path).iterations)
 
 
-def test_a_score_that_is_not_a_number_is_told_and_stops_the_run(tmp_path: Path) -> None:
+def test_a_score_that_is_not_a_number_is_reported_and_stops_the_run(tmp_path: Path) -> None:
     played = not_a_number(tmp_path)
     first = played.iterations[0]
     (text,) = (event.text for event in first.events if event.kind == "nan_score")

@@ -328,7 +328,7 @@ def test_what_cannot_be_right_is_refused_and_nothing_is_written(tmp_path: Path, 
             "pose of object 0 .* m away, .* expected T_cam_obj in metres",
         ),
         ({"objects": [replace(good, poses={"net": T * 2})]}, "pose of object 0 .* is not rigid"),
-        ({"objects": [replace(good, T_cam_obj_gt=T * np.nan)]}, "true pose of object 0"),
+        ({"objects": [replace(good, T_cam_obj_gt=T * np.nan)]}, "ground-truth pose of object 0"),
         ({"K": np.array(seen.camera.K).T}, r"K: the last row of 'cam_K' is .*; it looks written column by column"),
         ({"objects": good}, "objects is no list of DetectedObject"),
         (
@@ -345,12 +345,15 @@ def test_what_cannot_be_right_is_refused_and_nothing_is_written(tmp_path: Path, 
         ({"objects": [replace(good, poses=T)]}, "poses of object 0 .* is no dict, expected {'my_net': T_cam_obj}"),
         ({"objects": [replace(good, poses={"net": behind})]}, "lies behind the camera .* expected OpenCV's axes"),
         ({"objects": [replace(good, poses={"net": aside})]}, "lies outside of the image; .* is it the inverse"),
-        ({"objects": [replace(good, T_cam_obj_gt=away)]}, "true pose of .* m from what its mask covers"),
+        ({"objects": [replace(good, T_cam_obj_gt=away)]}, "ground-truth pose of .* m from what its mask covers"),
         (
             {"objects": [replace(good, symmetry_axis=[0, 0, 0])]},
             "symmetry_axis of object 0 .* is 0, expected a direction",
         ),
-        ({"objects": [good, replace(good, T_cam_obj_gt=T)]}, "1 of 2 objects have a true pose; give all of them one"),
+        (
+            {"objects": [good, replace(good, T_cam_obj_gt=T)]},
+            "1 of 2 objects have a ground-truth pose; give",
+        ),
     ]
     for wrong, words in cases:
         arguments = {"K": seen.camera.K, "depth_m": seen.depth_m, "rgb": seen.rgb, "objects": [good], **wrong}

@@ -116,7 +116,7 @@ def test_the_scene_cannot_change_during_a_run() -> None:
 
 
 def with_estimates(made: Made, zs_mm: list[float], folder: Path) -> dict[str, Any]:
-    """A session of ``pir`` on object 5 of the made-up frame, from its true pose moved to each z; 0: to where it is."""
+    """A session of ``pir`` on object 5 of the made-up frame, from ground truth moved to each z; 0: to where it is."""
     T = made.problem.instances[1].T_cam_obj_gt
     assert T is not None
     R, (x_mm, y_mm, true_mm) = " ".join(map(repr, T[:3, :3].ravel().tolist())), (1e3 * T[:3, 3]).tolist()

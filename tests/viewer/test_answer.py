@@ -117,7 +117,7 @@ def test_the_words_tell_of_the_answer_and_lead_to_the_iteration() -> None:
     assert of_the_end(d.carry_out([c.Back()]).view()) == ""
 
 
-def test_several_objects_are_summed_up_and_the_one_in_focus_is_told() -> None:
+def test_several_objects_are_summed_up_and_the_one_in_focus_is_reported() -> None:
     d = debugger("vf_depth").carry_out([END])
     said = headline(d.view())
     assert said.startswith("Run finished: 2 of 2 objects have a pose")

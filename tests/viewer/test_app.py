@@ -148,7 +148,7 @@ def test_sliding_fast_carries_out_the_latest_only(app: App) -> None:
     assert cursor(app) == 4
 
 
-def test_a_command_that_fails_is_told_and_the_page_lives_on(app: App) -> None:
+def test_a_command_that_fails_is_reported_and_the_page_lives_on(app: App) -> None:
     app.send(c.OpenFrame("9/9"))
     app.wait_until_idle()
     assert app.debugger.message == "unknown frame '9/9'; available: 0/1, 0/2"
@@ -235,7 +235,7 @@ def test_nothing_is_said_of_kernels_that_are_there(tmp_path: Path, said: list[st
         app.stop()
 
 
-def test_a_bug_is_told_too(app: App, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bug_is_reported_too(app: App, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(app.debugger.workspace.run, "step", lambda: 1 / 0)
     app.send(c.RunUntil("end"))
     app.wait_until_idle()
@@ -244,7 +244,7 @@ def test_a_bug_is_told_too(app: App, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("calm_s", [0.0, 60.0])
-def test_maps_that_cannot_be_made_are_told_of_and_not_tried_until_something_is_done(
+def test_maps_that_cannot_be_made_are_named_and_not_tried_until_something_is_done(
     app: App, monkeypatch: pytest.MonkeyPatch, calm_s: float
 ) -> None:
     tried: list[int] = []

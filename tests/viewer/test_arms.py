@@ -57,7 +57,7 @@ def test_estimators_are_named_where_hypotheses_are() -> None:
     assert f"hypothesis {best.arm + 1} ({NAMES[best.arm]})" in headline(view)
 
 
-def test_a_source_that_all_have_is_told_once() -> None:
+def test_a_source_that_all_have_is_reported_once() -> None:
     view = plain().carry_out([c.RunUntil("end")]).view()
     hypotheses = [replace(h, source=f"perturbed 9° #{k + 1}") for k, h in enumerate(view.target.instance.hypotheses)]
     target = replace(view.target, instance=replace(view.target.instance, hypotheses=tuple(hypotheses)))

@@ -34,7 +34,7 @@ def test_of_scenes_it_says_whose_score_counts() -> None:
         ({"scene_reward": "best_known"}, "together at the best pose of each object so far."),
     ],
 )
-def test_settings_of_the_reward_are_told(method: dict[str, str], tip: str) -> None:
+def test_settings_of_the_reward_are_reported(method: dict[str, str], tip: str) -> None:
     html = table(c.Step(), **method)
     assert tip in html
 

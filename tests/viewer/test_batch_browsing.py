@@ -190,7 +190,7 @@ def test_tags_and_saved_filters_lie_beside_their_runs(debugger: Debugger, severa
             debugger.apply(command)
 
 
-def test_a_damaged_file_of_tags_is_told_and_left_alone(several: Gallery, tmp_path: Path) -> None:
+def test_a_damaged_file_of_tags_is_reported_and_left_alone(several: Gallery, tmp_path: Path) -> None:
     path = tmp_path / "rir" / TAGS_FILE
     path.parent.mkdir()
     path.write_text('{"tags": {"0/1#0": "one"}}')

@@ -35,7 +35,7 @@ def test_comparison_says_which_part_made_the_difference() -> None:
         assert "".join(f"<td>{cell}</td>" for cell in row) in shown
 
 
-def test_a_near_tie_is_told_with_the_digits_that_decided_it() -> None:
+def test_a_near_tie_is_reported_with_the_digits_that_decided_it() -> None:
     pixels = (60, 30, 5, 3, 2)
     view = beside(scored(0.32022, 0.29022, 0.35022, pixels), scored(0.32047, 0.31246, 0.32848, pixels))
     shown = score_html(view)
@@ -52,7 +52,7 @@ def test_a_missing_stage_is_named_and_something_else_is_shown() -> None:
 
 
 class Perfect(FakeTools):
-    """Frames whose one hypothesis is the true pose."""
+    """Frames whose one hypothesis is the ground-truth pose."""
 
     def problem(self, frame: str) -> Problem:
         problem = super().problem(frame)

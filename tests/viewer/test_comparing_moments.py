@@ -100,7 +100,7 @@ def test_sides_can_be_hidden_and_show_best_or_kept() -> None:
     np.testing.assert_array_equal(T_b, runs[1].iterations[2].best.T_cam_obj)
 
 
-def test_a_pose_is_told_with_the_iteration_and_the_hypothesis_that_made_it() -> None:
+def test_a_pose_is_reported_with_the_iteration_and_the_hypothesis_that_made_it() -> None:
     d = debugger().carry_out([c.RunUntil("end"), c.CompareRun((("method.exploration", 5.0),))])
     best, last = d.workspace.run.iterations[-1].best, d.workspace.run.iterations[-1]
     assert (best.iteration, best.arm) != (last.index, last.arm), "else this proves nothing"

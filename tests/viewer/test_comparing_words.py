@@ -73,7 +73,7 @@ def test_scores_by_the_same_settings_are_compared() -> None:
     assert [better(blind, o) for o in blind.outcomes] == ["A", "A"]
 
 
-def test_each_side_is_told_with_its_own_scores() -> None:
+def test_each_side_is_reported_with_its_own_scores() -> None:
     class Stricter(FakeTools):
         """Scores a tenth with the smaller tolerance."""
 

@@ -70,7 +70,7 @@ def test_errors_and_score_show_the_edited_pose_beside_the_others(debugger: Debug
     assert f"<td>{score.score:.3f}</td>" in shown
 
 
-def test_a_kept_pose_of_another_hypothesis_is_told_from_the_edited_one(debugger: Debugger) -> None:
+def test_a_kept_pose_of_another_hypothesis_is_reported_from_the_edited_one(debugger: Debugger) -> None:
     shown = debugger.view().shown
     assert shown is not None
     same, other = shown.arm, (shown.arm + 1) % 3

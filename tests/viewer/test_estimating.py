@@ -116,7 +116,7 @@ def test_a_reopened_session_gives_an_object_its_own_initial_poses_back(session: 
         again.apply(c.Estimate(1, "session"))
 
 
-def test_runs_of_other_frames_that_begin_anew_are_told_of(session: Session) -> None:
+def test_runs_of_other_frames_that_begin_anew_are_reported_of(session: Session) -> None:
     d = Debugger(session, None, Toolbox).carry_out([c.OpenFrame("8/3"), ESTIMATE])
     assert "Other objects and frames keep theirs, but their runs start again." in d.message
 

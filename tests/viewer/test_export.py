@@ -271,7 +271,7 @@ def test_it_says_which_settings_are_not_in_the_file_as_they_are_not_in_use(tmp_p
 
 
 @pytest.mark.usefixtures("processes")
-def test_what_was_written_before_a_refusal_is_told_to_be_so(tmp_path: Path) -> None:
+def test_what_was_written_before_a_refusal_is_reported_to_be_so(tmp_path: Path) -> None:
     app = App(Session(title="boxes"), port=0, make_tools=FakeTools, folder=tmp_path).start()
     try:
         app.wait_until_idle()

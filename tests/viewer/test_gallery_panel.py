@@ -67,7 +67,7 @@ def test_objects_of_failed_frames_and_those_left_out_count_as_missed(tmp_path: P
         assert "data-open" not in tile
 
 
-def test_data_in_doubt_are_told_on_the_card_and_above_all_cards(tmp_path: Path) -> None:
+def test_data_in_doubt_are_reported_on_the_card_and_above_all_cards(tmp_path: Path) -> None:
     doubted = row(1, add_s_mm=42.0).model_copy(
         update={
             "cause": "score",

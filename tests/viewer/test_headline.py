@@ -23,7 +23,7 @@ def test_before_the_first_iteration_it_says_what_to_press() -> None:
     assert said.endswith("Press Step (N) for one iteration, Run (Space) for all.")
 
 
-def test_an_iteration_is_told_in_the_order_it_happened() -> None:
+def test_an_iteration_is_reported_in_the_order_it_happened() -> None:
     said = headline(after(c.Step()))
     parts = [
         "Iteration 1, box, hypothesis ",
@@ -47,7 +47,7 @@ def test_an_iteration_is_told_in_the_order_it_happened() -> None:
         (0.752, 0.62, 0.74, ("0.620; ", "0.740. ", "less than before (0.752)")),
     ],
 )
-def test_scores_are_told_with_the_digits_it_takes(
+def test_scores_are_reported_with_the_digits_it_takes(
     current: float, simulated: float, refined: float, said: tuple[str, ...]
 ) -> None:
     view = after(c.Step())
@@ -149,7 +149,7 @@ def test_abbreviations_are_spelt_out_in_tooltips() -> None:
         assert re.search(rf'<span class="term" title="{meaning}: [^"]*">{word}</span>', shown)
 
 
-def test_stages_are_told_one_by_one() -> None:
+def test_stages_are_reported_one_by_one() -> None:
     said = [headline(after(*[c.StepStage()] * n)) for n in (1, 2, 3, 4)]
     assert "stage 1 of 4: current." in said[0]
     assert "(best UCB: " in said[0]

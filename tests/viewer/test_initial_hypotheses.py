@@ -86,7 +86,7 @@ def test_a_method_that_looks_at_one_hypothesis_does_not_say_that_it_scores_best(
     assert f"box has 3 hypotheses; {name.upper()} works on hypothesis 1 alone, which scores 0.83 and is nearest" in said
 
 
-def test_what_comes_first_is_told_with_the_exploration_of_the_start() -> None:
+def test_what_comes_first_is_reported_with_the_exploration_of_the_start() -> None:
     """A branch that explores more from iteration 1 on began as the run that it leaves."""
     wider = c.Fork((("method.exploration", 3.0),), 1)
     before, fork = after(c.Step(), c.Seek(0)), after(c.Step(), wider, c.Seek(0))

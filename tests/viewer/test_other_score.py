@@ -97,7 +97,7 @@ def test_a_fork_at_the_start_is_judged_by_the_new_score_alone() -> None:
     )
 
 
-def test_numbers_of_two_scales_are_told_apart() -> None:
+def test_numbers_of_two_scales_are_reported_apart() -> None:
     d = debugger().carry_out([c.Step(), c.Step(), c.Fork(STRICTER)])
     assert "changed after iteration" not in arm_history(d.view())
     view = d.carry_out([c.Step()]).view()
@@ -133,7 +133,7 @@ def test_what_is_shown_at_once_is_of_one_scale() -> None:
     assert scales_of(ended.view()) == {True}, "the answer is scored by the settings that it was chosen by"
 
 
-def test_an_object_that_was_worked_on_before_the_score_changed_is_told_by_the_later_score() -> None:
+def test_an_object_that_was_worked_on_before_the_score_changed_is_reported_by_the_later_score() -> None:
     d = debugger(Session(method=MethodSettings(name="rir", iterations=1))).carry_out([c.OpenFrame("0/2")])
     first = d.carry_out([c.Step()]).view().target.instance.instance_id
     while d.carry_out([c.Step()]).view().target.instance.instance_id == first:
@@ -145,7 +145,7 @@ def test_an_object_that_was_worked_on_before_the_score_changed_is_told_by_the_la
     assert scales_of(view) == {True}
 
 
-def test_a_pose_moved_where_the_score_changes_is_told_by_the_earlier_score() -> None:
+def test_a_pose_moved_where_the_score_changes_is_reported_by_the_earlier_score() -> None:
     T_cam_obj = tuple(debugger().view().target.instance.hypotheses[1].T_cam_obj.ravel())
     by_hand = [c.EditPose(), c.DragPose(T_cam_obj), c.ForkFromPose()]
     d = debugger().carry_out([c.Step(), c.Step(), *by_hand, c.Fork(STRICTER)])

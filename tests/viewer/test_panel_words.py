@@ -66,7 +66,7 @@ def test_a_preset_is_no_difference(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("cursor", "fork"), [(0, "is the same here"), (1, "keeps iteration 1"), (7, "keeps iterations 1 to 7")]
 )
-def test_what_was_typed_waits_and_what_will_become_of_it_is_told(cursor: int, fork: str) -> None:
+def test_what_was_typed_waits_and_what_will_become_of_it_is_reported(cursor: int, fork: str) -> None:
     said = settings_words(Session(), LABELS, HELD | {"method.exploration": 0.4}, cursor)
     assert said == f"Not in use yet: c 0.7 → 0.4. Restart starts again with it; Fork {fork}."
 

@@ -39,7 +39,7 @@ def test_before_its_last_stage_an_iteration_has_no_result() -> None:
     assert event_lines(view) != ""
 
 
-def test_physics_is_told_as_far_as_the_stages_are() -> None:
+def test_physics_is_reported_as_far_as_the_stages_are() -> None:
     d = debugger().carry_out([STAGE])
     assert changes_table(d.view()) == ""
     assert physics_words(d.view()) == "Not simulated yet: next stage."
@@ -69,7 +69,7 @@ def test_what_comes_after_a_stage_looked_at_again_stays_on_the_timeline() -> Non
     assert view.state.best.iteration < 2
 
 
-def test_the_last_iteration_asked_for_is_told_whole() -> None:
+def test_the_last_iteration_asked_for_is_reported_whole() -> None:
     d = debugger().carry_out([c.RunUntil("end"), c.ShowLayer("refined", True)])
     assert not d.view().is_partial
     assert len(d.view().iterations) == d.workspace.run.length

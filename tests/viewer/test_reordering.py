@@ -211,7 +211,7 @@ def test_an_edge_that_is_cut_says_so() -> None:
 
 
 @pytest.mark.parametrize("method", ["rir", "sir", "refine", "vf_breadth", "vf_depth"])
-def test_the_order_that_is_told_is_the_one_of_the_run(method: str) -> None:
+def test_the_order_that_is_reported_is_the_one_of_the_run(method: str) -> None:
     session = Session(title="order", method=MethodSettings(iterations=2, name=method))
     d = Debugger(session, None, ThreeBoxes).carry_out([c.Focus(0)])
     first, second, third = order(d)

@@ -205,7 +205,7 @@ def test_the_arms_table_shows_the_numbers_that_chose() -> None:
     assert f"{choice.arm + 1} ◂" in html
 
 
-def test_n_is_told_from_the_pulls() -> None:
+def test_n_is_reported_from_the_pulls() -> None:
     view = after(c.Step(), c.Step(), c.Step())
     assert view.shown is not None
     assert view.shown.choice is not None
@@ -218,7 +218,7 @@ def test_n_is_told_from_the_pulls() -> None:
     assert "Earlier plays fade, ×0.9 a pass" in n_means(replace(view, session=fading))
 
 
-def test_times_are_told_to_be_sums_with_the_preparation_in_the_first() -> None:
+def test_times_are_reported_to_be_sums_with_the_preparation_in_the_first() -> None:
     view = after(c.Step(), c.Step(), c.Step())
     assert [i.arm for i in view.own_iterations[1:]] != [view.own_iterations[0].arm] * 2, "else this shows nothing"
     html = arms_table(view)

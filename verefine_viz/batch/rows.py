@@ -49,7 +49,7 @@ class ObjectRow(Row):
     visib_fract: float | None = None
     """Visible share of the object, where the data set knows it."""
     has_truth: bool = False
-    """Whether the data set holds the true pose; such an object counts for the recall, also without an answer."""
+    """Whether the data set has its ground truth; such an object counts for the recall, also without an answer."""
     status: Status
     """ok; no_answer: the object has no hypothesis; left_out: its mask or its model is missing or damaged; failed: the
     whole frame is. ``message`` says why."""

@@ -184,7 +184,7 @@ def each_frame(dataset: BopDataset, opened: Sequence[tuple[int, int]], kind: Mas
     worst = min(shares, key=lambda name: shares[name])
     result = (
         f"in the worst of {len(shares)} frames checked, {worst}, {shares[worst]:.0%} of the depth in the objects' "
-        "masks lies on their models in their true poses"
+        "masks lies on their models in their ground-truth poses"
     )
     sentences = [f"{name}: {faults[name]}" for name in sorted(faults, key=lambda name: shares[name])]
     return result, first_of(sentences, MOST_FAULTS, "; ")
@@ -240,7 +240,7 @@ def _swapped(off: Sequence[_Object], objects: Sequence[_Object]) -> Iterator[tup
 
 
 def _times(objects: Sequence[_Object]) -> float | None:
-    """How many times as far away as the true poses all objects are measured; None where that is no explanation."""
+    """How many times as far away as ground truth all objects are measured; None where that is no explanation."""
     ahead = [one for one in objects if one.T_cam_obj[2, 3] > 0]
     logs = np.log([one.middle_m / one.T_cam_obj[2, 3] for one in ahead])
     if not len(logs) or np.ptp(logs) > 2 * SAME_DEPTH:
@@ -283,7 +283,7 @@ def registration(
     if times is not None:
         guess = ", it looks like metres" if 300 < times < 3000 else ""
         yield (
-            "true poses put the camera inside of the objects",
+            "ground-truth poses put the camera inside of the objects",
             f"measured depth is about {times:.0f} times as far away: check that cam_t_m2c in scene_gt.json is in "
             f"millimetres{guess}",
         )
@@ -305,7 +305,7 @@ def _agreement(pairs: Sequence[tuple[Float, Float]], is_in_place: bool) -> tuple
     both = [(seen[(seen > 0) & (drawn > 0)], drawn[(seen > 0) & (drawn > 0)]) for seen, drawn in pairs]
     ratios = np.concatenate([seen / drawn for seen, drawn in both])
     ratio = float(np.median(ratios)) if len(ratios) else 1.0
-    result = f"{here:.0%} of the objects' pixels lie within {NEAR_M * 1e3:.0f} mm of their true pose"
+    result = f"{here:.0%} of the objects' pixels lie within {NEAR_M * 1e3:.0f} mm of their ground-truth pose"
     if not 0.5 < ratio < 2:
         advice = f"measured depth is {ratio:.3g} times the true one: check depth_scale, and that poses are in mm"
     elif is_in_place and shares[best] > here + GAIN:

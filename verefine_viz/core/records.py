@@ -117,7 +117,7 @@ class Stage:
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"{self.name} pose"))
 
-    def judged(self, score: PoseScore | None) -> Stage:
+    def with_score(self, score: PoseScore | None) -> Stage:
         """The same with its score; made without checking the pose again."""
         stage = object.__new__(Stage)
         stage.__dict__.update(self.__dict__, score=score)

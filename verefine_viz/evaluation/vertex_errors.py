@@ -45,7 +45,7 @@ def adi_by_index_mm(model: EvalModel, R_est: Float, t_est_mm: Float, R_gt: Float
 def symmetric_errors(
     model: EvalModel, R_est: Float, t_est_mm: Float, R_gt: Float, t_gt_mm: Float
 ) -> tuple[float, float]:
-    """Errors of rotation [deg] and translation [mm] against that of the equivalent true poses that is turned least.
+    """Errors of rotation [deg] and translation [mm] against the equivalent ground-truth pose turned least.
 
     For objects without symmetries: the angle between the rotations and the distance of the origins.
     """

@@ -192,7 +192,7 @@ class _IterationScores:
         scores = self.verifier.score(self.target, np.array([s.T_cam_obj for s in others]), self.placed)
         of_stage = {s.name: scores[i] for i, s in enumerate(others)}
         of_stage |= {name: begun()[0] for name, begun in self._begun.items()}
-        return tuple(s.judged(of_stage.get(s.name)) for s in draft.stages)
+        return tuple(s.with_score(of_stage.get(s.name)) for s in draft.stages)
 
 
 def _score_of(stage: Stage) -> PoseScore:

@@ -116,7 +116,7 @@ def _checked(
         raise InputError("objects is no list of DetectedObject, expected [DetectedObject(mesh, mask, …), …]")
     n_true = sum(one.T_cam_obj_gt is not None for one in objects)
     if n_true not in (0, len(objects)):
-        raise InputError(f"{n_true} of {len(objects)} objects have a true pose; give all of them one, or none")
+        raise InputError(f"{n_true} of {len(objects)} objects have a ground-truth pose; give all of them one, or none")
     points = camera.back_project(depth)
     checked = [_checked_object(one, k, camera, points) for k, one in enumerate(objects)]
     return CapturedFrame(camera.K, depth, photo, checked, down)
@@ -162,8 +162,8 @@ def _checked_object(detected: DetectedObject, k: int, camera: Camera, points_cam
             _check_seen(T_cam_obj, mesh, camera, f"pose of {where} by {estimator}")
     T_gt = None
     if detected.T_cam_obj_gt is not None:
-        T_gt = _near(detected.T_cam_obj_gt, f"true pose of {where}", covered)
-        _check_true(T_gt, mesh, covered, f"true pose of {where}")
+        T_gt = _near(detected.T_cam_obj_gt, f"ground-truth pose of {where}", covered)
+        _check_true(T_gt, mesh, covered, f"ground-truth pose of {where}")
     axis = None if detected.symmetry_axis is None else finite(detected.symmetry_axis, f"symmetry_axis of {where}", (3,))
     if axis is not None and not axis.any():
         raise ShapeError(f"symmetry_axis of {where} is 0, expected a direction")

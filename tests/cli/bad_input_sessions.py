@@ -10,7 +10,7 @@ from verefine_viz.batch.folder import RunFolder
 from verefine_viz.session.files import resolve
 
 
-class Desk(CommandLine):
+class BadInput(CommandLine):
     """Sessions on a made-up data set, and batches of them."""
 
     def bop(self, extra: str = "", scene: str = "", hypotheses: str = "") -> Path:
