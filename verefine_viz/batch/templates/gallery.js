@@ -168,24 +168,63 @@
 
   // A gallery that was just written into the document
 
+  // Where a folder is watched it is written again with each change: how far it is scrolled, the box that is being typed
+  // in, the selection and the pictures of tiles that are there again stay.
+  let scrolled = 0, left = null;
+  addEventListener("scroll", event => { if (event.target === grid && grid.isConnected) scrolled = grid.scrollTop; }, true);
+  addEventListener("focusout", event => {
+    const box = event.target;
+    if (box.matches?.(".gallery-bar input:not([type=range])")) left = {box, value: box.value, at: performance.now()};
+  });
+  const identity = entry => `${entry.element.dataset.open} ${entry.element.title}`;
+  const takeOver = before => {
+    const known = new Map(before.map(entry => [identity(entry), entry]));
+    for (const entry of entries) {
+      const old = known.get(identity(entry));
+      const picture = old?.element.querySelector(".pic img");
+      if (picture) {
+        entry.picture = null;
+        entry.element.querySelector(".pic").replaceChildren(picture);
+      }
+      if (chosen.delete(old)) chosen.add(entry);
+      if (old && old === current) current = entry;
+    }
+    const there = new Set(entries);
+    for (const entry of chosen) if (!there.has(entry)) chosen.delete(entry);
+    if (!there.has(current)) current = null;
+  };
+  const goOnTyping = () => {
+    // The box lost the focus because it was replaced, not because the user left it.
+    if (!left || left.box.isConnected || performance.now() - left.at > 100 || document.activeElement !== document.body) return;
+    const box = field(`.${left.box.className}`);
+    Object.assign(box, {value: left.value, hidden: false});
+    box.focus();
+    if (box.matches(".search")) rearranged();
+  };
+
   const begin = found => {
+    const before = onPage ? entries : [], top = scrolled;
     grid = found;
     bar = document.querySelector(".gallery-bar");
     onPage = !!grid.closest(".gallery-pane");
-    state = current = from = null;
-    chosen.clear();
+    state = from = null;
     inSight.clear();
     entries = all(".gallery-grid .entry").map(element => ({
       element, key: element.dataset.key, words: element.dataset.words, drawn: false, tags: [],
       values: JSON.parse(element.dataset.values), places: JSON.parse(element.dataset.places),
     }));
     for (const entry of entries) tagged(entry, JSON.parse(entry.element.dataset.tags));
+    takeOver(before);
     showTags();
     arrange();
     if (!onPage) return;
     watchAll();
     field(".size").value = localStorage.getItem("gallery-tile") ?? (innerWidth < 1600 ? 200 : 260);
     resize();
+    if (!before.length) return;
+    showState();
+    goOnTyping();
+    grid.scrollTop = top;
   };
   const resize = () => document.documentElement.style.setProperty("--gallery-tile", `${field(".size").value}px`);
   let wasSeen = false;
