@@ -28,6 +28,7 @@ from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.verdict_panel import bar_html, why_html
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.text.findings import findings
+from verefine_viz.viewer.text.headline import headline
 from verefine_viz.viewer.text.verdict import DATA_DOUBTED, MOST_WORDS, verdict
 
 END = c.RunUntil("end")
@@ -217,7 +218,7 @@ def led_away(by_simulation: bool, inlier_share: float = 0.6, score_rose: bool = 
         (led_away(True), "simulation pushed it away: left unstable", "Hypothesis 1 was 5.0 mm off in iteration 1"),
         (
             led_away(True, 0.26),
-            "wrong support plane: it explains 26% of the background",
+            "wrong support plane: it explains only 26% of the background",
             "The support plane explains only 26%",
         ),
         (led_away(False, 0.26), "nearer at iteration 1, then lost in iteration 2", "Hypothesis 1 was 5.0 mm off"),
@@ -250,7 +251,7 @@ def test_at_a_breakpoint_it_is_paused_and_at_the_end_it_is_over() -> None:
     )
     d = Debugger(session, None, FakeTools).carry_out([c.OpenFrame("0/1"), END])
     it = verdict(d.view())
-    assert (it.mark, it.number) == ("…", "paused")
+    assert (it.mark, it.number, it.look_at) == ("…", "paused", ("run on", END))
     assert it.cause.startswith("breakpoint: the pose jumped by ")
     assert d.message.startswith("Breakpoint at iteration 1: ")
     assert verdict(d.carry_out([c.Back()]).view()).number == "ready"
@@ -261,6 +262,7 @@ def test_at_a_breakpoint_it_is_paused_and_at_the_end_it_is_over() -> None:
 
 def test_a_last_pose_is_not_called_the_best() -> None:
     assert "best" not in verdict(debugger(name="pir").carry_out([c.Step()]).view()).cause
+    assert "Run finished: last pose " in headline(debugger(name="pir").carry_out([END]).view())
 
 
 def test_data_in_doubt_come_before_every_cause() -> None:

@@ -58,7 +58,7 @@ class Verdict:
     """At most :data:`MOST_WORDS` words; names of objects count as one."""
     number_means: str = ""
     look_at: tuple[str, c.Command] | None = None
-    """Words and command of the link to the iteration to look at."""
+    """Words and command of the link, as to the iteration to look at."""
     share: float | None = None
     """How much of the run is done [0 to 1], while it is on."""
     pictured: tuple[Target, Float] | None = None
@@ -213,7 +213,7 @@ def _led_away(o: FinishedObject, lost: Lost) -> Reason:
     """What made a wrong answer of a pose near ground truth."""
     support = o.target.observation.support
     if lost.by_simulation and support is not None and plane_doubt(support):
-        more = f": it explains {support.inlier_share:.0%} of the background"
+        more = f": it explains only {support.inlier_share:.0%} of the background"
         return Reason(TITLES[Cause.PLANE], lost.lost_in, more, Cause.PLANE)
     if lost.by_simulation:
         more = ": left unstable" if lost.n_unstable else f": {_millimetres(lost.nearest.add_s_mm)} off before"
@@ -306,7 +306,7 @@ def _paused(snapshot: Snapshot) -> Verdict:
         stops = hits(snapshot.session.breakpoints, snapshot.problem, at) if snapshot.is_current and end is None else ()
         if stops:
             means = f"at a breakpoint after {number} iterations; Run goes on: {'; '.join(stops)}"
-            return Verdict("…", "paused", f"breakpoint: {_short(stops[0])}", means)
+            return Verdict("…", "paused", f"breakpoint: {_short(stops[0])}", means, ("run on", c.RunUntil("end")))
     return Verdict("…", number, words, "iterations, not over yet", end)
 
 
