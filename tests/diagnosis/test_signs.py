@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import transform
+from verefine_viz.core.records import Best, Event, Iteration, Stage, StageName
 from verefine_viz.core.scores import PoseScore
-from verefine_viz.diagnosis.signs import Course, far_start, is_low, leaks, prefers, starved
+from verefine_viz.diagnosis.signs import Course, far_start, is_low, leaks, lost, prefers, starved
 from verefine_viz.evaluation.pose_errors import PoseErrors
 
 
@@ -52,3 +56,49 @@ def test_signs_of_a_score() -> None:
     assert not prefers(score(0.7), score(0.8))
     assert [leaks(score(0.8, missed)) for missed in (24, 25)] == [False, True]
     assert [is_low(score(value)) for value in (0.44, 0.45)] == [True, False]
+
+
+def at(relative: float) -> Float:
+    """A pose that is off by this share of the diameter."""
+    return transform(np.eye(3), [0, 0, 0.1 * relative])
+
+
+def iteration(index: int, *stages: tuple[StageName, float, float], unstable: bool = False) -> Iteration:
+    """Stages as (name, error, score); the last one is accepted, and the best."""
+    name, off, value = stages[-1]
+    return Iteration(
+        index,
+        0,
+        1,
+        0,
+        index,
+        tuple(Stage(name, at(off), score(value)) for name, off, value in stages),
+        name,
+        Best(at(off), score(value), 0, index, name),
+        events=(Event("unstable", "Tipped over."),) if unstable else (),
+    )
+
+
+def test_a_near_pose_is_lost_by_what_added_most_to_its_error() -> None:
+    def errors_of(T_cam_obj: Float) -> PoseErrors:
+        return errors(10 * float(T_cam_obj[2, 3]))
+
+    near = iteration(1, ("current", 0.2, 0.5), ("refined", 0.01, 0.9))
+    pushed = iteration(2, ("current", 0.01, 0.9), ("simulated", 0.3, 0.2), ("refined", 0.31, 0.3), unstable=True)
+    away = lost([near, pushed], pushed.best, errors_of)
+    assert away is not None
+    assert (away.iteration, away.lost_in, away.by_simulation, away.score_rose) == (1, 2, True, False)
+    assert away.nearest.relative == pytest.approx(0.01)
+    assert away.n_unstable == 1
+
+    slid = iteration(1, ("current", 0.2, 0.5), ("refined", 0.3, 0.8))
+    away = lost([slid], slid.best, errors_of)
+    assert away is not None
+    assert (away.iteration, away.lost_in, away.by_simulation, away.score_rose) == (0, 1, False, True)
+
+    assert lost([near], near.best, errors_of) is None, "it ends where it was nearest"
+    far = iteration(1, ("current", 0.4, 0.5), ("refined", 0.6, 0.8))
+    assert lost([far], far.best, errors_of) is None, "it was never near"
+    edited = iteration(1, ("current", 0.05, 0.5), ("edited", 0.3, 0.4))
+    assert lost([edited], edited.best, errors_of) is None
+    assert lost([slid], slid.best, lambda T_cam_obj: None) is None, "without ground truth nothing is known"

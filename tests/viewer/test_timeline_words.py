@@ -33,7 +33,7 @@ def test_before_the_first_iteration_nothing_has_run() -> None:
 @pytest.mark.parametrize(
     ("red", "marks"),
     [
-        ((), "no problems"),
+        ((), ""),
         ((2,), "1 problem"),
         ((1, 2, 2), "2 problems, one here · previous: 1"),
         ((1, 3, 4), "3 problems · previous: 1 · next: 3"),
@@ -43,7 +43,7 @@ def test_before_the_first_iteration_nothing_has_run() -> None:
 def test_on_the_way_it_names_the_hypothesis_and_the_nearest_red_marks(red: tuple[int, ...], marks: str) -> None:
     d = debugger(*[c.Step()] * 4, c.Seek(2))
     arm = d.view().at(2).arm + 1
-    assert said(d, *red) == f"Iteration 2 of 6 · 4 made · {marks}"
+    assert said(d, *red) == f"Iteration 2 of 6 · 4 made{' · ' * bool(marks)}{marks}"
     assert f'title="box, hypothesis {arm} of 3"' in timeline_words(d.view(), [])
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier
 from tests.viewer.fake_tools import FakeTools
+from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import Instance, Placed, Problem, Target
@@ -19,7 +20,7 @@ from verefine_viz.core.records import Best
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.diagnosis.causes import TITLES, Cause
-from verefine_viz.diagnosis.signs import Course, Discarded
+from verefine_viz.diagnosis.signs import Course, Discarded, Lost
 from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.methods.registry import make_method
 from verefine_viz.viewer import commands as c
@@ -27,6 +28,7 @@ from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.verdict_panel import bar_html, why_html
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.text.findings import findings
+from verefine_viz.viewer.text.headline import headline
 from verefine_viz.viewer.text.verdict import DATA_DOUBTED, MOST_WORDS, verdict
 
 END = c.RunUntil("end")
@@ -189,6 +191,78 @@ def test_a_correct_pose_that_was_given_up_is_named_with_its_margin() -> None:
     assert first.text.startswith("Hypothesis 2 had a correct pose in iteration 2, which scores ")
     assert first.red
     assert "correct pose" in why_html(shown, it, findings(shown))
+
+
+def led_away(by_simulation: bool, inlier_share: float = 0.6, score_rose: bool = False, missed: int = 0) -> Snapshot:
+    """A finished run whose answer came from a pose near ground truth."""
+    view = debugger(name="pir").carry_out([END]).view()
+    (own,) = view.finished
+    assert own.answer is not None
+    assert view.target.observation.support is not None
+    support = replace(view.target.observation.support, inlier_share=inlier_share)
+    target = replace(view.target, observation=replace(view.target.observation, support=support))
+    at_gt = replace(own.answer.score, score=0.97, counts=(100 - missed, missed, 0, 0, 0))
+    answer = replace(own.answer, score=replace(own.answer.score, score=0.5))
+    course = Course((off(5, 0.05),), (4,), off(39.1, 0.2), answer.score, at_gt)
+    lost = Lost(off(5, 0.05), answer.score, 1, 2, by_simulation, score_rose, 2 * by_simulation)
+    best = replace(view.poses["best"], errors=course.answer, score=answer.score)
+    truth = view.ground_truth
+    assert truth is not None
+    view = replace(view, target=target, poses=view.poses | {"best": best}, ground_truth=replace(truth, score=at_gt))
+    return with_finished(view, target=target, answer=answer, course=course, errors=course.answer, lost=lost)
+
+
+@pytest.mark.parametrize(
+    ("view", "cause", "first"),
+    [
+        (led_away(True), "simulation pushed it away: left unstable", "Hypothesis 1 was 5.0 mm off in iteration 1"),
+        (
+            led_away(True, 0.26),
+            "wrong support plane: it explains only 26% of the background",
+            "The support plane explains only 26%",
+        ),
+        (led_away(False, 0.26), "nearer at iteration 1, then lost in iteration 2", "Hypothesis 1 was 5.0 mm off"),
+        (
+            led_away(False, score_rose=True),
+            "refiner diverged or got stuck: score rose while the error grew",
+            "Hypothesis 1 was 5.0 mm off",
+        ),
+    ],
+)
+def test_what_led_a_near_pose_away_is_the_cause_and_its_evidence_comes_first(
+    view: Snapshot, cause: str, first: str
+) -> None:
+    it = verdict(view)
+    assert it.cause == cause
+    assert it.look_at == ("iteration 2", visit(view, view.at(2)))
+    html = why_html(view, it, findings(view))
+    assert html.index(first) == min(html.index(one.text[:20]) for one in findings(view))
+    assert "another score cannot" not in html
+    assert "best pose found" not in html
+
+
+def test_a_mask_leaks_where_ground_truth_too_misses_much_of_it() -> None:
+    assert verdict(led_away(False, missed=54)).cause == "mask leaks or misses: 54% missed even at ground truth"
+
+
+def test_at_a_breakpoint_it_is_paused_and_at_the_end_it_is_over() -> None:
+    session = Session(
+        method=MethodSettings(name="pir", iterations=3), breakpoints=BreakpointSettings(jump_mm=0.0, jump_deg=0.0)
+    )
+    d = Debugger(session, None, FakeTools).carry_out([c.OpenFrame("0/1"), END])
+    it = verdict(d.view())
+    assert (it.mark, it.number, it.look_at) == ("…", "paused", ("run on", END))
+    assert it.cause.startswith("breakpoint: the pose jumped by ")
+    assert d.message.startswith("Breakpoint at iteration 1: ")
+    assert verdict(d.carry_out([c.Back()]).view()).number == "ready"
+    d.carry_out([END, END, END])
+    assert verdict(d.view()).mark in "✓✗"
+    assert "Breakpoint" not in d.message
+
+
+def test_a_last_pose_is_not_called_the_best() -> None:
+    assert "best" not in verdict(debugger(name="pir").carry_out([c.Step()]).view()).cause
+    assert "Run finished: last pose " in headline(debugger(name="pir").carry_out([END]).view())
 
 
 def test_data_in_doubt_come_before_every_cause() -> None:

@@ -15,15 +15,12 @@ from verefine_viz.diagnosis import score_causes
 from verefine_viz.diagnosis.case import ALONE, FAR, Case, Pools, Rerun
 from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts, instead, share
 from verefine_viz.diagnosis.input_causes import of_another_unit
+from verefine_viz.diagnosis.signs import WORSE, WORSE_BY
 from verefine_viz.evaluation.pose_errors import pose_errors, turning_on
 from verefine_viz.refiners.registry import make_refiner
 
 ICP = "icp"
 """The refiner that others are measured against."""
-WORSE = 0.03
-"""The answer is worse than a pose before by more than this share of the diameter …"""
-WORSE_BY = 1.2
-"""… and by more than this factor: then something led it astray."""
 
 
 def refiner(case: Case) -> Finding | None:

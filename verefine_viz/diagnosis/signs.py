@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import Best, Iteration, Stage
@@ -20,6 +21,10 @@ FAR = 0.25
 STARVED = 0.3
 """A hypothesis that got at most this share of an even split of the iterations, or one of them, was starved."""
 LOW_SCORE = 0.45
+WORSE = 0.03
+"""The answer is worse than a pose before by more than this share of the diameter …"""
+WORSE_BY = 1.2
+"""… and by more than this factor: then something led it astray."""
 LEAK_SHARE = 0.25
 """More of the pixels without the model may be a mask that leaks."""
 
@@ -137,6 +142,62 @@ def discarded(own: Sequence[Iteration], answer: Best | None, is_correct: Callabl
     made = 0 if is_initial else iteration.index
     given_up = next((i.index for i in own if i.index >= made and not correct(i.best.T_cam_obj)), own[-1].index)
     return Discarded(iteration.arm, made, stage, score, given_up, answer)
+
+
+@dataclass(frozen=True, eq=False)
+class Lost:
+    """A pose near ground truth that the wrong answer came from, and what led it away."""
+
+    nearest: PoseErrors
+    """Of that pose."""
+    score: PoseScore | None
+    iteration: int
+    """Which came by it; 0 = it is the initial pose of the hypothesis."""
+    lost_in: int
+    """The iteration that added most to the error."""
+    by_simulation: bool
+    """Whether the simulation added more to the error than the refiner."""
+    score_rose: bool
+    """Whether the answer scores more all the same."""
+    n_unstable: int
+    """Iterations from then on that the simulation left unstable."""
+
+
+def lost(own: Sequence[Iteration], answer: Best, errors_of: Callable[[Float], PoseErrors | None]) -> Lost | None:
+    """The nearest of the poses that the answer came from, where the answer is clearly worse; None if there is none.
+
+    Args:
+        own: all iterations of the object.
+        answer: of the run.
+        errors_of: the errors of a pose T_cam_obj (4, 4); None without ground truth.
+    """
+    way = [i for i in own if i.arm == answer.arm and i.index <= answer.iteration]
+    # An iteration starts where the one before ended: its first pose counts as made by that one.
+    steps = [(i, stage, errors_of(stage.T_cam_obj)) for i in way for stage in i.stages]
+    known = [(i, stage, errors) for i, stage, errors in steps if errors is not None]
+    at_end = errors_of(answer.T_cam_obj)
+    if not known or at_end is None:
+        return None
+    k = min(range(len(known)), key=lambda k: known[k][2].relative)
+    iteration, stage, nearest = known[k]
+    if nearest.relative > FAR or at_end.relative < max(nearest.relative + WORSE, WORSE_BY * nearest.relative):
+        return None
+    by_simulation = by_refiner = 0.0
+    grown: dict[int, float] = {}
+    for (_, _, before), (i, after, errors) in pairwise(known[k:]):
+        change = errors.relative - before.relative
+        grown[i.index] = grown.get(i.index, 0.0) + change
+        if after.name in ("simulated", "mixed"):
+            by_simulation += max(change, 0.0)
+        elif after.name == "refined":
+            by_refiner += max(change, 0.0)
+    if not by_simulation and not by_refiner:
+        return None  # It was edited.
+    made = 0 if stage is iteration.stages[0] and iteration.arm_iteration == 1 else iteration.index
+    rose = stage.score is not None and answer.score.score > stage.score.score
+    n_unstable = sum(any(e.kind == "unstable" for e in i.events) for i in way if i.index >= iteration.index)
+    lost_in = max(grown, key=lambda index: grown[index])
+    return Lost(nearest, stage.score, made, lost_in, by_simulation > by_refiner, rose, n_unstable)
 
 
 def leaks(score: PoseScore) -> bool:

@@ -101,7 +101,7 @@ def _pause_if_reached(state: State, iteration: Iteration) -> None:
                 state.log.append(c.SeekStage(run.cursor, stage))
         return
     reasons = hits(state.workspace.breakpoints, run.problem, iteration)
-    if reasons:
+    if reasons and not run.is_done:
         names = labels_of(run.problem)
         where = f"iteration {iteration.index}" + (f", {names[iteration.instance_id]}" if len(names) > 1 else "")
         state.message = f"Breakpoint at {where}: {'; '.join(reasons)}"

@@ -193,7 +193,9 @@ def score_lines(snapshot: Snapshot, n_arms: int) -> list[Line]:
         stages = {i.index: i.accepted_stage for i in own if i.arm == j}
         return _carried(first[j], own, {k: s.score.score for k, s in stages.items() if s.score is not None})
 
-    lines = [Line("answer" if of_scene else "best", STAGE_COLORS["best"], best, width=BEST_PX)]
+    lines = [
+        Line("answer" if of_scene or not _has_best(snapshot) else "best", STAGE_COLORS["best"], best, width=BEST_PX)
+    ]
     return lines + [Line(f"{j + 1}", arm_color(j), accepted(j)) for j in range(n_arms)]
 
 
@@ -220,7 +222,13 @@ def error_lines(snapshot: Snapshot) -> list[Line]:
     initial = [e.add_s_mm for e in snapshot.initial_errors if e is not None]
     start = initial[snapshot.own_iterations[0].arm] if initial else 0.0
     accepted, best = ([start, *(e.add_s_mm for e in errors)] for errors in zip(*known, strict=True))
-    return [Line("best", STAGE_COLORS["best"], best, width=BEST_PX), Line("accepted", ACCEPTED_COLOR, accepted)]
+    name = "best" if _has_best(snapshot) else "answer"
+    return [Line(name, STAGE_COLORS["best"], best, width=BEST_PX), Line("accepted", ACCEPTED_COLOR, accepted)]
+
+
+def _has_best(snapshot: Snapshot) -> bool:
+    """Whether the answer is the best pose; else it is the last one, which may score less than one before."""
+    return method_of(snapshot.session.method.name).verifies
 
 
 # Of the whole scene: how well the objects fit together, pass by pass, and each object's own best.

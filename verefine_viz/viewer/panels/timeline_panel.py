@@ -70,7 +70,7 @@ def _problems(snapshot: Snapshot, marks: Sequence[Mark]) -> list[str]:
     """How many iterations are marked red, and the way to the nearest ones."""
     red = sorted({mark.iteration for mark in marks if mark.is_red})
     if not red:
-        return ["no problems"] if snapshot.progress.done else []
+        return []
     after, before = [k for k in red if k > snapshot.cursor], [k for k in red if k < snapshot.cursor]
     here = ", one here" if snapshot.cursor in red and len(red) > 1 else ""
     parts = [f'<span title="iterations with a red mark">{counted(len(red), "problem")}{here}</span>']

@@ -94,6 +94,8 @@ def bar_html(it: Verdict, crop: str, why: str, n_warnings: int = 0, page_link: s
 def why_html(snapshot: Snapshot, it: Verdict, warnings: Sequence[Finding]) -> str:
     """The evidence: what happened at the cursor in full, and everything that may be wrong, with what to do."""
     means = f'<p class="dim">{text(it.number)}: {text(it.number_means)}.</p>' if it.number_means else ""
+    if it.about is not None:  # The evidence of what the bar says comes first.
+        warnings = sorted(warnings, key=lambda finding: finding.cause != it.about)
     return f"{means}{sentence(headline(snapshot), HINTS)}{finding_boxes(warnings)}"
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Best
-from verefine_viz.diagnosis.signs import Course, Discarded, discarded
+from verefine_viz.diagnosis.signs import Course, Discarded, Lost, discarded, lost
 from verefine_viz.diagnosis.symmetry import UndeclaredTurn
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.pose_errors import PoseErrors, add_s_mm
@@ -43,6 +43,8 @@ class FinishedObject:
     course: Course
     discarded: Discarded | None
     """The correct pose that was given up for a wrong answer."""
+    lost: Lost | None
+    """The pose near ground truth that a wrong answer came from; None where nothing led it away."""
     undeclared: UndeclaredTurn | None
     """The turn that alone makes the answer count as wrong; None where it is right, or wrong otherwise."""
     runner_up: RunnerUp | None
@@ -75,7 +77,7 @@ def _finished(
 ) -> FinishedObject:
     """``own``: the method's state of the object; None where it has no hypothesis."""
     if best is None or own is None:
-        return FinishedObject(target, label, None, None, Course((), (), None, None, None), None, None, None)
+        return FinishedObject(target, label, None, None, Course((), (), None, None, None), None, None, None, None)
     method = method_of(branch.settings.method.name)
     iterations = [i for i in branch.run.iterations if i.instance_id == target.instance.instance_id]
     errors, T_gt = evaluator.errors(target, best.T_cam_obj), target.instance.T_cam_obj_gt
@@ -92,9 +94,12 @@ def _finished(
     )
     is_correct = partial(_is_correct, evaluator, target)
     given_up = discarded(iterations, best, is_correct) if course.is_wrong and method.verifies else None
+    led_away = None
+    if course.is_wrong and not method.has_tree:
+        led_away = lost(iterations, best, partial(evaluator.errors, target))
     undeclared = evaluator.undeclared_turn(target, best.T_cam_obj) if course.is_wrong else None
     runner_up = _runner_up(own, best, target) if method.answers_best_of_all else None
-    return FinishedObject(target, label, best, errors, course, given_up, undeclared, runner_up)
+    return FinishedObject(target, label, best, errors, course, given_up, led_away, undeclared, runner_up)
 
 
 def _is_correct(evaluator: CachedEvaluator, target: Target, T_cam_obj: Float) -> bool:

@@ -42,7 +42,7 @@ class Meaning:
 
 MEANINGS: tuple[Meaning, ...] = (
     Meaning(
-        "trouble",
+        "problem",
         "The score fell, the simulated pose scores far less than the pose it began with (marked the first time that it "
         "happens to an object, with how often), the object would tip where the simulation leaves it, a pose rendered "
         "to nothing or its score is not a number, the refiner found nothing to hold on to, the error against ground "

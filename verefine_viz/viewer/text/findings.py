@@ -7,17 +7,21 @@ from dataclasses import dataclass
 from verefine_viz.batch.summary import MUCH, MUCH_SCORE
 from verefine_viz.diagnosis.causes import DATA_FIRST, DECLARE, Cause, cause_title, distinct_texts
 from verefine_viz.diagnosis.signs import Course, far_start, is_low, leaks, starved
+from verefine_viz.methods.registry import method_of
 from verefine_viz.scenes.instance_notes import without
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.snapshot.finished_objects import FinishedObject
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.state.batch_gallery import Entry
-from verefine_viz.viewer.text.display_names import in_focus, is_correct
+from verefine_viz.viewer.text.display_names import counted, in_focus, is_correct
 from verefine_viz.viewer.text.plausibility_verdict import (
     plane_doubt,
     unsupported_stacking,
     unsupported_stacking_warning,
 )
 from verefine_viz.viewer.text.pose_words import preferred_wrong, start_errors
+
+SIDE_BY_SIDE = "put them side by side"
 
 
 @dataclass(frozen=True)
@@ -32,12 +36,15 @@ class Finding:
     """What to try."""
     label: str = ""
     """Words for the command's link."""
+    cause: Cause | None = None
+    """What it is evidence of."""
 
 
 def findings(snapshot: Snapshot) -> tuple[Finding, ...]:
     """All findings, the most telling first."""
     checks = (_of_data, _of_batch, _support, _no_hypothesis, _stacking, _why_wrong, _leak, _low)
-    return tuple(finding for check in checks for finding in check(snapshot))
+    known = [finding for check in checks for finding in check(snapshot)]
+    return (*known, *_missed(snapshot, is_explained=any(one.red or one.cause is not None for one in known)))
 
 
 def _of_data(snapshot: Snapshot) -> list[Finding]:
@@ -66,7 +73,7 @@ def _support(snapshot: Snapshot) -> list[Finding]:
         remedy = "Check scene.gravity" if given else "Give scene.gravity"
         return [Finding(f"No physics: {note}. {remedy}, or choose a frame that shows the table.", red=True)]
     doubt = plane_doubt(support)
-    return [*([Finding(doubt)] if doubt else []), *_hulls(snapshot)]
+    return [*([Finding(doubt, cause=Cause.PLANE)] if doubt else []), *_hulls(snapshot)]
 
 
 def _hulls(snapshot: Snapshot) -> list[Finding]:
@@ -92,28 +99,54 @@ def _why_wrong(snapshot: Snapshot) -> list[Finding]:
         given_up = _discarded(snapshot)
         if given_up:
             return [*given_up, *_wrong_score(snapshot)]
-        return [*_far_start(snapshot), *_starved(snapshot), *_wrong_score(snapshot)]
+        return [*(_lost(snapshot) or _far_start(snapshot)), *_starved(snapshot), *_wrong_score(snapshot)]
     turn = snapshot.undeclared.in_words(snapshot.name)
     if snapshot.entry is not None and turn in snapshot.entry.row.evidence:
         return []
     advice = f"{DECLARE[0].upper()}{DECLARE[1:]}."
-    return [Finding(f"{turn} {advice}", red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
+    return [Finding(f"{turn} {advice}", True, False, c.ScoreGroundTruth(), SIDE_BY_SIDE, Cause.SYMMETRIC)]
 
 
 def _discarded(snapshot: Snapshot) -> list[Finding]:
     """A correct pose was there, and another was preferred."""
-    own = next((o for o in snapshot.finished if o.instance_id == snapshot.target.instance.instance_id), None)
+    own = _finished(snapshot)
     given_up = own.discarded if own is not None else None
     if own is None or given_up is None or own.errors is None:
         return []
     made = f"in iteration {given_up.iteration}" if given_up.iteration else "at the start"
     pose, answer = distinct_texts(given_up.score.score, given_up.answer.score.score, 3)
+    since = f"from iteration {given_up.given_up} on" if given_up.given_up > given_up.iteration else "at once"
     text = (
-        f"Hypothesis {given_up.arm + 1}{_whose(snapshot)} had a correct pose {made}, which scores {pose}. It was given "
-        f"up in iteration {given_up.given_up}: the answer scores {answer} and is {own.errors.add_s_mm:.1f} mm off."
+        f"Hypothesis {given_up.arm + 1}{_whose(snapshot)} had a correct pose {made}, which scores {pose}. A wrong pose "
+        f"was preferred to it {since}: the answer scores {answer} and is {own.errors.add_s_mm:.1f} mm off."
     )
     command = visit(snapshot, snapshot.at(max(given_up.iteration, 1)))
-    return [Finding(text, red=True, command=command, label="show it")]
+    return [Finding(text, True, False, command, "show it", Cause.DISCARDED)]
+
+
+def _finished(snapshot: Snapshot) -> FinishedObject | None:
+    """The object in focus, after the run."""
+    return next((o for o in snapshot.finished if o.instance_id == snapshot.target.instance.instance_id), None)
+
+
+def _lost(snapshot: Snapshot) -> list[Finding]:
+    """A pose near ground truth was there, and the answer, which came from it, is wrong."""
+    own = _finished(snapshot)
+    lost = own.lost if own is not None else None
+    if own is None or own.answer is None or own.errors is None or lost is None:
+        return []
+    when = f"in iteration {lost.iteration}" if lost.iteration else "at its start"
+    scored = f" and scored {lost.score.score:.2f}" if lost.score is not None else ""
+    text = (
+        f"Hypothesis {own.answer.arm + 1}{_whose(snapshot)} was {lost.nearest.add_s_mm:.1f} mm off {when}{scored}; the "
+        f"answer, which came from it, is {own.errors.add_s_mm:.1f} mm off and scores {own.answer.score.score:.2f}. The "
+        f"{'simulation' if lost.by_simulation else 'refiner'} led it away, most in iteration {lost.lost_in}."
+    )
+    if lost.by_simulation and lost.n_unstable:
+        text += f" The simulation left it unstable in {counted(lost.n_unstable, 'iteration')}."
+    command = visit(snapshot, snapshot.at(lost.lost_in))
+    cause = Cause.SIMULATION if lost.by_simulation else Cause.REFINER
+    return [Finding(text, True, False, command, "show it", cause)]
 
 
 def _course(snapshot: Snapshot) -> Course:
@@ -147,7 +180,7 @@ def _far_start(snapshot: Snapshot) -> list[Finding]:
         f"No hypothesis{_whose(snapshot)} starts near: best initial error {off} Refinement did not help: look at the "
         "estimator first."
     )
-    return [Finding(text, red=True, command=c.SelectArm(j), label="show it")]
+    return [Finding(text, True, False, c.SelectArm(j), "show it", Cause.POOL)]
 
 
 def _stacking(snapshot: Snapshot) -> list[Finding]:
@@ -189,41 +222,54 @@ def _starved(snapshot: Snapshot) -> list[Finding]:
         f"tried {course.n_tried[j]} of {sum(course.n_tried)} times: its exploration bonus never won."
     )
     command = c.Fork((("method.exploration", wider),), 0, run=True)
-    return [Finding(text, red=True, command=command, label=f"what if c = {wider:g}?")]
+    return [Finding(text, True, False, command, f"what if c = {wider:g}?", Cause.ARM_STARVED)]
 
 
 def _wrong_score(snapshot: Snapshot) -> list[Finding]:
     course = _course(snapshot)
-    wrong, at_gt = course.score, course.score_at_gt
-    if not _is_over(snapshot) or not course.is_wrong or course.answer is None or wrong is None or at_gt is None:
+    if not _is_over(snapshot) or not course.is_wrong or not course.is_misled:
         return []
-    if course.is_misled:
-        text = preferred_wrong(snapshot, wrong, at_gt)
-        return [Finding(text, red=True, command=c.ScoreGroundTruth(), label="put them side by side")]
+    assert course.score is not None
+    assert course.score_at_gt is not None
+    text = preferred_wrong(snapshot, course.score, course.score_at_gt)
+    return [Finding(text, True, False, c.ScoreGroundTruth(), SIDE_BY_SIDE, Cause.SCORE)]
+
+
+def _missed(snapshot: Snapshot, is_explained: bool) -> list[Finding]:
+    """Ground truth scores more than the answer; what can help then is said only where nothing else explains it."""
+    course = _course(snapshot)
+    wrong, at_gt = course.score, course.score_at_gt
+    if course.is_misled or snapshot.undeclared is not None or not _is_over(snapshot) or not course.is_wrong:
+        return []
+    if course.answer is None or wrong is None or at_gt is None:
+        return []
     how = f"{course.answer.rotation_deg:.0f}° and {course.answer.translation_mm:.0f} mm off"
-    text = (
-        f"The search missed it: the ground truth would score {at_gt.score:.2f}, the best pose found {wrong.score:.2f} "
-        f"({how}). More iterations or better hypotheses can help; another score cannot."
-    )
-    return [Finding(text, command=c.ScoreGroundTruth(), label="put them side by side")]
+    scores = f"the ground truth would score {at_gt.score:.2f}, the answer scores {wrong.score:.2f} ({how})."
+    if is_explained:
+        return [Finding(f"T{scores[1:]}", calm=True, command=c.ScoreGroundTruth(), label=SIDE_BY_SIDE)]
+    text = f"The search missed it: {scores} More iterations or better hypotheses can help; another score cannot."
+    return [Finding(text, command=c.ScoreGroundTruth(), label=SIDE_BY_SIDE)]
 
 
 def _leak(snapshot: Snapshot) -> list[Finding]:
     best = snapshot.poses.get("best")
     if not _is_over(snapshot) or best is None or best.score is None or not leaks(best.score):
         return []
-    missed = best.score.shares["missed"]
+    missed, at_gt = best.score.shares["missed"], snapshot.ground_truth.score if snapshot.ground_truth else None
+    too = f", {at_gt.shares['missed']:.0%} even at ground truth" if at_gt is not None and leaks(at_gt) else ""
     text = (
-        f"{missed:.0%} of the pixels are missed (red): the mask holds surface that the pose does not explain. "
+        f"{missed:.0%} of the pixels are missed (red){too}: the mask holds surface that the pose does not explain. "
         "If the red pixels form another object, the mask leaks onto it."
     )
-    return [Finding(text, red=True, command=c.ColorCloud("class"), label="colour the cloud by class")]
+    return [Finding(text, True, False, c.ColorCloud("class"), "colour the cloud by class", Cause.MASK)]
 
 
 def _low(snapshot: Snapshot) -> list[Finding]:
     if not _is_over(snapshot) or snapshot.state is None or not is_low(snapshot.state.best.score):
         return []
     score = snapshot.state.best.score.score
+    if not method_of(snapshot.session.method.name).verifies:
+        return [Finding(f"The answer{_whose(snapshot)} scores only {score:.2f}. Expect it to be wrong.")]
     text = f"All hypotheses{_whose(snapshot)} stay low: the best score is {score:.2f}. Expect the answer to be wrong."
     return [Finding(text)]
 

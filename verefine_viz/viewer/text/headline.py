@@ -342,7 +342,8 @@ def _answer(snapshot: Snapshot) -> str:
         return "no hypothesis, so no pose."
     best, pose = in_focus(snapshot).answer, snapshot.poses["best"]
     assert best is not None
-    who = f"{pose.label} {best.score.score:.2f}, {arm_name(snapshot.target, best.arm)}"
+    label = pose.label if method_of(snapshot.session.method.name).verifies else "last pose"
+    who = f"{label} {best.score.score:.2f}, {arm_name(snapshot.target, best.arm)}"
     where = "its initial pose" if best.iteration == 0 else f"iteration {best.iteration} ({best.stage})"
     off = f"; {errors_in_words(pose.errors)}" if pose.errors else ""
     return f"{who}, {where}{_score_margin(snapshot, best)}{off}."

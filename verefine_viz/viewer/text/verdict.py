@@ -5,6 +5,7 @@ Pure text and commands, no markup: who shows it escapes it.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,14 +14,16 @@ from verefine_viz.core.problem import Target
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.diagnosis.causes import TITLES, Cause, cause_title
-from verefine_viz.diagnosis.signs import far_start, is_low, leaks, starved
+from verefine_viz.diagnosis.signs import Lost, far_start, is_low, leaks, starved
+from verefine_viz.methods.registry import method_of
+from verefine_viz.session.breakpoints import hits
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.snapshot.finished_objects import FinishedObject
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.state.batch_gallery import Entry
 from verefine_viz.viewer.text.display_names import counted, in_focus, is_correct
 from verefine_viz.viewer.text.headline import NEAR_TIE, NO_LEAD
-from verefine_viz.viewer.text.plausibility_verdict import plausibility_verdict
+from verefine_viz.viewer.text.plausibility_verdict import plane_doubt, plausibility_verdict
 from verefine_viz.viewer.text.pose_words import start_errors
 
 Mark = Literal["✓", "✗", "?", "…"]
@@ -39,6 +42,8 @@ class Reason:
     iteration: int | None = None
     more: str = ""
     """Goes on where there is room: a number."""
+    about: Cause | None = None
+    """What of the evidence it rests on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +58,13 @@ class Verdict:
     """At most :data:`MOST_WORDS` words; names of objects count as one."""
     number_means: str = ""
     look_at: tuple[str, c.Command] | None = None
-    """Words and command of the link to the iteration to look at."""
+    """Words and command of the link, as to the iteration to look at."""
     share: float | None = None
     """How much of the run is done [0 to 1], while it is on."""
     pictured: tuple[Target, Float] | None = None
     """The object that the verdict is about and T_cam_obj (4, 4) of its answer."""
+    about: Cause | None = None
+    """The evidence of this cause comes first."""
 
     @property
     def line(self) -> str:
@@ -104,7 +111,8 @@ def _of_object(snapshot: Snapshot, o: FinishedObject) -> Verdict:
     if not o.course.is_wrong:
         return Verdict("✓", number, _how_it_won(o), means, _way(snapshot, o.answer.iteration), pictured=pictured)
     reason = cause_of(snapshot, o)
-    return Verdict("✗", number, reason.words + reason.more, means, _way(snapshot, reason.iteration), pictured=pictured)
+    look = _way(snapshot, reason.iteration)
+    return Verdict("✗", number, reason.words + reason.more, means, look, pictured=pictured, about=reason.about)
 
 
 SCORE_MEANS = "verification score of the answer; without ground truth nothing says whether it is right"
@@ -135,7 +143,7 @@ def _of_scene(snapshot: Snapshot) -> Verdict:
         return Verdict("✗", number, f"{missing}: {TITLES[Cause.NO_HYPOTHESIS]}", means)
     reason = cause_of(snapshot, worst)
     look = _way(snapshot, reason.iteration)
-    return Verdict("✗", number, f"{off}, {reason.words}", means, look, pictured=_pictured(worst))
+    return Verdict("✗", number, f"{off}, {reason.words}", means, look, pictured=_pictured(worst), about=reason.about)
 
 
 def _pictured(o: FinishedObject) -> tuple[Target, Float] | None:
@@ -171,30 +179,50 @@ def cause_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
     if entry is not None and entry.row.cause and _is_answer_of(entry, o):
         return Reason(cause_title(entry.row.cause), entry.row.worst_iteration)
     if o.undeclared is not None:
-        return Reason(TITLES[Cause.SYMMETRIC], more=f": turned by {o.undeclared.turn_deg:.0f}°")
+        return Reason(TITLES[Cause.SYMMETRIC], more=f": turned by {o.undeclared.turn_deg:.0f}°", about=Cause.SYMMETRIC)
     course, score = o.course, _score_of(o)
+    # A wrong pose misses pixels of any mask; ground truth only those of a mask that leaks.
+    if course.score_at_gt is not None and leaks(course.score_at_gt):
+        more = f": {course.score_at_gt.shares['missed']:.0%} missed even at ground truth"
+        return Reason(TITLES[Cause.MASK], more=more, about=Cause.MASK)
     # Ground truth may score a little less than the pose beside it that a refiner finds: then a tie was decided.
     is_tie = o.discarded is not None and abs(o.discarded.margin) < NEAR_TIE
     if course.is_misled and course.score_at_gt is not None and not is_tie:
         margin = score.score - course.score_at_gt.score
         more = f", by {margin:.{distinguishing_digits(margin)}f}"
-        return Reason(TITLES[Cause.SCORE], o.answer.iteration if o.answer is not None else None, more)
+        return Reason(TITLES[Cause.SCORE], o.answer.iteration if o.answer is not None else None, more, Cause.SCORE)
     if o.discarded is not None:
         margin = o.discarded.margin
         more = f"{abs(margin):.{distinguishing_digits(abs(margin))}f} {'higher' if margin >= 0 else 'lower'}"
         where = f"at iteration {o.discarded.iteration}" if o.discarded.iteration else "at the start"
-        return Reason(f"correct {where}, given up", o.discarded.given_up, f" for a score {more}")
+        return Reason(f"correct {where}, given up", o.discarded.given_up, f" for a score {more}", Cause.DISCARDED)
     far = far_start(course)
+    if far is None and starved(course) is not None:
+        return Reason(TITLES[Cause.ARM_STARVED], about=Cause.ARM_STARVED)
+    if o.lost is not None:
+        return _led_away(o, o.lost)
     if far is not None:
-        return Reason(TITLES[Cause.POOL], 0, f": nearest start {_millimetres(far[1].add_s_mm)}")
-    if starved(course) is not None:
-        return Reason(TITLES[Cause.ARM_STARVED])
-    if leaks(score):
-        return Reason(TITLES[Cause.MASK], more=f": {score.shares['missed']:.0%} of the pixels unexplained")
+        return Reason(TITLES[Cause.POOL], 0, f": nearest start {_millimetres(far[1].add_s_mm)}", Cause.POOL)
     if course.score_at_gt is None:
         return Reason("no cause in sight")
     margin = course.score_at_gt.score - score.score
     return Reason("search missed it", more=f": ground truth scores {margin:.{distinguishing_digits(margin)}f} more")
+
+
+def _led_away(o: FinishedObject, lost: Lost) -> Reason:
+    """What made a wrong answer of a pose near ground truth."""
+    support = o.target.observation.support
+    if lost.by_simulation and support is not None and plane_doubt(support):
+        more = f": it explains only {support.inlier_share:.0%} of the background"
+        return Reason(TITLES[Cause.PLANE], lost.lost_in, more, Cause.PLANE)
+    if lost.by_simulation:
+        more = ": left unstable" if lost.n_unstable else f": {_millimetres(lost.nearest.add_s_mm)} off before"
+        return Reason(TITLES[Cause.SIMULATION], lost.lost_in, more, Cause.SIMULATION)
+    if lost.score_rose:
+        more = ": score rose while the error grew"
+        return Reason(TITLES[Cause.REFINER], lost.lost_in, more, Cause.REFINER)
+    where = f"at iteration {lost.iteration}" if lost.iteration else "at the start"
+    return Reason(f"nearer {where}, then lost in iteration {lost.lost_in}", lost.lost_in, about=Cause.REFINER)
 
 
 def doubt_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
@@ -265,7 +293,7 @@ def _of_batch(snapshot: Snapshot, entry: Entry) -> Verdict:
 def _running(snapshot: Snapshot) -> Verdict:
     p, at = snapshot.progress, snapshot.shown
     who = _who(snapshot, at.arm) if at is not None else snapshot.name
-    words = f"{who}, best score {_best(snapshot)}" + _remaining(p.remaining_s)
+    words = f"{who}, {_scored(snapshot)}" + _remaining(p.remaining_s)
     return Verdict("…", f"{p.done} of {p.total}", words, "iterations", share=p.done / max(p.total, 1))
 
 
@@ -274,8 +302,19 @@ def _paused(snapshot: Snapshot) -> Verdict:
     end = None if p.done == snapshot.cursor else ("latest", c.SeekEnd())
     number, words = f"{snapshot.cursor} of {p.total}", f"{snapshot.name} has had no iteration yet"
     if at is not None:
-        words = f"{_who(snapshot, at.arm)}, best score {_best(snapshot)}"
+        words = f"{_who(snapshot, at.arm)}, {_scored(snapshot)}"
+        stops = hits(snapshot.session.breakpoints, snapshot.problem, at) if snapshot.is_current and end is None else ()
+        if stops:
+            means = f"at a breakpoint after {number} iterations; Run goes on: {'; '.join(stops)}"
+            return Verdict("…", "paused", f"breakpoint: {_short(stops[0])}", means, ("run on", c.RunUntil("end")))
     return Verdict("…", number, words, "iterations, not over yet", end)
+
+
+def _short(reason: str) -> str:
+    """The first clause of a sentence, cut to what fits."""
+    words = re.split(r"[,;:(]", reason)[0].strip(" .").split()
+    words[0] = words[0].lower()
+    return " ".join(words[: MOST_WORDS - 1]) + ("…" if len(words) >= MOST_WORDS else "")
 
 
 def _ready(snapshot: Snapshot) -> Verdict:
@@ -286,7 +325,7 @@ def _ready(snapshot: Snapshot) -> Verdict:
     if snapshot.target.observation.support is None:
         return Verdict("…", "ready", "no support plane, so no physics")
     n = snapshot.n_arms
-    words = f"{n} hypothes{'e' if n != 1 else 'i'}s, best score {_best(snapshot)}"
+    words = f"{n} hypothes{'e' if n != 1 else 'i'}s, {_scored(snapshot)}"
     if len(snapshot.scene.objects) > 1:
         words = f"{len(snapshot.scene.objects)} objects; {in_focus(snapshot).label}: {words}"
     known = [e.add_s_mm for e in start_errors(snapshot) if e is not None]
@@ -299,8 +338,10 @@ def _who(snapshot: Snapshot, arm: int) -> str:
     return f"{in_focus(snapshot).label}, hypothesis {arm + 1} of {snapshot.n_arms}"
 
 
-def _best(snapshot: Snapshot) -> str:
-    return f"{snapshot.state.best.score.score:.2f}" if snapshot.state is not None else "unknown"
+def _scored(snapshot: Snapshot) -> str:
+    """As in: best score 0.95. What answers with its last pose has no best one."""
+    of = "best score" if method_of(snapshot.session.method.name).verifies else "score"
+    return f"{of} {snapshot.state.best.score.score:.2f}" if snapshot.state is not None else f"{of} unknown"
 
 
 def _remaining(seconds: float | None) -> str:
