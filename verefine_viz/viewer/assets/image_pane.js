@@ -217,8 +217,8 @@
       if (all) of = [0, 1, 2, 3].map(k => all[(k * h + v - v0) * w + u - u0]);
     }
     say([
-      `${u}, ${v}`, `observed ${inUnits(observed, 4, " m")}`, `rendered ${inUnits(of[0], 4, " m")}`,
-      `Δ ${inUnits(of[1], 1, " mm")}`, `angle ${inUnits(of[2], 1, "°")}`, numbers(shown, "classes")[of[3]],
+      `${u}, ${v}`, `observed ${inUnits(observed, 4, "")}`, `rendered ${inUnits(of[0], 4, " m")}`,
+      `Δ ${inUnits(of[1], 1, " mm")}`, `${inUnits(of[2], 1, "°")}`, numbers(shown, "classes")[of[3]],
     ].join(" · "));
   };
 }

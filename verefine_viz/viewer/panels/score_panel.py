@@ -131,7 +131,7 @@ def maps_html(snapshot: Snapshot) -> str:
 def _column(name: MapName, tiles: Sequence[str], scales: Mapping[MapName, Scale]) -> str:
     label, tip = LABELS[name]
     head = f'<div class="name" title="{text(tip)}">{text(label)}</div>'
-    return f'<div class="map {name}">{head}{"".join(tiles)}{_bar(name, scales.get(name))}</div>'
+    return f'<div class="map {name}">{head}{"".join(tiles)}{color_bar(name, scales.get(name))}</div>'
 
 
 def _name(snapshot: Snapshot, side: ComparedPose, letter: str) -> str:
@@ -168,7 +168,7 @@ def _with_cross(image: np.ndarray, u: int, v: int) -> np.ndarray:
     return image
 
 
-def _bar(name: MapName, scale: Scale | None) -> str:
+def color_bar(name: MapName, scale: Scale | None) -> str:
     """The colour bar of a scale; of the classes, which have none, their colours with their names."""
     if scale is None:
         return (
