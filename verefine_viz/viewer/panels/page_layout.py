@@ -75,7 +75,7 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Pause", None, c.Pause()),
     ("Cancel what is being done", "escape", c.Cancel()),
     ("Restart", None, c.Restart()),
-    ("Score the ground truth", None, c.ScoreGroundTruth()),
+    ("Compare with ground truth", None, c.ScoreGroundTruth()),
     ("Edit the pose", None, c.EditPose()),
     ("Continue from the edited pose", None, c.ForkFromPose()),
     ("Fork here", None, c.Fork()),
