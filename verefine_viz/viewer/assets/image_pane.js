@@ -200,12 +200,16 @@
   const inUnits = (number, digits, unit) =>
     number === undefined || number === NO_NUMBER ? "–" : (number / 10 ** digits).toFixed(digits) + unit;
   const readOut = () => {
-    const shown = pane(), words = shown?.parentElement.querySelector(".image-readout");
-    if (!words) return;
+    const shown = pane();
+    if (!shown) return;
     const [, , width, height] = numbers(shown, "frame");
     const {u, v} = hover ?? {};
     // Only what differs is written: every change of the page has the pixel pointed at again.
-    const say = text => { if (words.textContent !== text) words.textContent = text; };
+    const say = text => {
+      for (const words of document.querySelectorAll(".image-readout, .maps-readout")) {
+        if (words.textContent !== text) words.textContent = text;
+      }
+    };
     if (!hover || u < 0 || v < 0 || u >= width || v >= height) return say("");
     const photo = document.querySelector(".photo [data-depth]"), own = document.querySelector(".numbers [data-numbers]");
     const depth = photo && unpack(photo, photo.dataset.depth);

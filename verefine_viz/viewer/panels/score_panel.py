@@ -124,7 +124,7 @@ def maps_html(snapshot: Snapshot) -> str:
         tiles = [_tile(snapshot, side, name, of_side, crop) for side, of_side in zip(sides, images, strict=True)]
         columns.append(_column(name, tiles, scales))
     whose = f'<b class="whose">{focus_label(snapshot)}</b>'
-    who = f'<div class="who">{whose}{names[0]}{observed}{"".join(names[1:])}</div>'
+    who = f'<div class="who">{whose}{names[0]}{observed}{"".join(names[1:])}<span class="maps-readout"></span></div>'
     return f'<div class="maps">{who}{"".join(columns)}</div>'
 
 
