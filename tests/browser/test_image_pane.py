@@ -22,7 +22,7 @@ HIT = (
 def screen(look: Look) -> Screen:
     screen = look(MUG)
     screen.click("Run")
-    screen.text("Run finished")
+    screen.finished()
     until_true(screen.page, f"{SCALE} > 1 && document.querySelector('.model img')?.naturalWidth > 0")
     return screen
 
@@ -141,7 +141,7 @@ def test_the_pixel_under_the_mouse_has_its_numbers_and_a_cross_on_every_map(scre
     assert page.evaluate(legend) == before_hover, "the legend keeps its place"
     u, v = (int(number) for number in hovered.partition(" ·")[0].split(", "))
     assert abs(u - wanted[0]) + abs(v - wanted[1]) <= 2
-    until_true(page, "document.querySelectorAll('body > .image-cross').length === 15")
+    until_true(page, "document.querySelectorAll('body > .image-cross').length === 14")
     before = screen.app.debugger.options.pixel
     assert before is None, "hovering asks the program for nothing"
     page.mouse.click(x, y)
@@ -162,7 +162,7 @@ def test_the_pixel_under_the_mouse_has_its_numbers_and_a_cross_on_every_map(scre
     picture: Any = page.locator(".vz.strip img[data-crop]").nth(9)
     picture.hover(timeout=SLOW_MS)
     until_true(page, f"!document.querySelector('.image-readout').textContent.startsWith('{u}, {v} ·')")
-    until_true(page, "document.querySelectorAll('body > .image-cross').length === 15")
+    until_true(page, "document.querySelectorAll('body > .image-cross').length === 14")
     page.mouse.move(2, 2)
     until_true(page, "document.querySelectorAll('body > .image-cross').length === 0")
 
