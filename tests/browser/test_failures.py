@@ -52,7 +52,7 @@ def test_score_prefers_a_wrong_pose(look: Look) -> None:
     screen.why("The score prefers a pose of the .* that is wrong by .* More iterations need not help")
     screen.tab("Errors")
     screen.text("^The score prefers best to ground truth.")
-    screen.click("Score the ground truth")
+    screen.click("Compare with ground truth")
     screen.shot("failure_score_prefers_wrong")
 
 

@@ -22,7 +22,7 @@ HIT = (
 def screen(look: Look) -> Screen:
     screen = look(MUG)
     screen.click("Run")
-    screen.text("Run finished")
+    screen.finished()
     until_true(screen.page, f"{SCALE} > 1 && document.querySelector('.model img')?.naturalWidth > 0")
     return screen
 
@@ -122,6 +122,7 @@ def test_a_map_lies_over_the_photo_until_none_is_chosen(screen: Screen) -> None:
     screen.until(lambda: screen.app.debugger.options.map == "angle")
     assert page.evaluate(shown)
     until_true(page, "document.querySelector('.image-map').selectedOptions[0].textContent === 'angle'")
+    until_true(page, "document.querySelector('.image-scale')?.textContent.startsWith('B best: angle')")
     page.locator(".image-map").select_option(label="no map")
     assert not page.evaluate(shown)
     assert screen.app.debugger.options.map == "angle"
@@ -134,10 +135,13 @@ def test_the_pixel_under_the_mouse_has_its_numbers_and_a_cross_on_every_map(scre
     wanted = int(columns.mean()) - 8, int(rows.mean()) + 4
     x, y = (int(place) for place in pixel_at(screen, *wanted))  # A click has whole numbers, a mouse may have others.
     page.mouse.move(x, y)
+    legend = "document.querySelector('.image-legend').getBoundingClientRect().top"
+    before_hover = page.evaluate(legend)
     hovered = read_out(screen)
+    assert page.evaluate(legend) == before_hover, "the legend keeps its place"
     u, v = (int(number) for number in hovered.partition(" ·")[0].split(", "))
     assert abs(u - wanted[0]) + abs(v - wanted[1]) <= 2
-    until_true(page, "document.querySelectorAll('body > .image-cross').length === 15")
+    until_true(page, "document.querySelectorAll('body > .image-cross').length === 14")
     before = screen.app.debugger.options.pixel
     assert before is None, "hovering asks the program for nothing"
     page.mouse.click(x, y)
@@ -147,10 +151,10 @@ def test_the_pixel_under_the_mouse_has_its_numbers_and_a_cross_on_every_map(scre
     probe = side.probe
     assert probe is not None
     assert hovered.split(" · ")[1:] == [
-        f"observed {probe.observed_m:.4f} m",
+        f"observed {probe.observed_m:.4f}",
         f"rendered {probe.rendered_m:.4f} m",
         f"Δ {probe.difference_mm:.1f} mm",
-        f"angle {probe.angle_deg:.1f}°",
+        f"{probe.angle_deg:.1f}°",
         probe.pixel_class,
     ]
     until_true(page, "document.querySelectorAll('.image-view .image-cross').length === 1")
@@ -158,7 +162,7 @@ def test_the_pixel_under_the_mouse_has_its_numbers_and_a_cross_on_every_map(scre
     picture: Any = page.locator(".vz.strip img[data-crop]").nth(9)
     picture.hover(timeout=SLOW_MS)
     until_true(page, f"!document.querySelector('.image-readout').textContent.startsWith('{u}, {v} ·')")
-    until_true(page, "document.querySelectorAll('body > .image-cross').length === 15")
+    until_true(page, "document.querySelectorAll('body > .image-cross').length === 14")
     page.mouse.move(2, 2)
     until_true(page, "document.querySelectorAll('body > .image-cross').length === 0")
 

@@ -11,7 +11,7 @@ def test_the_landscape_comes_at_the_end_and_a_click_edits_the_pose(look: Look) -
     screen.app.send(c.RunUntil("end"))
     screen.app.wait_until_idle(240)
     screen.tab("Landscape")
-    screen.text("^Turn about the vertical undetermined within ±5[0-9]°")
+    screen.text("^Answer of .*: turn about the vertical undetermined within ±5[0-9]°")
     turn = screen.page.locator('.vz svg[aria-label="turn about the vertical"]')
     turn.wait_for(timeout=SLOW_MS)
     screen.shot("landscape")

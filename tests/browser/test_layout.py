@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import combinations
 from typing import get_args
 
@@ -15,7 +16,7 @@ from verefine_viz.viewer.web.viser_internals import SMALL_WINDOW
 WINDOWS = ((1280, 640), (1280, 800), (1440, 757), (1920, 1080), (2560, 1440))
 SMALLEST_MAP_PX = {
     "inspect": {640: 90, 800: 140, 757: 125, 1080: 190, 1440: 280},
-    "maps": {640: 215, 800: 300, 757: 275, 1080: 420, 1440: 590},
+    "maps": {640: 145, 800: 200, 757: 185, 1080: 290, 1440: 410},
     "compare": {640: 90, 800: 140, 757: 125, 1080: 190, 1440: 280},
 }
 """By layout and height of the window: side of a map."""
@@ -32,8 +33,12 @@ _BOXES = """() => {
     add('right column', document.querySelector('[data-dock-region=right]'));
     return boxes;
 }"""
-_TILES = """() => [...document.querySelectorAll('.vz .map .tile')].map(t => t.getBoundingClientRect())
+_TILES = """() => [...document.querySelectorAll('.vz .map:not(.observed) .tile')].map(t => t.getBoundingClientRect())
     .filter(b => b.width).map(b => Math.min(b.width, b.height))"""
+_ALL_MAPS_SEEN = """() => {
+    const strip = document.querySelector('[data-floating-window]:has(.strip)').getBoundingClientRect();
+    return [...document.querySelectorAll('.vz .map .tile')].map(t => t.getBoundingClientRect())
+        .filter(b => b.width).every(b => b.right <= strip.right && b.bottom <= strip.bottom); }"""
 
 
 def boxes_of(screen: Screen) -> dict[str, list[float]]:
@@ -76,6 +81,7 @@ def test_in_every_layout_and_window_nothing_covers_anything(look: Look, session:
             assert faults(screen) == [], f"{preset} at {width}×{height}"
             tiles = screen.page.evaluate(_TILES)
             assert min(tiles) >= SMALLEST_MAP_PX[preset][height], f"{preset} at {width}×{height}"
+            assert screen.page.evaluate(_ALL_MAPS_SEEN), f"{preset} at {width}×{height}"
             shown = boxes_of(screen).keys() & {"image", "3D"}
             assert shown == (set() if preset == "maps" else {"image", "3D"})
             screen.shot(f"layout_{session}_{preset}_{width}x{height}")
@@ -143,6 +149,15 @@ def test_the_wheel_enlarges_all_maps_about_the_same_pixel(look: Look) -> None:
     assert np.allclose(top + 0.25 * share, 0.25, atol=0.01)
     tile.dblclick()
     until_true(screen.page, f"() => ({shares})().every(s => s[2] > 0.99)")
+
+
+def test_the_maps_layout_has_the_numbers_of_the_pixel_under_the_mouse(look: Look) -> None:
+    screen = look(SESSIONS / "mug.toml")
+    screen.app.send(c.Step())
+    screen.app.send(c.ShowLayout("maps"))
+    screen.app.wait_until_idle(60)
+    screen.page.locator(".vz .map.difference img").last.hover()
+    screen.page.get_by_text(re.compile("^[0-9]+, [0-9]+ · observed [0-9]")).locator("visible=true").wait_for()
 
 
 def test_a_click_in_3d_means_the_pixel_under_the_mouse(look: Look) -> None:

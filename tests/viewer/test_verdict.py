@@ -25,7 +25,7 @@ from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.methods.registry import make_method
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.verdict_panel import bar_html, why_html
+from verefine_viz.viewer.panels.verdict_panel import bar_html, named_object, why_html
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.text.findings import findings
 from verefine_viz.viewer.text.headline import headline
@@ -304,6 +304,18 @@ def test_the_bar_escapes_names_and_counts_warnings() -> None:
     assert "why (2)" in html
     assert html.count("data:image/webp") == 2
     assert "<p>because</p>" in html
+    assert "data-cmd" not in bar_html(replace(it, look_at=None), "", "")
+
+
+def test_the_words_and_the_picture_of_a_verdict_on_several_lead_to_the_object_that_they_name() -> None:
+    d = debugger(frame="0/2").carry_out([END])
+    it = verdict(d.view())
+    assert it.pictured is not None
+    named = named_object(d.view(), it)
+    assert named is not None
+    assert named == c.Focus(it.pictured[0].instance.instance_id)
+    assert bar_html(replace(it, look_at=None), "", "", named=named).count("data-cmd") == 2
+    assert named_object(d.carry_out([named]).view(), it) is None
 
 
 def test_a_best_pose_is_no_runner_up_where_one_hypothesis_alone_is_worked_on() -> None:

@@ -144,11 +144,11 @@ def test_errors_and_score_say_what_the_score_makes_of_the_true_pose() -> None:
         return replace(view, poses=poses, ground_truth=truth, **sides)  # type: ignore[arg-type]
 
     preferred = scored(0.755, 0.714)
-    said = "The score prefers best to ground truth."
+    said = "Best is correct, and scores as much as ground truth or more."
     assert said in errors_words(preferred)
     assert said in compared(preferred)
     known = scored(0.714, 0.755)
-    assert "prefers" not in errors_words(known) + compared(known)
+    assert "scores as much" not in errors_words(known) + compared(known)
     assert said in errors_words(scored(0.7, 0.7)), "nothing but the score leads to ground truth"
 
 

@@ -62,7 +62,7 @@ def curve_svg(curve: Curve, width: int = 168, height: int = 74, click: str = "")
         f'<path d="M{middle:.1f} {top}V{bottom}M0 {bottom}H{width}" stroke="currentColor" opacity="0.35" fill="none"/>'
         f'<polyline points="{_points(list(zip(x, y(curve.scores), strict=True)))}" fill="none" stroke="rgb{LINE}" '
         f'stroke-width="1.5"/>'
-        f'<g font-size="9.5" fill="currentColor" stroke="none"><text x="2" y="9">{escape(curve.axis.words)}</text>'
+        f'<g font-size="10" fill="currentColor" stroke="none"><text x="2" y="9">{escape(curve.axis.words)}</text>'
         f'<text x="{width - 2}" y="9" text-anchor="end">{curve.width_text}</text>'
         f'<g opacity="0.7">{ticks}<text x="{middle:.1f}" y="{height - 1}" text-anchor="middle">0 {curve.axis.unit}'
         "</text></g></g></svg>"

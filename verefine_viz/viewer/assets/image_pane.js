@@ -200,12 +200,16 @@
   const inUnits = (number, digits, unit) =>
     number === undefined || number === NO_NUMBER ? "–" : (number / 10 ** digits).toFixed(digits) + unit;
   const readOut = () => {
-    const shown = pane(), words = shown?.parentElement.querySelector(".image-readout");
-    if (!words) return;
+    const shown = pane();
+    if (!shown) return;
     const [, , width, height] = numbers(shown, "frame");
     const {u, v} = hover ?? {};
     // Only what differs is written: every change of the page has the pixel pointed at again.
-    const say = text => { if (words.textContent !== text) words.textContent = text; };
+    const say = text => {
+      for (const words of document.querySelectorAll(".image-readout, .maps-readout")) {
+        if (words.textContent !== text) words.textContent = text;
+      }
+    };
     if (!hover || u < 0 || v < 0 || u >= width || v >= height) return say("");
     const photo = document.querySelector(".photo [data-depth]"), own = document.querySelector(".numbers [data-numbers]");
     const depth = photo && unpack(photo, photo.dataset.depth);
@@ -217,8 +221,8 @@
       if (all) of = [0, 1, 2, 3].map(k => all[(k * h + v - v0) * w + u - u0]);
     }
     say([
-      `${u}, ${v}`, `observed ${inUnits(observed, 4, " m")}`, `rendered ${inUnits(of[0], 4, " m")}`,
-      `Δ ${inUnits(of[1], 1, " mm")}`, `angle ${inUnits(of[2], 1, "°")}`, numbers(shown, "classes")[of[3]],
+      `${u}, ${v}`, `observed ${inUnits(observed, 4, "")}`, `rendered ${inUnits(of[0], 4, " m")}`,
+      `Δ ${inUnits(of[1], 1, " mm")}`, `${inUnits(of[2], 1, "°")}`, numbers(shown, "classes")[of[3]],
     ].join(" · "));
   };
 }

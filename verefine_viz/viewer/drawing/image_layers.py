@@ -71,16 +71,15 @@ def shown_contours(snapshot: Snapshot) -> tuple[ShownContour, ...]:
     letters = {s.pose.name: letter for s, letter in ((snapshot.b, "B"), (snapshot.a, "A")) if s is not None}
     names = ["ground truth", _shown_stage(snapshot), *letters, "best"]
     names = list(dict.fromkeys(name for name in names if name in snapshot.poses))
-    return tuple(
-        ShownContour(
-            name,
-            f"{letters[name]} {label}" if name in letters else label,
-            STAGE_COLORS[name],
-            ((snapshot.target, snapshot.poses[name].T_cam_obj),),
-        )
-        for name in names
-        for label in ("answer" if name == "best" and snapshot.is_answer else name,)
-    )
+    shown: dict[bytes, ShownContour] = {}
+    for name in names:
+        label = "answer" if name == "best" and snapshot.is_answer else name
+        label = f"{letters[name]} {label}" if name in letters else label
+        T_cam_obj = snapshot.poses[name].T_cam_obj
+        under = shown.pop(T_cam_obj.tobytes(), None)  # The same contour: the later one would hide it.
+        label = f"{under.label} = {label}" if under is not None else label
+        shown[T_cam_obj.tobytes()] = ShownContour(name, label, STAGE_COLORS[name], ((snapshot.target, T_cam_obj),))
+    return tuple(shown.values())
 
 
 def _shown_stage(snapshot: Snapshot) -> str:

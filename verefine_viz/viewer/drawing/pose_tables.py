@@ -232,7 +232,7 @@ def errors_table(snapshot: Snapshot) -> str:
         ("mm", "distance of the object's origin", of_estimate(lambda p: f"{p.errors.translation_mm:.1f}")),
         ("ADD(-S)", "mean distance of model points [mm]; ADD-S if symmetric",
          of_estimate(lambda p: f"{p.errors.add_s_mm:.1f}")),
-        ("of ∅", "ADD(-S) as a share of the diameter; bold = below 10 %, which counts as correct", of_estimate(share)),
+        ("diam.", "ADD(-S) as a share of the diameter; bold = below 10 %, which counts as correct", of_estimate(share)),
         ("score", "verification score", lambda p: number(p.score.score if p.score else None, 3)),
     ]  # fmt: skip
     return table_of(measured, columns, lambda p: c.Compare(b=p.name), lambda p: p.name == snapshot.options.b)

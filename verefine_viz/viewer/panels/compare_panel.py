@@ -139,15 +139,17 @@ class ChoiceOfB:
                     (AS_A, "recommended", "published"),
                     hint="published: as the authors' code has it",
                 ),
-                "method.iterations": gui.add_number("K of B", 5, step=1, hint="refiner calls per hypothesis"),
+                "method.iterations": gui.add_number("Budget of B", 5, step=1, hint="K: refiner calls per hypothesis"),
                 "method.exploration": gui.add_number("c of B", 0.1, step=0.01, hint="weight of UCB's bonus"),
             }
             self.more = gui.add_text(
-                "Also", "", hint="any other settings, as in a session file: score.tau_m = 0.01; physics.steps = 60"
+                "More settings",
+                "",
+                hint="any other settings, as in a session file: score.tau_m = 0.01; physics.steps = 60",
             )
             self.run = gui.add_button("Run B with these", hint="from the start, on this frame; looking around goes on")
             self.branch = gui.add_dropdown("Branch", [""], visible=False, hint="a run of this frame as B")
-            self.path = gui.add_text("File", "", hint="a recording (.rrd) of this frame")
+            self.path = gui.add_text("Path (.rrd)", "", hint="a recording of this frame, as B")
             self.recording = gui.add_button_group("Recording", list(OPEN_RECORDING))
         self.run.on_click(by_user(lambda _: send(c.CompareRun(self.changes(), self.more.value))))
         self.branch.on_update(by_user(lambda label: self._choose(send, label)))

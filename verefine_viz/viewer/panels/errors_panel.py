@@ -34,12 +34,12 @@ class ErrorsPanel:
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._words = Block(gui)
         self.score_truth = gui.add_button(
-            "Score the ground truth",
+            "Compare with ground truth",
             hint="ground truth beside the best pose: does the score prefer a wrong pose?",
         )
         self.score_truth.on_click(by_user(lambda _: send(c.ScoreGroundTruth())))
         self._stages = Block(gui, "errors")
-        self._starts = Block(gui)
+        self._starts = Block(gui, "errors")
 
     def show(self, snapshot: Snapshot) -> None:
         """All errors at the cursor; without ground truth only the sentence."""

@@ -27,9 +27,10 @@ from verefine_viz.viewer.drawing.image_layers import (
     shown_side,
 )
 from verefine_viz.viewer.drawing.markup import carries, swatch, text
-from verefine_viz.viewer.drawing.score_maps import LABELS
+from verefine_viz.viewer.drawing.score_maps import LABELS, scales_for
+from verefine_viz.viewer.panels.score_panel import color_bar
 from verefine_viz.viewer.panels.widgets import Block, add_style
-from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.snapshot.snapshot import ComparedPose, Snapshot
 
 OVER_PHOTO: tuple[MapName, ...] = ("difference", "angle", "f_d", "f_n", "classes")
 """Score maps that can be laid over the photo."""
@@ -64,8 +65,17 @@ class ImagePanel:
         if snapshot.deep:
             side = shown_side(snapshot)
             self._model.show(model_html(snapshot, side) if side is not None else "")
-            self._map.show(map_html(snapshot, side) if side is not None else "")
+            self._map.show(map_html(snapshot, side) + map_scale(snapshot, side) if side is not None else "")
             self._numbers.show(numbers_html(side) if side is not None else "")
+
+
+def map_scale(snapshot: Snapshot, side: ComparedPose) -> str:
+    """Which map of which pose lies over the photo, and its colours."""
+    name = snapshot.options.map
+    scale = scales_for(snapshot.map_target, snapshot.session.score.tau_m).get(name)
+    letter = "B" if side is snapshot.b else "A"
+    head = f"{letter} {text(side.pose.label)}: {text(LABELS[name][0])}"
+    return f'<div class="image-scale">{head}{color_bar(name, scale)}</div>'
 
 
 def pane_html(snapshot: Snapshot, contours: tuple[ShownContour, ...]) -> str:

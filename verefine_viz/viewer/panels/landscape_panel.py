@@ -14,8 +14,13 @@ from verefine_viz.viewer.drawing.markup import carries, choice, link, sentence, 
 from verefine_viz.viewer.panels.widgets import Block
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 
-CURVE_PX, CURVE_HEIGHT_PX = 168, 60
-SLICE_PX = 150
+CURVE_PX, CURVE_HEIGHT_PX = 150, 52
+SLICE_PX = 116
+
+HINT = (
+    "Shaded: there the score does not tell a pose from the answer. Grey band: twice the score's noise, by which that "
+    "is decided."
+)
 
 
 class LandscapePanel:
@@ -47,28 +52,23 @@ def landscape_html(snapshot: Snapshot) -> str:
 def verdict_html(snapshot: Snapshot, around: Landscape) -> str:
     """The least certain axis, and a pose that fits as well as the answer."""
     words = around.least_certain.in_words()
-    verdict = sentence(f"{words[0].upper()}{words[1:]}.")
+    verdict = sentence(f"{'Answer' if snapshot.is_answer else 'Best pose'} of {snapshot.name}: {words}.")
     other = snapshot.other_pose
     if other is None:
         return verdict
-    return verdict + warning(in_words(snapshot.name, around, other), link("edit it", c.EditOtherPose()))
+    return verdict + warning(in_words(snapshot.name, around, other), link("edit it", c.EditOtherPose()), folded=True)
 
 
 def curves_html(snapshot: Snapshot, around: Landscape) -> str:
     """The six curves of the chosen axes."""
     frame = snapshot.options.curves_of
-    whose = choice(
-        "whose axes",
-        [("the table's axes", c.ShowLandscape("table")), ("its own axes", c.ShowLandscape("object"))],
-        c.ShowLandscape(frame),
-    )
     drawn = "".join(_curve(k, curve) for k, curve in enumerate(around.curves) if curve.axis.frame == frame)
-    return f'{whose}<div style="display:grid;grid-template-columns:1fr 1fr;gap:4px 6px;margin:5px 0">{drawn}</div>'
+    return f'<div style="display:grid;grid-template-columns:1fr 1fr;gap:2px 4px;margin-bottom:4px">{drawn}</div>'
 
 
 def _curve(k: int, curve: Curve) -> str:
     area = json.dumps([0, 0, len(curve.offsets), 1])
-    click = f'{carries(c.EditPoseOnCurve(k, 0))} data-crop="{area}" style="cursor:crosshair;max-width:100%"'
+    click = f'{carries(c.EditPoseOnCurve(k, 0))} data-crop="{area}" style="cursor:crosshair;width:100%;height:auto"'
     return curve_svg(curve, CURVE_PX, CURVE_HEIGHT_PX, click)
 
 
@@ -76,12 +76,17 @@ def _slice_html(snapshot: Snapshot, around: Landscape) -> str:
     across, up = snapshot.options.slice_axes
     names = [(k, curve.axis.words) for k, curve in enumerate(around.curves)]
     lists = choice(
+        "whose axes",
+        [("the table's axes", c.ShowLandscape("table")), ("its own axes", c.ShowLandscape("object"))],
+        c.ShowLandscape(snapshot.options.curves_of),
+    )
+    lists += choice(
         "across", [(f"→ {name}", c.ShowLandscape(across=k)) for k, name in names], c.ShowLandscape(across=across)
     )
     lists += choice("up", [(f"↑ {name}", c.ShowLandscape(up=k)) for k, name in names], c.ShowLandscape(up=up))
     two = snapshot.score_slice
     picture = _map(two) if two is not None else f'<div style="height:{SLICE_PX}px"></div>'
-    hint = small("A click edits the pose there. Shaded: undetermined. Band: twice the noise.")
+    hint = small("A click edits the pose there.", HINT)
     side = f'<div style="flex:1;min-width:0;display:grid;gap:4px;align-content:start">{lists}{hint}</div>'
     return f'<div style="display:flex;gap:8px">{picture}{side}</div>'
 

@@ -39,7 +39,7 @@ PANE_PX = 200
 """Width and height of a pane without a style sheet; `assets/layout.css` gives it its own."""
 PRESETS: dict[c.Preset, str] = {
     "inspect": "image and 3D view, score maps below",
-    "maps": "large score maps of A and of B; the wheel enlarges all of them",
+    "maps": "larger score maps, A beside B; the wheel enlarges all of them",
     "compare": "image, 3D view and curves of A and B, score maps below, the A/B tab",
     "gallery": "the answers of the batch that is open (Esc)",
 }
@@ -75,7 +75,7 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Pause", None, c.Pause()),
     ("Cancel what is being done", "escape", c.Cancel()),
     ("Restart", None, c.Restart()),
-    ("Score the ground truth", None, c.ScoreGroundTruth()),
+    ("Compare with ground truth", None, c.ScoreGroundTruth()),
     ("Edit the pose", None, c.EditPose()),
     ("Continue from the edited pose", None, c.ForkFromPose()),
     ("Fork here", None, c.Fork()),

@@ -124,14 +124,14 @@ def maps_html(snapshot: Snapshot) -> str:
         tiles = [_tile(snapshot, side, name, of_side, crop) for side, of_side in zip(sides, images, strict=True)]
         columns.append(_column(name, tiles, scales))
     whose = f'<b class="whose">{focus_label(snapshot)}</b>'
-    who = f'<div class="who">{whose}{names[0]}{observed}{"".join(names[1:])}</div>'
+    who = f'<div class="who">{whose}{names[0]}{observed}{"".join(names[1:])}<span class="maps-readout"></span></div>'
     return f'<div class="maps">{who}{"".join(columns)}</div>'
 
 
 def _column(name: MapName, tiles: Sequence[str], scales: Mapping[MapName, Scale]) -> str:
     label, tip = LABELS[name]
     head = f'<div class="name" title="{text(tip)}">{text(label)}</div>'
-    return f'<div class="map {name}">{head}{"".join(tiles)}{_bar(name, scales.get(name))}</div>'
+    return f'<div class="map {name}">{head}{"".join(tiles)}{color_bar(name, scales.get(name))}</div>'
 
 
 def _name(snapshot: Snapshot, side: ComparedPose, letter: str) -> str:
@@ -168,7 +168,7 @@ def _with_cross(image: np.ndarray, u: int, v: int) -> np.ndarray:
     return image
 
 
-def _bar(name: MapName, scale: Scale | None) -> str:
+def color_bar(name: MapName, scale: Scale | None) -> str:
     """The colour bar of a scale; of the classes, which have none, their colours with their names."""
     if scale is None:
         return (

@@ -10,8 +10,9 @@ import viser
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Instance
 from verefine_viz.pictures.answer_pictures import in_uri, thumbnail
+from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.assets import asset
-from verefine_viz.viewer.drawing.markup import link, sentence, text, warning
+from verefine_viz.viewer.drawing.markup import carries, link, sentence, text, warning
 from verefine_viz.viewer.panels.widgets import Block, Send, add_style
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.findings import Finding, findings
@@ -52,7 +53,7 @@ class VerdictPanel:
         warnings = findings(snapshot)
         crop = self._crop(it, snapshot.deep)
         why, n_warnings = why_html(snapshot, it, warnings), sum(not one.calm for one in warnings)
-        self._bar.show(bar_html(it, crop, why, n_warnings, snapshot.link))
+        self._bar.show(bar_html(it, crop, why, n_warnings, snapshot.link, named_object(snapshot, it)))
 
     def _crop(self, it: Verdict, draws: bool) -> str:
         """A data URI; "" where there is none, or not yet."""
@@ -71,19 +72,31 @@ class VerdictPanel:
         return self._picture
 
 
-def bar_html(it: Verdict, crop: str, why: str, n_warnings: int = 0, page_link: str = "") -> str:
+def named_object(snapshot: Snapshot, it: Verdict) -> c.Focus | None:
+    """What filters the page to the one object that a verdict on several names; None = the verdict is on one alone."""
+    if it.pictured is None or len(snapshot.finished) < 2 or snapshot.options.focus is not None:
+        return None
+    return c.Focus(it.pictured[0].instance.instance_id)
+
+
+def bar_html(
+    it: Verdict, crop: str, why: str, n_warnings: int = 0, page_link: str = "", named: c.Focus | None = None
+) -> str:
     """The bar, and behind it what opens on a click; ``crop`` is a data URI, ``why`` HTML with so many warnings.
 
-    ``page_link`` is what the page's address gets behind its #, which `assets/page_link.js` reads here.
+    ``page_link`` is what the page's address gets behind its #, which `assets/page_link.js` reads here. ``named`` is
+    sent by a click on the words or the picture.
     """
     picture = f'<img src="{crop}" alt="the answer on the photo">' if crop else ""
     look = link(it.look_at[0], it.look_at[1], "go there") if it.look_at is not None else ""
     done = f'<i class="done" style="width:{100 * it.share:.1f}%"></i>' if it.share is not None else ""
     count = f" ({n_warnings})" if n_warnings else ""
+    jump, tip = (carries(named), "; click: show this object") if named is not None else ("", "")
     return (
         f'<div class="bar-line {KINDS[it.mark]}">{done}<b class="mark">{it.mark}</b>'
         f'<b class="number" title="{text(it.number_means)}">{text(it.number)}</b>'
-        f'<span class="cause" title="{text(it.line)}">{text(it.cause)}</span>{look}<span class="crop">{picture}</span>'
+        f'<span class="cause" {jump} title="{text(it.line)}{tip}">{text(it.cause)}</span>{look}'
+        f'<span class="crop" {jump} title="{text(it.line)}{tip}">{picture}</span>'
         f'<button class="copy-link" data-link="{text(page_link)}" data-program="{PROGRAM}" '
         f'title="copy a link to this frame, object and iteration">{CHAIN}</button>'
         f'<button class="why" title="evidence and numbers">why{count}</button></div>'

@@ -14,7 +14,7 @@ from verefine_viz.diagnosis.score_causes import preferred
 from verefine_viz.evaluation.pose_errors import PoseErrors, Turning, pose_errors, turning_on
 from verefine_viz.methods.arms import Arm, Entry
 from verefine_viz.viewer.snapshot.snapshot import EvaluatedPose, Snapshot
-from verefine_viz.viewer.text.display_names import in_focus, method_name
+from verefine_viz.viewer.text.display_names import in_focus, is_correct, method_name
 
 _AXES = ("x", "y", "z")
 _NO_TURN_DEG = 0.05
@@ -116,8 +116,12 @@ def preferred_wrong(snapshot: Snapshot, wrong: PoseScore, right: PoseScore) -> s
 
 
 def preference(pose: EvaluatedPose | None, truth: EvaluatedPose | None) -> str:
-    """That the score prefers a pose to ground truth; "" where it does not."""
-    return f"The score prefers {pose.label} to ground truth." if pose is not None and prefers(pose, truth) else ""
+    """That the score prefers a pose to ground truth, which matters where that pose is wrong; "" where it does not."""
+    if pose is None or not prefers(pose, truth):
+        return ""
+    if is_correct(pose.errors):
+        return f"{pose.label.capitalize()} is correct, and scores as much as ground truth or more."
+    return f"The score prefers {pose.label} to ground truth."
 
 
 def _what_to_do(best: EvaluatedPose) -> str:
