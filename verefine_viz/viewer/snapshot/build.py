@@ -360,10 +360,10 @@ def _compared_scenes(
 def _with_probe(pose: EvaluatedPose, maps: ScoreMaps | None, target: Target, options: ViewOptions) -> ComparedPose:
     if maps is None or options.pixel is None:
         return ComparedPose(pose, maps)
-    return ComparedPose(pose, maps, _probe(maps, target, *options.pixel))
+    return ComparedPose(pose, maps, probe(maps, target, *options.pixel))
 
 
-def _probe(maps: ScoreMaps, target: Target, u: int, v: int) -> Probe:
+def probe(maps: ScoreMaps, target: Target, u: int, v: int) -> Probe:
     """The numbers of pixel (row v, column u)."""
     observed, rendered = float(target.observation.depth_m[v, u]), float(maps.rendered_m[v, u])
     angle = float(np.rad2deg(maps.angle_rad[v, u]))
