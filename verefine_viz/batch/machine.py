@@ -36,7 +36,8 @@ def _version(name: str) -> str:
 def machine() -> dict[str, str | int]:
     """A few facts about this computer; nothing that names its owner."""
     return {
-        "system": platform.platform(terse=True),
+        # Unlike platform.platform() these start no process.
+        "system": f"{platform.system()}-{platform.release()}-{platform.machine()}",
         "python": platform.python_version(),
         "cpu": _cpu_name(),
         "cores": os.cpu_count() or 1,
