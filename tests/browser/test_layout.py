@@ -134,6 +134,7 @@ def test_compare_opens_the_tab_of_both_and_a_map_the_one_of_its_numbers(look: Lo
 def test_the_wheel_enlarges_all_maps_about_the_same_pixel(look: Look) -> None:
     screen = look(SESSIONS / "mug.toml")
     screen.app.send(c.Step())
+    screen.app.wait_until_idle(60)  # Until then tiles are drawn again.
     tile = screen.page.locator(".vz .map.difference .tile").first
     tile.wait_for()
     box = tile.bounding_box()

@@ -63,7 +63,7 @@ def test_every_panel(look: Look) -> None:
         screen.text(words)
         screen.shot(f"panel_{tab.lower()}")
     for tab in ("UCB", "Pulls", "Error"):
-        screen.tab(tab)
+        screen.curve(tab)
         screen.shot(f"curves_{tab.lower()}")
 
 
@@ -106,7 +106,7 @@ def test_timeline_links_and_slider(look: Look) -> None:
     screen.finished()
     screen.page.locator(".vz.line svg g[data-cmd] rect").nth(6).click(timeout=SLOW_MS)
     screen.at(7)
-    screen.page.get_by_role("slider").first.press("ArrowRight")
+    screen.page.locator("[data-floating-window]:has(.line)").get_by_role("slider").first.press("ArrowRight")
     screen.app.wait_until_idle()
     screen.at(8)
     screen.tab("Bandit")

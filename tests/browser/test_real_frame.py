@@ -99,7 +99,7 @@ def physics(screen: Screen) -> None:
 
 
 def errors(screen: Screen, of_drill_mm: float) -> None:
-    rows = {row[0]: row for row in screen.table("stage", "ADD(-S)", "of ∅")}
+    rows = {row[0]: row for row in screen.table("stage", "ADD(-S)", "diam.")}
     *angles, moved, add = (float(cell.rstrip("°")) for cell in rows["best"][1:6])
     turned, tilt, turn = angles
     assert np.hypot(tilt, turn) == pytest.approx(turned, abs=0.1)
