@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -105,3 +108,19 @@ def test_a_folder_that_cannot_be_written_costs_only_time(tmp_path: Path) -> None
     blocker = tmp_path / "file"
     blocker.write_text("not a folder")
     assert len(scoring_mesh(ball(), 0.5, blocker / "meshes").faces) > 10
+
+
+def test_threads_read_cached_meshes_at_the_same_time(tmp_path: Path) -> None:
+    """Python 3.11 fails where another thread parses the header of an array while this one's garbage is collected."""
+    model = ball()
+    expected = scoring_mesh(model, 0.5, tmp_path)
+    threshold, callback = gc.get_threshold(), lambda *_: time.sleep(0)
+    gc.set_threshold(10)
+    gc.callbacks.append(callback)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            meshes = list(pool.map(lambda _: scoring_mesh(model, 0.5, tmp_path), range(100)))
+    finally:
+        gc.callbacks.remove(callback)
+        gc.set_threshold(*threshold)
+    assert all(np.array_equal(mesh.vertices, expected.vertices) for mesh in meshes)

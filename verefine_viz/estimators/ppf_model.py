@@ -22,7 +22,7 @@ from verefine_viz.core.algorithm_settings import PpfSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.paths import atomic, read_input
+from verefine_viz.core.paths import NPZ_READING, atomic, read_input
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.estimators.clouds import Oriented, model_surface, thinned_surface
 from verefine_viz.estimators.ppf_agreement import SurfaceField, surface_field
@@ -105,7 +105,7 @@ def read(path: Path) -> PpfModel | None:
     if not os.path.lexists(path):
         return None
     try:
-        with np.load(io.BytesIO(read_input(path)), allow_pickle=False) as data:
+        with NPZ_READING, np.load(io.BytesIO(read_input(path)), allow_pickle=False) as data:
             table = PairTable(
                 data["points"],
                 data["normals"],

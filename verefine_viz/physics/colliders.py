@@ -26,7 +26,7 @@ from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.geometry import as_rigid, inverse, transform
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.paths import atomic, one_at_a_time
+from verefine_viz.core.paths import NPZ_READING, atomic, one_at_a_time
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.physics.decomposition import LIMIT_S, PARTS_OF, TookTooLong, decomposed
 
@@ -261,7 +261,7 @@ def _read(path: Path) -> Collider | None:
 def _read_as_of(path: Path, changed_ns: int) -> Collider | None:
     """The same of a file that was last changed then, which is not read twice."""
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as data:
+        with NPZ_READING, np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as data:
             parts = tuple(np.split(data["vertices"], data["splits"]))
             return Collider(
                 parts,

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import ShapeError
+from verefine_viz.core.paths import NPZ_READING
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 
 MAX_PARTS = 16
@@ -78,7 +79,7 @@ def decomposed(
                 f'{reason}); set physics.collider = "hull"'
             )
         result.seek(0)
-        with np.load(result, allow_pickle=False) as parts:
+        with NPZ_READING, np.load(result, allow_pickle=False) as parts:
             return np.split(parts["vertices"], parts["splits"]) if len(parts["vertices"]) else []
 
 

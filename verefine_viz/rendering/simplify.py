@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.paths import atomic, one_at_a_time
+from verefine_viz.core.paths import NPZ_READING, atomic, one_at_a_time
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
 
@@ -206,7 +206,7 @@ def _cuts_itself(vertices: Float, faces: NDArray[np.int32]) -> bool:
 
 def _read(file: Path) -> tuple[Float, Faces, NDArray[np.bool_]] | None:
     try:
-        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
+        with NPZ_READING, file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
             vertices, faces, closed = data["vertices"], data["faces"], data["closed"]
     except FileNotFoundError:
         return None
