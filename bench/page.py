@@ -8,7 +8,6 @@ them; the clock runs, in the page itself, from the click until they are drawn.
 from __future__ import annotations
 
 import argparse
-import re
 import statistics
 import subprocess
 import sys
@@ -87,7 +86,6 @@ def _measured(address: str) -> list[dict[str, Any]]:
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.goto(address)
         page.get_by_role("button", name="Step ▶").wait_for(timeout=SLOW_MS)
-        page.get_by_text(re.compile("^Ready")).first.wait_for(timeout=SLOW_MS)
         # The first steps of a page are not timed: software WebGL compiles its shaders then.
         steps = [_click(page, WORDS, "Step ▶", k, CALM_MS) for k in range(1, REPEATS + 1)][2:]
         backs = [_click(page, WORDS, "◀ Back", k, CALM_MS) for k in range(REPEATS - 1, 0, -1)]
