@@ -22,4 +22,7 @@ def test_the_landscape_comes_at_the_end_and_a_click_edits_the_pose(look: Look) -
     before = screen.app.debugger.options.edited
     screen.page.locator('.vz svg[aria-label="score over two axes"]').click(timeout=SLOW_MS)
     screen.until(lambda: screen.app.debugger.options.edited != before)
+    screen.app.wait_until_idle(60)
+    tab = screen.page.locator("[data-dock-region=right]").get_by_role("tab", name="Landscape", exact=True)
+    assert tab.get_attribute("aria-selected") == "true", "numbers of pixels are in another tab, these are none"
     screen.shot("landscape_edited")

@@ -118,7 +118,7 @@ def test_click_on_a_map_probes_the_pixel(look: Look) -> None:
     screen = look(MUG)
     screen.click("Step ▶")
     screen.at(1)
-    screen.tab("Score")
+    screen.tab("Bandit")
     picture = screen.page.locator(".vz.strip img").nth(2)
     picture.wait_for(timeout=SLOW_MS)
     box = picture.bounding_box()

@@ -80,25 +80,27 @@ def iteration(index: int, *stages: tuple[StageName, float, float], unstable: boo
 
 
 def test_a_near_pose_is_lost_by_what_added_most_to_its_error() -> None:
-    def errors_of(T_cam_obj: Float) -> PoseErrors:
-        return errors(10 * float(T_cam_obj[2, 3]))
+    def error_of(T_cam_obj: Float) -> float:
+        return 10 * float(T_cam_obj[2, 3])
 
     near = iteration(1, ("current", 0.2, 0.5), ("refined", 0.01, 0.9))
     pushed = iteration(2, ("current", 0.01, 0.9), ("simulated", 0.3, 0.2), ("refined", 0.31, 0.3), unstable=True)
-    away = lost([near, pushed], pushed.best, errors_of)
+    away = lost([near, pushed], pushed.best, error_of)
     assert away is not None
     assert (away.iteration, away.lost_in, away.by_simulation, away.score_rose) == (1, 2, True, False)
-    assert away.nearest.relative == pytest.approx(0.01)
+    assert away.error == pytest.approx(0.01)
+    assert away.added_by_simulation == pytest.approx(0.29)
+    assert away.added_by_refiner == pytest.approx(0.01)
     assert away.n_unstable == 1
 
     slid = iteration(1, ("current", 0.2, 0.5), ("refined", 0.3, 0.8))
-    away = lost([slid], slid.best, errors_of)
+    away = lost([slid], slid.best, error_of)
     assert away is not None
     assert (away.iteration, away.lost_in, away.by_simulation, away.score_rose) == (0, 1, False, True)
 
-    assert lost([near], near.best, errors_of) is None, "it ends where it was nearest"
+    assert lost([near], near.best, error_of) is None, "it ends where it was nearest"
     far = iteration(1, ("current", 0.4, 0.5), ("refined", 0.6, 0.8))
-    assert lost([far], far.best, errors_of) is None, "it was never near"
+    assert lost([far], far.best, error_of) is None, "it was never near"
     edited = iteration(1, ("current", 0.05, 0.5), ("edited", 0.3, 0.4))
-    assert lost([edited], edited.best, errors_of) is None
+    assert lost([edited], edited.best, error_of) is None
     assert lost([slid], slid.best, lambda T_cam_obj: None) is None, "without ground truth nothing is known"

@@ -204,7 +204,9 @@ def led_away(by_simulation: bool, inlier_share: float = 0.6, score_rose: bool = 
     at_gt = replace(own.answer.score, score=0.97, counts=(100 - missed, missed, 0, 0, 0))
     answer = replace(own.answer, score=replace(own.answer.score, score=0.5))
     course = Course((off(5, 0.05),), (4,), off(39.1, 0.2), answer.score, at_gt)
-    lost = Lost(off(5, 0.05), answer.score, 1, 2, by_simulation, score_rose, 2 * by_simulation)
+    lost = Lost(
+        5e-3 / target.model.diameter_m, answer.score, 1, 2, 0.2, 0.3 * by_simulation, score_rose, 2 * by_simulation
+    )
     best = replace(view.poses["best"], errors=course.answer, score=answer.score)
     truth = view.ground_truth
     assert truth is not None

@@ -21,7 +21,7 @@ from verefine_viz.session.files import load_session
 
 Order = Literal["error", "score", "misleading", "cause", "object", "frame", "time", "undetermined"]
 ORDERS: dict[Order, str] = {
-    "error": "largest error / ∅",
+    "error": "largest error",
     "score": "lowest score",
     "misleading": "wrong, highest score",
     "cause": "cause",

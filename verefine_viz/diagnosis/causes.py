@@ -22,11 +22,11 @@ class Cause(StrEnum):
     DEPTH = "depth"
     MASK = "mask"
     NEIGHBOUR = "neighbour"
-    AMBIGUOUS = "ambiguous"
     SCORE = "score"
     PLANE = "plane"
     COLLIDER = "collider"
     DISCARDED = "discarded"
+    AMBIGUOUS = "ambiguous"
     SIMULATION = "simulation"
     ARM_STARVED = "arm_starved"
     BUDGET = "budget"
@@ -42,11 +42,11 @@ TITLES: dict[Cause, str] = {
     Cause.DEPTH: "depth missing or unregistered",
     Cause.MASK: "mask leaks or misses",
     Cause.NEIGHBOUR: "neighbour misplaced first",
-    Cause.AMBIGUOUS: "the observation cannot tell two poses apart",
     Cause.SCORE: "score ranks a wrong pose above the ground truth",
     Cause.PLANE: "wrong support plane",
     Cause.COLLIDER: "collider too coarse",
     Cause.DISCARDED: "correct pose discarded for one that scores more",
+    Cause.AMBIGUOUS: "the observation cannot tell two poses apart",
     Cause.SIMULATION: "simulation pushed it away",
     Cause.ARM_STARVED: "best hypothesis tried too little",
     Cause.BUDGET: "budget too small",

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Hypothesis
-from verefine_viz.core.records import Best, StageName
-from verefine_viz.diagnosis import score_causes
+from verefine_viz.core.records import Best
+from verefine_viz.diagnosis import score_causes, signs
 from verefine_viz.diagnosis.case import ALONE, FAR, Case, Pools, Rerun
 from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts, instead, share
 from verefine_viz.diagnosis.input_causes import of_another_unit
-from verefine_viz.diagnosis.signs import WORSE, WORSE_BY
 from verefine_viz.evaluation.pose_errors import pose_errors, turning_on
 from verefine_viz.refiners.registry import make_refiner
 
@@ -30,31 +28,21 @@ def refiner(case: Case) -> Finding | None:
 
 def _astray(case: Case) -> Finding | None:
     """The answer is worse than a pose that it came from, and refinement made it so."""
-    track = _track(case)
-    if len(track) < 2 or case.answer is None:
+    lost = signs.lost(case.own, case.answer, case.error_of, FAR) if case.answer is not None else None
+    if lost is None or case.answer is None or lost.added_by_refiner <= lost.added_by_simulation:
         return None
-    best = min(range(len(track)), key=lambda k: track[k].error)
-    before, at_end = track[best], case.error
-    if before.error > FAR or at_end - before.error < WORSE or at_end < WORSE_BY * before.error:
-        return None
-    lost = {"refined": 0.0, "simulated": 0.0}
-    for a, b in pairwise(track[best:]):
-        by = "simulated" if b.stage in ("simulated", "mixed") else "refined"
-        lost[by] += max(b.error - a.error, 0.0)
-    if lost["refined"] <= lost["simulated"]:
-        return None
-    where = "It started" if before.iteration == 0 else f"After iteration {before.iteration} it was"
+    where = "it started" if lost.iteration == 0 else f"after iteration {lost.iteration} it was"
     return Finding(
         Cause.REFINER,
-        f"The refiner led the {case.name} astray: {where[0].lower()}{where[1:]} {share(before.error)} of the diameter "
-        f"from the ground truth (hypothesis {case.answer.arm + 1}), and ended {share(at_end)} away.",
+        f"The refiner led the {case.name} astray: {where} {share(lost.error)} of the diameter from the ground truth "
+        f"(hypothesis {case.answer.arm + 1}), and ended {share(case.error)} away.",
         {
             "hypothesis": float(case.answer.arm),
-            "best_iteration": float(before.iteration),
-            "error_before": before.error,
-            "error": at_end,
-            "added_by_refiner": lost["refined"],
-            "added_by_simulation": lost["simulated"],
+            "best_iteration": float(lost.iteration),
+            "error_before": lost.error,
+            "error": case.error,
+            "added_by_refiner": lost.added_by_refiner,
+            "added_by_simulation": lost.added_by_simulation,
         },
         True,
     )
@@ -99,32 +87,6 @@ def _calls(case: Case) -> tuple[int, int]:
         if after.name == "refined"
     ]
     return len(changes), sum(change > 0 for change in changes)
-
-
-@dataclass(frozen=True)
-class _Point:
-    """A pose on the way to the answer."""
-
-    error: float
-    stage: StageName
-    iteration: int
-    """0 = the hypothesis itself."""
-
-
-def _track(case: Case) -> list[_Point]:
-    """The poses of the answer's hypothesis up to the answer, each made from the one before."""
-    if case.answer is None or not len(case.initial_errors):
-        return []
-    arm = case.answer.arm
-    if arm >= len(case.target.instance.hypotheses):
-        return []
-    track = [_Point(float(case.initial_errors[arm]), "initial", 0)]
-    for iteration in case.own:
-        if iteration.arm != arm or iteration.index > case.answer.iteration:
-            continue
-        for stage in iteration.stages[1:]:
-            track.append(_Point(case.error_of(stage.T_cam_obj), stage.name, iteration.index))
-    return track
 
 
 STARVED = 0.5

@@ -146,46 +146,57 @@ def discarded(own: Sequence[Iteration], answer: Best | None, is_correct: Callabl
 
 @dataclass(frozen=True, eq=False)
 class Lost:
-    """A pose near ground truth that the wrong answer came from, and what led it away."""
+    """A pose near ground truth that the wrong answer came from, and what led it away; errors are ADD(-S) as a share of
+    the diameter.
+    """
 
-    nearest: PoseErrors
+    error: float
     """Of that pose."""
     score: PoseScore | None
     iteration: int
     """Which came by it; 0 = it is the initial pose of the hypothesis."""
     lost_in: int
     """The iteration that added most to the error."""
-    by_simulation: bool
-    """Whether the simulation added more to the error than the refiner."""
+    added_by_refiner: float
+    added_by_simulation: float
+    """What each added to the error from then on."""
     score_rose: bool
     """Whether the answer scores more all the same."""
     n_unstable: int
     """Iterations from then on that the simulation left unstable."""
 
+    @property
+    def by_simulation(self) -> bool:
+        """Whether the simulation added more to the error than the refiner."""
+        return self.added_by_simulation > self.added_by_refiner
 
-def lost(own: Sequence[Iteration], answer: Best, errors_of: Callable[[Float], PoseErrors | None]) -> Lost | None:
+
+def lost(
+    own: Sequence[Iteration], answer: Best, error_of: Callable[[Float], float | None], far: float = FAR
+) -> Lost | None:
     """The nearest of the poses that the answer came from, where the answer is clearly worse; None if there is none.
 
     Args:
         own: all iterations of the object.
         answer: of the run.
-        errors_of: the errors of a pose T_cam_obj (4, 4); None without ground truth.
+        error_of: ADD(-S) of a pose T_cam_obj (4, 4) as a share of the diameter; None without ground truth.
+        far: a pose further away than this share is not near.
     """
     way = [i for i in own if i.arm == answer.arm and i.index <= answer.iteration]
     # An iteration starts where the one before ended: its first pose counts as made by that one.
-    steps = [(i, stage, errors_of(stage.T_cam_obj)) for i in way for stage in i.stages]
-    known = [(i, stage, errors) for i, stage, errors in steps if errors is not None]
-    at_end = errors_of(answer.T_cam_obj)
+    steps = [(i, stage, error_of(stage.T_cam_obj)) for i in way for stage in i.stages]
+    known = [(i, stage, error) for i, stage, error in steps if error is not None]
+    at_end = error_of(answer.T_cam_obj)
     if not known or at_end is None:
         return None
-    k = min(range(len(known)), key=lambda k: known[k][2].relative)
+    k = min(range(len(known)), key=lambda k: known[k][2])
     iteration, stage, nearest = known[k]
-    if nearest.relative > FAR or at_end.relative < max(nearest.relative + WORSE, WORSE_BY * nearest.relative):
+    if nearest > far or at_end < max(nearest + WORSE, WORSE_BY * nearest):
         return None
     by_simulation = by_refiner = 0.0
     grown: dict[int, float] = {}
-    for (_, _, before), (i, after, errors) in pairwise(known[k:]):
-        change = errors.relative - before.relative
+    for (_, _, before), (i, after, error) in pairwise(known[k:]):
+        change = error - before
         grown[i.index] = grown.get(i.index, 0.0) + change
         if after.name in ("simulated", "mixed"):
             by_simulation += max(change, 0.0)
@@ -197,7 +208,7 @@ def lost(own: Sequence[Iteration], answer: Best, errors_of: Callable[[Float], Po
     rose = stage.score is not None and answer.score.score > stage.score.score
     n_unstable = sum(any(e.kind == "unstable" for e in i.events) for i in way if i.index >= iteration.index)
     lost_in = max(grown, key=lambda index: grown[index])
-    return Lost(nearest, stage.score, made, lost_in, by_simulation > by_refiner, rose, n_unstable)
+    return Lost(nearest, stage.score, made, lost_in, by_refiner, by_simulation, rose, n_unstable)
 
 
 def leaks(score: PoseScore) -> bool:

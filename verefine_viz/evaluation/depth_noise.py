@@ -55,8 +55,8 @@ class DepthNoise:
     grain_px: float
     """Standard deviation of the Gaussian that would smooth white noise to this one [px]: 0 = white."""
 
-    def at_m(self, z_m: float) -> float:
-        """Standard deviation of z at a distance [m]."""
+    def at_m(self, z_m: Float) -> Float:
+        """Standard deviation of z at distances [m]."""
         return self.per_m * z_m * z_m
 
 
@@ -162,7 +162,7 @@ class ScoreNoise:
             left + step // 2 + step * np.arange(columns, dtype=np.int64),
         )
         centre_m = depth_m[step // 2 :: step, step // 2 :: step][:rows, :columns].astype(np.float64)
-        self._spread_m = np.maximum(noise.per_m * centre_m * centre_m, 1e-9)
+        self._spread_m = np.maximum(noise.at_m(centre_m), 1e-9)
         rng = np.random.default_rng(0)
         before = estimate_normals(depth_m, part)
         change = np.empty((*depth_m.shape, 4), np.float32)

@@ -71,9 +71,8 @@ addEventListener("unhandledrejection", event => {
     if (!link) return;
     const command = JSON.parse(link.dataset.cmd), box = link.getBoundingClientRect();
     const across = (event.clientX - box.left) / box.width, down = (event.clientY - box.top) / box.height;
-    if (link.dataset.crop) {  // A picture: the pixel that was clicked, with its numbers.
-      const tab = [...document.querySelectorAll("[role=tab]")].filter(tab => tab.textContent === "Score").pop();
-      if (tab?.getAttribute("aria-selected") !== "true") tab?.click();
+    if (command.command === "ProbePixel") openTab("Score");  // Which has the pixel's numbers.
+    if (link.dataset.crop) {  // A picture: the pixel that was clicked.
       const [u, v, width, height] = JSON.parse(link.dataset.crop);
       command.u = u + Math.floor(across * width);
       command.v = v + Math.floor(down * height);
@@ -99,8 +98,7 @@ addEventListener("unhandledrejection", event => {
   // Nor is it dragged away: its place is that of the layout.
   document.addEventListener("pointerdown", event => head(event) && event.stopPropagation(), true);
 
-  // A layout that needs a tab of the right column opens it; the mark is animated when it appears, and only then. A click
-  // on a score map opens the tab with the numbers of its pixel.
+  // A layout that needs a tab of the right column opens it; the mark is animated when it appears, and only then.
   const openTab = name => {
     const tabs = [...document.querySelectorAll("[data-dock-region=right] [data-dock-tab]")];
     const tab = tabs.find(tab => tab.textContent === name);
@@ -109,7 +107,6 @@ addEventListener("unhandledrejection", event => {
   document.addEventListener("animationstart", event => {
     if (event.animationName === "opens-tab") openTab(event.target.dataset.tab);
   }, true);
-  document.addEventListener("click", event => event.target.closest(".vz .maps img") && openTab("Score"), true);
 
   // A list of commands to choose from.
   document.addEventListener("change", event => {

@@ -110,7 +110,7 @@ class Layout:
         set_theme(gui)
         add_style(gui, asset("layout.css"))
         gui.add_html(small_window())
-        self.verdict = VerdictPanel(gui, send)
+        self.verdict = VerdictPanel(gui)
         self._preset, self._opened = Block(gui, "tight"), Block(gui)
         self.run = RunPanel(gui, send)
         self.link = gui.add_text(LINK_LABEL, "")

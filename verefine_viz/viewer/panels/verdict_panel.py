@@ -13,7 +13,7 @@ from verefine_viz.pictures.answer_pictures import in_uri, thumbnail
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.assets import asset
 from verefine_viz.viewer.drawing.markup import carries, link, sentence, text, warning
-from verefine_viz.viewer.panels.widgets import Block, Send, add_style
+from verefine_viz.viewer.panels.widgets import Block, add_style
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.findings import Finding, findings
 from verefine_viz.viewer.text.headline import HINTS, headline
@@ -34,14 +34,9 @@ KINDS = {"✓": "right", "✗": "wrong", "?": "unknown", "…": "going"}
 
 
 class VerdictPanel:
-    """Mark, number and cause; the rest opens on a click, and page.js keeps it open while the content changes.
+    """Mark, number and cause; the rest opens on a click, and page.js keeps it open while the content changes."""
 
-    Args:
-        gui: where it is.
-        send: takes what is asked for; links send by themselves.
-    """
-
-    def __init__(self, gui: viser.GuiApi, send: Send) -> None:
+    def __init__(self, gui: viser.GuiApi) -> None:
         add_style(gui, asset("verdict.css"))
         self._bar = Block(gui, "verdict")
         self._pictured: tuple[Instance, bytes] | None = None

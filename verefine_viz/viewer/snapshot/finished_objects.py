@@ -9,9 +9,8 @@ from typing import Any
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Best
-from verefine_viz.diagnosis.signs import Course, Discarded, Lost, discarded, lost
+from verefine_viz.diagnosis.signs import Course, Discarded, Lost, lost
 from verefine_viz.diagnosis.symmetry import UndeclaredTurn
-from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.pose_errors import PoseErrors, add_s_mm
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.snapshot.scene_state import labels_of
@@ -54,6 +53,10 @@ class FinishedObject:
     def instance_id(self) -> int:
         return self.target.instance.instance_id
 
+    def in_mm(self, share: float) -> float:
+        """A share of the model's diameter [mm]."""
+        return 1e3 * self.target.model.diameter_m * share
+
 
 def finished_objects(branch: Branch) -> tuple[FinishedObject, ...]:
     """Every object of a branch whose run is over, in the order of the frame; empty while it is not."""
@@ -92,19 +95,18 @@ def _finished(
         best.score,
         evaluator.score(target, T_gt) if T_gt is not None else None,
     )
-    is_correct = partial(_is_correct, evaluator, target)
-    given_up = discarded(iterations, best, is_correct) if course.is_wrong and method.verifies else None
+    given_up = branch.discarded().get(target.instance.instance_id)
     led_away = None
     if course.is_wrong and not method.has_tree:
-        led_away = lost(iterations, best, partial(evaluator.errors, target))
+        led_away = lost(iterations, best, partial(_error, evaluator, target))
     undeclared = evaluator.undeclared_turn(target, best.T_cam_obj) if course.is_wrong else None
     runner_up = _runner_up(own, best, target) if method.answers_best_of_all else None
     return FinishedObject(target, label, best, errors, course, given_up, led_away, undeclared, runner_up)
 
 
-def _is_correct(evaluator: CachedEvaluator, target: Target, T_cam_obj: Float) -> bool:
+def _error(evaluator: CachedEvaluator, target: Target, T_cam_obj: Float) -> float | None:
     errors = evaluator.errors(target, T_cam_obj)
-    return errors is not None and errors.relative < CORRECT
+    return None if errors is None else errors.relative
 
 
 def _runner_up(own: Any, best: Best, target: Target) -> RunnerUp | None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.settings import Change, Session
-from verefine_viz.diagnosis.signs import discarded
+from verefine_viz.diagnosis.signs import Discarded, discarded
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.methods.registry import method_of
 from verefine_viz.session.comparison import Key
@@ -97,7 +97,7 @@ class Branch:
     recording: Path | None = None
     """The file that it was read from; None = it was computed here."""
     _marks: list[tuple[Mark, ...]] = field(default_factory=list)
-    _discarded: dict[int, tuple[tuple[int, Mark], ...]] = field(default_factory=dict)
+    _discarded: dict[int, dict[int, Discarded]] = field(default_factory=dict)
     """By the number of iterations made."""
     _doubts: dict[bool, tuple[str, ...]] = field(default_factory=dict)
     """By whether the run was over."""
@@ -144,22 +144,22 @@ class Branch:
             self._marks.append(marks_of(iteration, growth))
         pairs = zip(self.run.iterations, self._marks, strict=False)
         marks = once_per_object([(i, marks) for i, marks in pairs if instance_id in (None, i.instance_id)])
-        given_up = [m for own, m in self._marks_of_discarded() if instance_id in (None, own)]
+        given_up = [mark_of_discarded(d) for own, d in self.discarded().items() if instance_id in (None, own)]
         return tuple(sorted((*marks, *given_up), key=lambda mark: mark.iteration)) if given_up else marks
 
-    def _marks_of_discarded(self) -> tuple[tuple[int, Mark], ...]:
-        """Where the finished run gave up a correct pose for a wrong answer, by instance_id."""
+    def discarded(self) -> dict[int, Discarded]:
+        """The correct poses that the finished run gave up for wrong answers, by instance_id; empty before its end."""
         run = self.run
         if not run.is_done or not method_of(self.settings.method.name).verifies:
-            return ()
+            return {}
         if run.length not in self._discarded:
-            marks: list[tuple[int, Mark]] = []
+            given_up: dict[int, Discarded] = {}
             for target, answer in zip(run.problem.targets, run.final_state.best, strict=True):
                 own = [i for i in run.iterations if i.instance_id == target.instance.instance_id]
-                given_up = discarded(own, answer, partial(self._is_correct, target))
-                if given_up is not None:
-                    marks.append((target.instance.instance_id, mark_of_discarded(given_up)))
-            self._discarded[run.length] = tuple(marks)
+                of_object = discarded(own, answer, partial(self._is_correct, target))
+                if of_object is not None:
+                    given_up[target.instance.instance_id] = of_object
+            self._discarded[run.length] = given_up
         return self._discarded[run.length]
 
     def _is_correct(self, target: Target, T_cam_obj: Float) -> bool:

@@ -138,7 +138,7 @@ def _lost(snapshot: Snapshot) -> list[Finding]:
     when = f"in iteration {lost.iteration}" if lost.iteration else "at its start"
     scored = f" and scored {lost.score.score:.2f}" if lost.score is not None else ""
     text = (
-        f"Hypothesis {own.answer.arm + 1}{_whose(snapshot)} was {lost.nearest.add_s_mm:.1f} mm off {when}{scored}; the "
+        f"Hypothesis {own.answer.arm + 1}{_whose(snapshot)} was {own.in_mm(lost.error):.1f} mm off {when}{scored}; the "
         f"answer, which came from it, is {own.errors.add_s_mm:.1f} mm off and scores {own.answer.score.score:.2f}. The "
         f"{'simulation' if lost.by_simulation else 'refiner'} led it away, most in iteration {lost.lost_in}."
     )

@@ -106,7 +106,7 @@ def _of_object(snapshot: Snapshot, o: FinishedObject) -> Verdict:
     number = _millimetres(o.errors.add_s_mm)
     means = (
         f"ADD(-S) against ground truth: {o.errors.relative:.1%} of the diameter; {o.errors.rotation_deg:.1f}° and "
-        f"{o.errors.translation_mm:.1f} mm of the origin"
+        f"{o.errors.translation_mm:.1f} mm of the model's origin"
     )
     if not o.course.is_wrong:
         return Verdict("✓", number, _how_it_won(o), means, _way(snapshot, o.answer.iteration), pictured=pictured)
@@ -216,7 +216,7 @@ def _led_away(o: FinishedObject, lost: Lost) -> Reason:
         more = f": it explains only {support.inlier_share:.0%} of the background"
         return Reason(TITLES[Cause.PLANE], lost.lost_in, more, Cause.PLANE)
     if lost.by_simulation:
-        more = ": left unstable" if lost.n_unstable else f": {_millimetres(lost.nearest.add_s_mm)} off before"
+        more = ": left unstable" if lost.n_unstable else f": {_millimetres(o.in_mm(lost.error))} off before"
         return Reason(TITLES[Cause.SIMULATION], lost.lost_in, more, Cause.SIMULATION)
     if lost.score_rose:
         more = ": score rose while the error grew"
