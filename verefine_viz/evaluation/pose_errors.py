@@ -177,9 +177,10 @@ def _rolls(points_cam: Float, R: Float, up_cam: Float) -> bool:
     sine = float(np.linalg.norm(across))
     if sine < ROUNDED:
         return False
-    turned = [axis_angle(across / sine, np.deg2rad(deg)) for deg in range(0, 180, 30)]
-    heights = [(points_cam - middle) @ R_turn.T @ up_cam for R_turn in turned]
-    return bool(max(np.ptp([h.max() for h in heights]), np.ptp([h.min() for h in heights])) < ROLLS * size_m)
+    # The height after a turn, n · R x, is that of x along Rᵀ n.
+    ups = np.array([axis_angle(across / sine, np.deg2rad(deg)).T @ up_cam for deg in range(0, 180, 30)])
+    heights = (points_cam - middle) @ ups.T
+    return bool(max(np.ptp(heights.max(axis=0)), np.ptp(heights.min(axis=0))) < ROLLS * size_m)
 
 
 def turning_on(target: Target, T_est: Float) -> Turning | None:

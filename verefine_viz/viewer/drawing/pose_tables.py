@@ -212,8 +212,10 @@ def errors_table(snapshot: Snapshot) -> str:
     def of_estimate(say: Callable[[Any], str]) -> Callable[[EvaluatedPose], str]:
         return lambda pose: NONE if pose.name == "ground truth" else say(pose)
 
+    ways = {pose.name: turning_on(snapshot.target, pose.T_cam_obj) for pose in measured if pose.name != "ground truth"}
+
     def turning(pose: EvaluatedPose, part: str) -> str:
-        way = turning_on(snapshot.target, pose.T_cam_obj)
+        way = ways[pose.name]
         return NONE if way is None else _angle(getattr(way, part))
 
     def share(pose: EvaluatedPose) -> str:
