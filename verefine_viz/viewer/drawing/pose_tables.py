@@ -12,13 +12,13 @@ from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
 from verefine_viz.evaluation.pose_errors import turning_on
 from verefine_viz.physics.stability import PLANE_ID
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.drawing.markup import NONE, Column, Row, cut, number, small, swatch, table, table_of, text
-from verefine_viz.viewer.snapshot.snapshot import BranchSummary, EvaluatedPose, Probe, Snapshot, is_revealed
+from verefine_viz.viewer.drawing.markup import NONE, Column, Row, cut, number, small, swatch, table_of, text
+from verefine_viz.viewer.snapshot.snapshot import BranchSummary, EvaluatedPose, Snapshot, is_revealed
 from verefine_viz.viewer.state.view_options import STAGES
 from verefine_viz.viewer.text.display_names import arm_color, counted, is_correct, source_of
 from verefine_viz.viewer.text.pose_words import score_digits, shift_mm, turn
 
-# The tables of a score: its parts pose by pose, and what one pixel adds to it.
+# The parts of a score, pose by pose.
 
 CLASS_MEANING = {
     "explained": "rendered and observed depth agree within τ",
@@ -80,29 +80,6 @@ def _shares_bar(name: str, score: PoseScore) -> str:
         if share > 0.004
     )
     return f'<div style="white-space:nowrap;font-size:0" title="{text(name)}">{parts}</div>'
-
-
-def probe_table(a: tuple[str, Probe | None], b: tuple[str, Probe | None]) -> str:
-    """One pixel in numbers, for both stages."""
-    sides = [(name, p) for name, p in (a, b) if p is not None]
-    if not sides:
-        return ""
-    first = sides[0][1]
-
-    def row(label: str, tip: str, pick: Callable[[Probe], str]) -> Row:
-        return Row([f'<span title="{text(tip)}">{label}</span>', *(text(pick(p)) for _, p in sides)])
-
-    rows = [
-        row("observed", "depth that the sensor measured", lambda p: number(p.observed_m, 4, " m")),
-        row("rendered", "depth of the model", lambda p: number(p.rendered_m, 4, " m")),
-        row("Δ depth, angle", "observed − rendered; between the normals",
-            lambda p: f"{number(p.difference_mm, 1, ' mm')}, {number(p.angle_deg, 1, '°')}"),
-        row("f_d, f_n", "depth and normal fit", lambda p: f"{p.f_d:.2f}, {p.f_n:.2f}"),
-        row("class", "why it counts as it does", lambda p: p.pixel_class),
-        row("adds", "what this pixel adds to the score", lambda p: f"{p.contribution:.5f}"),
-    ]  # fmt: skip
-    head = [(f"pixel {first.u}, {first.v}", "column u, row v"), *((name, "") for name, _ in sides)]
-    return table(head, rows)
 
 
 # Where the score's settings changed on the way: scores before and after are not to be compared.

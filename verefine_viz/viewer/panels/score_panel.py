@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import acos, degrees
 
 import numpy as np
@@ -14,11 +14,11 @@ from verefine_viz.core.scores import MAP_NAMES, MapName
 from verefine_viz.pictures.map_images import MapImages, palette_of
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.bandit_tables import passes_table
-from verefine_viz.viewer.drawing.markup import carries, focus_label, sentence, swatch, text
-from verefine_viz.viewer.drawing.pose_tables import CLASS_MEANING, probe_table, score_table
+from verefine_viz.viewer.drawing.markup import Row, carries, focus_label, number, sentence, swatch, table, text
+from verefine_viz.viewer.drawing.pose_tables import CLASS_MEANING, score_table
 from verefine_viz.viewer.drawing.score_maps import LABELS, Crop, data_uri, indexed_png, png, scales_for, shared_crop
 from verefine_viz.viewer.panels.widgets import Block, Send, add_style, by_user
-from verefine_viz.viewer.snapshot.snapshot import ComparedPose, Snapshot
+from verefine_viz.viewer.snapshot.snapshot import ComparedPose, Probe, Snapshot
 from verefine_viz.viewer.state.view_options import STAGES
 from verefine_viz.viewer.text.display_names import TERMS
 from verefine_viz.viewer.text.pose_words import compared, score_digits
@@ -83,6 +83,29 @@ def score_rule(snapshot: Snapshot) -> str:
         f"τ = {s.tau_m * 1000:g} mm: off by τ or more counts 0. α = {s.alpha:g}: normals count up to "
         f"{degrees(acos(1 - s.alpha)):.0f}°. Pixels: {s.pixels}."
     )
+
+
+def probe_table(a: tuple[str, Probe | None], b: tuple[str, Probe | None]) -> str:
+    """One pixel in numbers, for both stages."""
+    sides = [(name, p) for name, p in (a, b) if p is not None]
+    if not sides:
+        return ""
+    first = sides[0][1]
+
+    def row(label: str, tip: str, pick: Callable[[Probe], str]) -> Row:
+        return Row([f'<span title="{text(tip)}">{label}</span>', *(text(pick(p)) for _, p in sides)])
+
+    rows = [
+        row("observed", "depth that the sensor measured", lambda p: number(p.observed_m, 4, " m")),
+        row("rendered", "depth of the model", lambda p: number(p.rendered_m, 4, " m")),
+        row("Δ depth, angle", "observed − rendered; between the normals",
+            lambda p: f"{number(p.difference_mm, 1, ' mm')}, {number(p.angle_deg, 1, '°')}"),
+        row("f_d, f_n", "depth and normal fit", lambda p: f"{p.f_d:.2f}, {p.f_n:.2f}"),
+        row("class", "why it counts as it does", lambda p: p.pixel_class),
+        row("adds", "what this pixel adds to the score", lambda p: f"{p.contribution:.5f}"),
+    ]  # fmt: skip
+    head = [(f"pixel {first.u}, {first.v}", "column u, row v"), *((name, "") for name, _ in sides)]
+    return table(head, rows)
 
 
 # The strip of score maps: both stages, every quantity, cut to the object, with colour bars.
