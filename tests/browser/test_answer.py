@@ -25,7 +25,7 @@ def test_the_answer_of_a_search_and_its_tree(look: Look, tmp_path: Path) -> None
     assert min(b.bounding_box()["width"] for b in boxes) > 20
     screen.shot("search_answer")
 
-    screen.page.get_by_text("last iteration", exact=True).click(timeout=SLOW_MS)
+    screen.page.locator("[data-dock-region=right] .vz a", has_text=f"iteration {n}").last.click(timeout=SLOW_MS)
     screen.text("^Last iteration · ")
     screen.page.locator(".vz.objects td b", has_text="working").wait_for(timeout=SLOW_MS)
     screen.shot("search_last_iteration")

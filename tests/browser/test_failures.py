@@ -51,7 +51,7 @@ def test_score_prefers_a_wrong_pose(look: Look) -> None:
     assert (view.options.a, view.options.b) == ("best", "ground truth")
     screen.why("The score prefers a pose of the .* that is wrong by .* More iterations need not help")
     screen.tab("Errors")
-    screen.text("^The score prefers best to ground truth.")
+    screen.text("^The score prefers the answer to ground truth.")
     screen.click("Compare with ground truth")
     screen.shot("failure_score_prefers_wrong")
 

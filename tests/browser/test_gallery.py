@@ -94,7 +94,7 @@ def choose(screen: Screen, by: str, label: str) -> None:
 def preset(screen: Screen) -> str:
     """The layout that is shown, once the page shows what the program has."""
     name = screen.app.debugger.options.preset
-    until_true(screen.page, f"!!document.querySelector('.preset-{name}')")
+    until_true(screen.page, f"document.documentElement.dataset.preset === '{name}'")
     return name
 
 

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from tests.browser.conftest import SESSIONS, Look, until_true
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.debugger import RequestQueue
+from verefine_viz.viewer.panels.page_layout import KEYS
 
 
 def test_the_tabulator_key_reaches_no_hidden_box_and_space_runs_after_a_click_on_a_tab(look: Look) -> None:
@@ -18,6 +21,29 @@ def test_the_tabulator_key_reaches_no_hidden_box_and_space_runs_after_a_click_on
     until_true(screen.page, "document.activeElement === document.body")
     screen.key("Space")
     screen.until(lambda: screen.app.debugger.view(deep=False).progress.done > 0)
+
+
+NAMES = {"pageup": "PageUp", "pagedown": "PageDown"}
+"""What the browser calls a key, where that is not the name with a capital, or a letter."""
+
+
+def test_every_key_sends_its_command(look: Look, monkeypatch: pytest.MonkeyPatch) -> None:
+    sent: list[c.Command] = []
+    send = RequestQueue.send
+
+    def noted(queue: RequestQueue, command: c.Command) -> None:
+        sent.append(command)
+        send(queue, command)
+
+    monkeypatch.setattr(RequestQueue, "send", noted)
+    screen = look(SESSIONS / "mug.toml")
+    screen.app.send(c.RunUntil("end"))
+    screen.app.wait_until_idle(240)
+    for _, key, command in KEYS:
+        if key is not None:
+            sent.clear()
+            screen.key(key.lower() if len(key) == 1 else NAMES.get(key, key.capitalize()))
+            screen.until(lambda command=command: command in sent)
 
 
 def test_a_tap_moves_the_camera_a_little_and_v_takes_it_back(look: Look) -> None:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import re
 from itertools import combinations
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
 import pytest
 
-from tests.browser.conftest import SESSIONS, Look, Screen, until_true
+from tests.browser.conftest import SESSIONS, Look, Screen, is_seen, saved, until_true
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.web.viser_internals import SMALL_WINDOW
 
 WINDOWS = ((1280, 640), (1280, 800), (1440, 757), (1920, 1080), (2560, 1440))
 SMALLEST_MAP_PX = {
     "inspect": {640: 90, 800: 140, 757: 125, 1080: 190, 1440: 280},
-    "maps": {640: 145, 800: 200, 757: 185, 1080: 290, 1440: 410},
+    "maps": {640: 230, 800: 300, 757: 285, 1080: 445, 1440: 625},
     "compare": {640: 90, 800: 140, 757: 125, 1080: 190, 1440: 280},
 }
 """By layout and height of the window: side of a map."""
@@ -72,7 +73,7 @@ def test_in_every_layout_and_window_nothing_covers_anything(look: Look, session:
         screen.page.set_viewport_size({"width": width, "height": height})
         for preset in set(get_args(c.Preset)) - {"gallery"}:
             screen.app.send(c.ShowLayout(preset))
-            until_true(screen.page, f"!!document.querySelector('.vz .preset-{preset}')")
+            until_true(screen.page, f"document.documentElement.dataset.preset === '{preset}'")
             screen.app.wait_until_idle(60)
             for _ in range(50):
                 if has_come_to_rest(screen):
@@ -82,6 +83,8 @@ def test_in_every_layout_and_window_nothing_covers_anything(look: Look, session:
             tiles = screen.page.evaluate(_TILES)
             assert min(tiles) >= SMALLEST_MAP_PX[preset][height], f"{preset} at {width}×{height}"
             assert screen.page.evaluate(_ALL_MAPS_SEEN), f"{preset} at {width}×{height}"
+            names = screen.page.locator(".vz .map .name:visible").all_inner_texts()
+            assert {"rendered", "Δdepth", "angle", "f_d", "f_n", "classes"} <= set(names)
             shown = boxes_of(screen).keys() & {"image", "3D"}
             assert shown == (set() if preset == "maps" else {"image", "3D"})
             screen.shot(f"layout_{session}_{preset}_{width}x{height}")
@@ -150,6 +153,45 @@ def test_the_wheel_enlarges_all_maps_about_the_same_pixel(look: Look) -> None:
     assert np.allclose(top + 0.25 * share, 0.25, atol=0.01)
     tile.dblclick()
     until_true(screen.page, f"() => ({shares})().every(s => s[2] > 0.99)")
+
+
+def test_a_line_parts_a_from_b_in_the_maps_layout(look: Look) -> None:
+    screen = look(SESSIONS / "mug.toml")
+    screen.app.send(c.Step())
+    screen.app.send(c.ShowLayout("maps"))
+    screen.app.wait_until_idle(60)
+    for share in (0, 0.25, 1):
+        screen.page.get_by_label("A or B", exact=True).fill(f"{100 * share:.0f}")
+        # Left and right of the line, in the middle of a map: of which pose the picture is.
+        seen = screen.page.evaluate(
+            """() => { const b = document.querySelector('.vz .map.difference .tile').getBoundingClientRect();
+            return [0.2, 0.3].map(x => document.elementFromPoint(b.x + x * b.width, b.y + b.height / 2).alt); }"""
+        )
+        assert [alt.split(" of ")[1] for alt in seen] == [["refined", "simulated"][x < share] for x in (0.2, 0.3)]
+    assert faults(screen) == []
+
+
+def test_tabs_of_what_is_not_there_are_faint_and_say_why(look: Look, tmp_path: Path) -> None:
+    screen = look(saved(tmp_path, scene={"demo": "mug"}, hypotheses={"max_per_object": 1}, method={"name": "pir"}))
+    state = """name => { const tab = [...document.querySelectorAll('[data-dock-region=right] [data-dock-tab]')]
+        .find(tab => tab.textContent === name); return [+getComputedStyle(tab).opacity < 0.4, tab.title]; }"""
+    assert screen.page.evaluate(state, "Score") == [False, "Score"]
+    assert screen.page.evaluate(state, "Bandit") == [True, "PIR works on one hypothesis: nothing to choose."]
+    assert screen.page.evaluate(state, "Order") == [True, "One object: nothing to order."]
+    assert screen.page.evaluate(state, "Landscape") == [True, "Shown when the run is over."]
+    screen.click("Run")
+    screen.finished()
+    until_true(screen.page, f"({state})('Landscape')[1] === 'Landscape'")
+
+
+@pytest.mark.parametrize("session", ["mug", "clutter"])
+def test_in_the_smallest_window_the_whole_score_is_seen(look: Look, session: str) -> None:
+    screen = look(SESSIONS / f"{session}.toml")
+    screen.page.set_viewport_size({"width": 1280, "height": 640})
+    screen.app.send(c.RunUntil("end"))
+    screen.app.wait_until_idle(240)
+    assert is_seen(screen, screen.page.locator(".vz .bar").last)
+    screen.shot(f"smallest_{session}")
 
 
 def test_the_maps_layout_has_the_numbers_of_the_pixel_under_the_mouse(look: Look) -> None:

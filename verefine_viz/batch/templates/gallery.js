@@ -228,7 +228,7 @@
   };
   const resize = () => document.documentElement.style.setProperty("--gallery-tile", `${field(".size").value}px`);
   let wasSeen = false;
-  const isSeen = () => !!document.querySelector(".preset-gallery") && !!grid?.isConnected;
+  const isSeen = () => document.documentElement.dataset.preset === "gallery" && !!grid?.isConnected;
   const lookForOne = () => {
     const found = document.querySelector(".gallery-grid");
     if (found && found !== grid) begin(found);

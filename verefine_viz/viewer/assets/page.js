@@ -88,7 +88,7 @@ addEventListener("unhandledrejection", event => {
     const command = event.target.closest("[data-floating-window]")?.querySelector("[data-double]");
     if (command) send(JSON.parse(command.dataset.double));
   };
-  const head = event => event.target.closest?.("[data-floating-window]:has(.pane) [data-dock-strip]");
+  const head = event => event.target.closest?.("[data-holds=image] [data-dock-strip], [data-holds='3D'] [data-dock-strip]");
   document.addEventListener("maximise", enlarge);
   document.addEventListener("dblclick", event => head(event) && enlarge(event), true);
   document.addEventListener("click", event => {
@@ -119,13 +119,13 @@ addEventListener("unhandledrejection", event => {
 let runHeight = 0;
 setInterval(() => {
   const run = document.querySelector("[data-dock-region=right] .mantine-ScrollArea-content");
-  const needed = 26 + 8 * Math.ceil((run?.offsetHeight ?? 0) / 8);
+  const needed = 30 + 8 * Math.ceil((run?.offsetHeight ?? 0) / 8);
   if (needed > runHeight || needed < runHeight - 16) {
     runHeight = needed;
     document.documentElement.style.setProperty("--run-content", `${needed}px`);
   }
   for (const {chart} of Object.values(window.__viserTestpoints?.uplots ?? {})) {
-    const pane = chart.root.closest("[data-floating-window]:has(.curves)");
+    const pane = chart.root.closest("[data-holds=corner]");
     if (!pane || !chart.root.offsetParent) continue;
     const height = Math.round(pane.getBoundingClientRect().bottom - chart.root.getBoundingClientRect().top - 10);
     if (height >= 60 && height !== chart.height) chart.setSize({width: chart.width, height});
@@ -156,6 +156,11 @@ setInterval(() => {
     if (!event.target.closest(".vz .map .tile")) return;
     zoom = 1, left = top = 0;
     show();
+  }, true);
+  // In the Maps layout they lie over each other, up to a line that is dragged.
+  document.addEventListener("input", event => {
+    const wipe = event.target.closest(".maps-wipe input");
+    if (wipe) wipe.closest("[data-floating-window]").style.setProperty("--maps-wipe", wipe.value / 100);
   }, true);
 }
 

@@ -138,17 +138,21 @@ def number(value: float | None, digits: int, unit: str = "") -> str:
 # Names that may be longer than their place: cut where they tell least, whole in their tooltips.
 
 
+LONG, TAIL = 14, 5
+"""Characters of a name that is cut in its middle, and of the end that stays."""
+
+
 def cut(name: str, most_px: int = 104) -> str:
     """At most so wide [px] on the screen."""
     stem, number = stem_and_number(name)
-    classes = "cut numbered" if number else "cut"
+    classes = "cut numbered" if number or len(name) > LONG else "cut"
     return f'<span class="{classes}" style="max-width:{most_px}px" title="{text(name)}">{_html(stem, number)}</span>'
 
 
 def fitted(name: str, before: str = "") -> str:
     """As wide as its place; ``before`` is ready HTML in front of it."""
     stem, number = stem_and_number(name)
-    if not number:
+    if not number and len(name) <= LONG:
         return f'{before}<span title="{text(name)}">{text(name)}</span>'
     return f'<span class="numbered" title="{text(name)}">{before}{_html(stem, number)}</span>'
 
@@ -162,7 +166,10 @@ def focus_label(snapshot: Snapshot) -> str:
 
 
 def _html(stem: str, number: str) -> str:
-    return f"<span>{text(stem)}</span>&nbsp;{text(number)}" if number else text(stem)
+    if number:
+        return f"<span>{text(stem)}</span>&nbsp;{text(number)}"
+    # Names that differ at their end alone still differ.
+    return f"<span>{text(stem[:-TAIL])}</span>{text(stem[-TAIL:])}" if len(stem) > LONG else text(stem)
 
 
 # Hypotheses as the page shows them: number, colour, and where each comes from.

@@ -25,6 +25,7 @@ from verefine_viz.viewer.state.batch_gallery import (
     x_of,
 )
 from verefine_viz.viewer.text.display_names import in_focus
+from verefine_viz.viewer.text.empty_tabs import NO_TRUTH
 from verefine_viz.viewer.text.pose_words import preference
 
 
@@ -53,30 +54,29 @@ class ErrorsPanel:
 def errors_words(snapshot: Snapshot) -> str:
     """What the table of errors does not say: of which hypotheses its poses are, and what the score makes of them."""
     if snapshot.ground_truth is None:
-        return "No ground truth for this object."
+        return NO_TRUTH
     best = snapshot.poses.get("best")
     if best is None or best.errors is None or best.score is None or snapshot.ground_truth.score is None:
         return f"{snapshot.name} has no pose to measure."
-    what = "answer" if best.is_of_best_scene else "best pose"
     turn = snapshot.undeclared  # A score cannot tell such a pose from ground truth.
     sentences = [
-        _never_refined(snapshot, what),
+        _never_refined(snapshot),
         preference(best, snapshot.ground_truth) if turn is None else turn.in_words(snapshot.name),
     ]
     if snapshot.state is not None and snapshot.state.best.arm != snapshot.arm:
-        arms = f"hypothesis {snapshot.arm + 1} began; the {what} is of hypothesis {snapshot.state.best.arm + 1}"
+        arms = f"hypothesis {snapshot.arm + 1} began; the answer is of hypothesis {snapshot.state.best.arm + 1}"
         sentences.insert(0, f"Initial is where {arms}.")
     return " ".join(filter(None, sentences))
 
 
-def _never_refined(snapshot: Snapshot, what: str) -> str:
-    """That the best pose is an initial pose although iterations worked on the object; "" where it is none."""
+def _never_refined(snapshot: Snapshot) -> str:
+    """That the answer is an initial pose although iterations worked on the object; "" where it is none."""
     answer = in_focus(snapshot).answer if snapshot.is_answer else None
     best = answer or (snapshot.state.best if snapshot.state is not None else None)
     shown_to_its_end = snapshot.cursor - snapshot.is_partial
     if best is None or best.stage != "initial" or not any(i.index <= shown_to_its_end for i in snapshot.own_iterations):
         return ""
-    return f"The {what} is an initial pose: no iteration has improved upon it."
+    return "The answer is an initial pose: no iteration has improved upon it."
 
 
 # The plot of score over error of everything in a batch: what is wrong and yet scored high lies in the upper right.

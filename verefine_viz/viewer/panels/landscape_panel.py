@@ -13,6 +13,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import carries, choice, link, sentence, small, warning
 from verefine_viz.viewer.panels.widgets import Block
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text.empty_tabs import no_landscape
 
 CURVE_PX, CURVE_HEIGHT_PX = 150, 52
 SLICE_PX = 116
@@ -36,23 +37,23 @@ class LandscapePanel:
 
 def landscape_html(snapshot: Snapshot) -> str:
     """The whole panel, or how to get it."""
-    if snapshot.is_whole_scene:
-        return sentence("Choose an object: the score around its answer is shown here.")
-    if "best" not in snapshot.poses:
-        return sentence("No pose yet.")
-    around = snapshot.landscape
+    around, missing = snapshot.landscape, no_landscape(snapshot)
+    if missing:
+        wanted = (
+            link("Score the poses around the answer so far", c.ShowLandscape())
+            if "best" in snapshot.poses and not snapshot.is_whole_scene
+            else ""
+        )
+        return sentence(missing) + f"<p>{wanted}</p>" * bool(wanted)
     if around is None:
-        if snapshot.wants_landscape:
-            return sentence("Scoring the poses around the answer …")
-        wanted = link("Score the poses around the best one", c.ShowLandscape())
-        return sentence("Shown when the run is over.") + f"<p>{wanted}</p>"
+        return sentence("Scoring the poses around the answer …")
     return verdict_html(snapshot, around) + curves_html(snapshot, around) + _slice_html(snapshot, around)
 
 
 def verdict_html(snapshot: Snapshot, around: Landscape) -> str:
     """The least certain axis, and a pose that fits as well as the answer."""
     words = around.least_certain.in_words()
-    verdict = sentence(f"{'Answer' if snapshot.is_answer else 'Best pose'} of {snapshot.name}: {words}.")
+    verdict = sentence(f"Answer of {snapshot.name}: {words}.")
     other = snapshot.other_pose
     if other is None:
         return verdict

@@ -22,6 +22,8 @@ from verefine_viz.viewer.handlers.open_handlers import moved
 from verefine_viz.viewer.panels.widgets import Block
 from verefine_viz.viewer.snapshot.scene_state import color_of, labels_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.text.display_names import abridged
+from verefine_viz.viewer.text.empty_tabs import no_order
 
 RULES = {
     "recommended": "The order follows from what touches, hides and carries what.",
@@ -44,10 +46,8 @@ class OrderPanel:
 def order_html(snapshot: Snapshot) -> str:
     """The whole content of the panel."""
     graph, names = snapshot.problem.dependencies, labels_of(snapshot.problem)
-    if len(names) < 2:
-        return sentence("One object: nothing to order.")
-    if graph is None:
-        return sentence("No dependencies known.")
+    if graph is None or len(names) < 2:
+        return sentence(no_order(snapshot))
     focus = None if snapshot.is_whole_scene else snapshot.target.instance.instance_id
     nodes = {
         i.instance_id: Node(names[i.instance_id], color_of(k), i.instance_id == focus)
@@ -175,7 +175,7 @@ def _object(graph: DependencyGraph, instance_id: int, node: Node, y: float) -> s
     place = graph.order.index(instance_id) + 1
     x = SWATCH_X + INDENT_PX * min(_level(graph, instance_id), 3)
     n_characters = int((ARC_X - MOVERS_PX - x - 15) / (BOLD_PX if node.in_focus else CHARACTER_PX))
-    name = node.label if len(node.label) <= n_characters else f"{node.label[: n_characters - 1]}…"
+    name = abridged(node.label, n_characters)
     weight = ' font-weight="700"' if node.in_focus else ""
     return (
         f'<text x="6" y="{y + 4:.1f}" font-size="11" fill="currentColor" opacity="0.65">{place}</text>'

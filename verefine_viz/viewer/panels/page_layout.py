@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from collections.abc import Callable
 
@@ -32,6 +33,7 @@ from verefine_viz.viewer.panels.widgets import Block, Send, add_style, asked_by
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.batch_gallery import Gallery
 from verefine_viz.viewer.state.view_options import ViewOptions
+from verefine_viz.viewer.text.empty_tabs import empty_tabs
 from verefine_viz.viewer.web.viser_internals import LINK_LABEL, hidden, small_window
 
 _LOG = logging.getLogger(__name__)
@@ -39,7 +41,7 @@ PANE_PX = 200
 """Width and height of a pane without a style sheet; `assets/layout.css` gives it its own."""
 PRESETS: dict[c.Preset, str] = {
     "inspect": "image and 3D view, score maps below",
-    "maps": "larger score maps, A beside B; the wheel enlarges all of them",
+    "maps": "large score maps; a line to drag parts A from B, the wheel enlarges all of them",
     "compare": "image, 3D view and curves of A and B, score maps below, the A/B tab",
     "gallery": "the answers of the batch that is open (Esc)",
 }
@@ -111,7 +113,7 @@ class Layout:
         add_style(gui, asset("layout.css"))
         gui.add_html(small_window())
         self.verdict = VerdictPanel(gui)
-        self._preset, self._opened = Block(gui, "tight"), Block(gui)
+        self._preset, self._opened, self._empty = Block(gui, "tight"), Block(gui), Block(gui, "tight")
         self.run = RunPanel(gui, send)
         self.link = gui.add_text(LINK_LABEL, "")
         add_style(gui, hidden(self.link))
@@ -192,6 +194,7 @@ class Layout:
     def show(self, snapshot: Snapshot, slider_is_ahead: bool = False) -> None:
         """All panels but the photo's, each on its own."""
         self._preset.show(preset_row(snapshot.options, len(snapshot.scene.objects), snapshot.batch is not None))
+        self._empty.show(f'<i hidden data-empty="{text(json.dumps(empty_tabs(snapshot)))}"></i>')
         compares = snapshot.options.preset == "compare"
         self._opened.show('<i class="opens-tab" data-tab="A/B"></i>' if compares else "")
         self.verdict.show(snapshot)
@@ -257,15 +260,16 @@ def enlarges(pane: c.Pane) -> str:
 
 
 def preset_row(options: ViewOptions, n_objects: int, has_batch: bool = False) -> str:
-    """A button per layout, the one in use marked; its classes are what `assets/layout.css` goes by, and the number of
-    objects.
+    """A button per layout, the one in use marked; `assets/page_marks.js` has the style sheet go by what it carries, and
+    by the number of objects.
     """
-    enlarged = f"enlarged enlarged-{options.enlarged}" if options.enlarged else ""
     buttons = "".join(
         f'<button class="{"on" if options.preset == name else ""}" {carries(c.ShowLayout(name))} title="{text(hint)}">'
         f"{name.capitalize()}</button>"
         for name, hint in PRESETS.items()
         if name != "gallery" or has_batch
     )
-    row = f'<div class="presets preset-{options.preset} {enlarged}">{buttons}</div>'
+    row = (
+        f'<div class="presets" data-preset="{options.preset}" data-enlarged="{options.enlarged or ""}">{buttons}</div>'
+    )
     return f"<style>:root{{--objects:{n_objects}}}</style>{row}"

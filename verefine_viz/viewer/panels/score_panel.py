@@ -19,8 +19,8 @@ from verefine_viz.viewer.drawing.pose_tables import CLASS_MEANING, score_table
 from verefine_viz.viewer.drawing.score_maps import LABELS, Crop, data_uri, indexed_png, png, scales_for, shared_crop
 from verefine_viz.viewer.panels.widgets import Block, Send, add_style, by_user
 from verefine_viz.viewer.snapshot.snapshot import ComparedPose, Probe, Snapshot
-from verefine_viz.viewer.state.view_options import STAGES
-from verefine_viz.viewer.text.display_names import TERMS
+from verefine_viz.viewer.state.view_options import STAGES, stage_label
+from verefine_viz.viewer.text.display_names import TERMS, in_focus
 from verefine_viz.viewer.text.pose_words import compared, score_digits
 from verefine_viz.viewer.web.viser_internals import compact, side_by_side
 
@@ -33,10 +33,11 @@ class ScorePanel:
 
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._words = Block(gui)
-        self.a = gui.add_dropdown("A", STAGES, initial_value="simulated", hint="first stage to compare")
-        self.b = gui.add_dropdown("B", STAGES, initial_value="refined", hint="second stage to compare")
-        self.a.on_update(by_user(lambda v: send(c.Compare(a=v, b=self.b.value))))
-        self.b.on_update(by_user(lambda v: send(c.Compare(a=self.a.value, b=v))))
+        stages = {stage_label(name): name for name in STAGES}
+        self.a = gui.add_dropdown("A", tuple(stages), initial_value="simulated", hint="first stage to compare")
+        self.b = gui.add_dropdown("B", tuple(stages), initial_value="refined", hint="second stage to compare")
+        self.a.on_update(by_user(lambda v: send(c.Compare(a=stages[v], b=stages[self.b.value]))))
+        self.b.on_update(by_user(lambda v: send(c.Compare(a=stages[self.a.value], b=stages[v]))))
         self._probe = Block(gui)
         self._numbers = Block(gui)
         labels = {LABELS[m][0]: m for m in MAP_NAMES}
@@ -51,7 +52,7 @@ class ScorePanel:
         """Numbers of both stages and of the probed pixel."""
         options, whole = snapshot.options, snapshot.is_whole_scene
         self.a.visible = self.b.visible = not whole
-        self.a.value, self.b.value = options.a, options.b
+        self.a.value, self.b.value = stage_label(options.a), stage_label(options.b)
         self.map.value = LABELS[options.map][0]
         if whole and not snapshot.deep:
             return  # A scene is scored when there is time to draw it.
@@ -117,10 +118,18 @@ WORDS_ON_BAR: dict[MapName, tuple[str, str]] = {"difference": ("behind", "in fro
 """At the ends of a colour bar: where the model lies, against what was observed."""
 
 
+WIPE = (
+    '<span>A</span><input type="range" min="0" max="100" value="0" aria-label="A or B" '
+    'title="drag the line: A on its left, B on its right"><span>B</span>'
+)
+"""Where the line between A and B is in the Maps layout; each browser's own (``assets/page.js``)."""
+
+
 class MapsPanel:
-    """Two rows of pictures."""
+    """The pictures of both stages: A above B, or in the Maps layout under it."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
+        Block(gui, "maps-wipe").show(WIPE)
         self._strip = Block(gui, "strip")
 
     def show(self, snapshot: Snapshot) -> None:
@@ -146,7 +155,8 @@ def maps_html(snapshot: Snapshot) -> str:
     for name in PER_POSE:
         tiles = [_tile(snapshot, side, name, of_side, crop) for side, of_side in zip(sides, images, strict=True)]
         columns.append(_column(name, tiles, scales))
-    whose = f'<b class="whose">{focus_label(snapshot)}</b>'
+    name = f"<span>{text(in_focus(snapshot).label)}</span>" if focus_label(snapshot) else ""
+    whose = f'<b class="whose">{focus_label(snapshot)}{name}</b>'
     who = f'<div class="who">{whose}{names[0]}{observed}{"".join(names[1:])}<span class="maps-readout"></span></div>'
     return f'<div class="maps">{who}{"".join(columns)}</div>'
 

@@ -99,13 +99,17 @@ _CHARACTER_PX = 6.2
 
 
 def shortened(name: str, width_px: float) -> str:
-    """As much of a name as there is room for, in plain text; a number that tells twins apart stays."""
-    n = int((width_px - 5) / _CHARACTER_PX)
+    """As much of a name as there is room for [px], in plain text."""
+    return abridged(name, int((width_px - 5) / _CHARACTER_PX))
+
+
+def abridged(name: str, n: int) -> str:
+    """At most ``n`` characters of a name, without some of its middle; a number that tells twins apart stays."""
     if len(name) <= n:
         return name
-    number = stem_and_number(name)[1]
-    n_stem = n - 1 - len(number)
-    return f"{name[:n_stem]}…{number}" if n_stem > 2 else f"{name[: max(n - 1, 1)]}…"
+    end = stem_and_number(name)[1] or name[-n // 3 :]
+    n_stem = n - 1 - len(end)
+    return f"{name[:n_stem]}…{end}" if n_stem > 2 else f"{name[: max(n - 1, 1)]}…"
 
 
 def without_common_start(names: Sequence[str]) -> list[str]:

@@ -44,7 +44,7 @@ _LOG = logging.getLogger(__name__)
 _CONSTRUCTION = threading.Lock()
 _NONCE = secrets.token_urlsafe(16)
 _SCRIPT = (
-    (asset("page.js") + asset("image_pane.js") + asset("page_link.js") + gallery_asset("gallery.js"))
+    "".join([*map(asset, ("page.js", "page_marks.js", "image_pane.js", "page_link.js")), gallery_asset("gallery.js")])
     .replace("NONCE", _NONCE)
     .replace("SOFTWARE_RENDERERS", "|".join(SOFTWARE))
     .replace("LINK_LABEL", LINK_LABEL)

@@ -21,47 +21,49 @@ def label_of(handle: Any) -> str:
     return f'label[for="{handle._impl.uuid}"]'
 
 
+def _row(handle: Any) -> str:
+    """The selector of a widget with its label, which ``assets/page_marks.js`` marks; inside of it stands one box."""
+    return f'[data-row="{handle._impl.uuid}"]'
+
+
 def hidden(handle: Any) -> str:
     """A style that takes a widget from the screen; it stays in use."""
-    row = f"div:has(> .mantine-Flex-root {label_of(handle)})"
-    return f"{row}{{position:absolute;width:1px;height:1px;overflow:hidden;visibility:hidden}}"
+    return f"{_row(handle)}{{position:absolute;width:1px;height:1px;overflow:hidden;visibility:hidden}}"
 
 
 def compact(handle: Any, row_px: int) -> str:
     """A style that takes the space around a widget with a label away, and makes its row so high [px]."""
-    label = label_of(handle)
-    row = f".mantine-Flex-root:has({label})"
+    row = _row(handle)
     return (
-        f"div:has(> .mantine-Flex-root {label}){{padding-bottom:0!important}}{row}{{height:{row_px}px}}"
+        f"{row}{{padding-bottom:0!important}}{row}>.mantine-Flex-root{{height:{row_px}px}}"
         f"{row} input:not([type=checkbox]){{height:{row_px - 1}px!important;min-height:0!important}}"
     )
 
 
 def side_by_side(left: Any, right: Any, row_px: int, right_from_px: int, label_px: int) -> str:
-    """A style that puts two widgets that are compact into one row, with labels of that width [px]."""
-    left_label, right_label = map(label_of, (left, right))
+    """A style that puts two widgets that are compact into one row, with labels of that width [px].
+
+    Where the left one is not shown, the right one has the row.
+    """
     return (
-        f".mantine-Flex-root:has({left_label})>div:first-child,.mantine-Flex-root:has({right_label})>div:first-child"
-        f"{{width:{label_px}px!important}}"
-        f"div:has(> .mantine-Flex-root {left_label}){{width:{right_from_px}px}}"
-        f"div:has(> .mantine-Flex-root {right_label}){{margin:-{row_px}px 0 0 {right_from_px}px}}"
+        f":is({_row(left)},{_row(right)})>.mantine-Flex-root>div:first-child{{width:{label_px}px!important}}"
+        f"{_row(left)}{{width:{right_from_px}px}}{_row(left)}~{_row(right)}{{margin:-{row_px}px 0 0 {right_from_px}px}}"
     )
 
 
 def unlabelled(handle: Any) -> str:
     """A style that gives the place of a widget's label to the widget."""
-    return f".mantine-Flex-root>div:has({label_of(handle)}){{display:none}}"
+    return f"{_row(handle)}>.mantine-Flex-root>div:first-child{{display:none}}"
 
 
 def beside_the_box(handle: Any, row_px: int, from_px: int) -> str:
     """A style that moves a widget up into the row of the box before it, without its label."""
-    row = f"div:has(> .mantine-Flex-root {label_of(handle)})"
-    return f"{unlabelled(handle)}{row}{{margin:-{row_px}px 0 0 {from_px}px}}"
+    return f"{unlabelled(handle)}{_row(handle)}{{margin:-{row_px}px 0 0 {from_px}px}}"
 
 
 def lettered(handle: Any) -> str:
     """A style that writes x, y and z into the three boxes of a widget."""
-    boxes = f".mantine-Flex-root:has({label_of(handle)}) .mantine-NumberInput-root"
+    boxes = f"{_row(handle)} .mantine-NumberInput-root"
     letters = "".join(f'{boxes}:nth-child({k})::before{{content:"{axis}"}}' for k, axis in enumerate("xyz", 1))
     return (
         f"{boxes}{{position:relative}}{boxes} input{{padding-left:14px!important}}"
