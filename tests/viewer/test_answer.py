@@ -107,8 +107,8 @@ def test_the_answer_is_shown_wherever_the_end_is_reached_from_and_nowhere_else()
 def test_the_words_tell_of_the_answer_and_lead_to_the_iteration() -> None:
     d = debugger(n=1).carry_out([END])
     view = d.view()
-    assert headline(view).startswith("Run finished: best ")
-    assert "Answer</span> of " in of_the_end(view)
+    assert headline(view).startswith("Run finished: answer ")
+    assert "Answer</span>: " in of_the_end(view)
     assert carries(visit(view, view.iterations[-1])) in of_the_end(view)
     assert carries(visit(view, view.iterations[-1])) in strip(view), "its cell on the timeline goes there as well"
     view = d.carry_out([visit(view, view.iterations[-1])]).view()
@@ -122,7 +122,7 @@ def test_several_objects_are_summed_up_and_the_one_in_focus_is_reported() -> Non
     said = headline(d.view())
     assert said.startswith("Run finished: 2 of 2 objects have a pose")
     assert headline(d.carry_out([c.Focus(1)]).view()).startswith(said)
-    assert " Box: best 0." in headline(d.view())
+    assert " Box: answer 0." in headline(d.view())
     tree = debugger("physim_mcts", tools=SearchTools).carry_out([END])
     found = [i.index for i in tree.workspace.run.iterations if any(e.kind == "new_best_scene" for e in i.events)]
     assert f"px unexplained; iteration {found[-1]} found it." in headline(tree.view())
@@ -132,7 +132,7 @@ def test_the_answer_is_compared_with_where_it_started() -> None:
     d = debugger(n=1).carry_out([END])
     view = d.view()
     assert (view.options.a, view.options.b) == ("initial", "best")
-    assert re.findall(r'<th title="the (\w+) pose">', score_html(view)) == ["initial", "best"]
+    assert re.findall(r'<th title="the (\w+) pose">', score_html(view)) == ["initial", "answer"]
     assert not OF_ITERATION & (set(view.poses) | view.options.layers)
     assert d.options.b == "refined", "what was chosen is kept"
     assert d.carry_out([c.Back()]).view().options.b == "refined"

@@ -75,8 +75,8 @@ def test_the_list_of_a_finished_run_names_the_hypotheses_that_won() -> None:
     assert ">hyp.</th>" not in objects_html(d.carry_out([c.Back()]).view())
 
 
-def test_the_best_line_lies_below_the_hypotheses() -> None:
+def test_the_line_of_the_answer_lies_below_the_hypotheses() -> None:
     view = plain().carry_out([c.RunUntil("end")]).view()
     lines = score_lines(view, 3)
-    assert lines[0].label == "best"
+    assert lines[0].label == "answer"
     assert all(line.width < lines[0].width for line in lines[1:])

@@ -64,7 +64,7 @@ class Perfect(FakeTools):
 
 def test_the_same_pose_stands_twice_only_where_there_is_no_other() -> None:
     said = compared(Debugger(SESSION, None, Perfect).view())
-    assert said.startswith("No simulated and no refined pose yet: current and best instead.")
+    assert said.startswith("No simulated and no refined pose yet: current and answer instead.")
 
 
 def test_with_several_objects_sentence_and_maps_say_whose_they_are() -> None:

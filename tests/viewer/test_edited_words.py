@@ -62,7 +62,7 @@ def test_errors_and_score_show_the_edited_pose_beside_the_others(debugger: Debug
     assert "edited<" not in errors_table(debugger.view())
     view = debugger.carry_out([c.SelectArm(1), c.EditPose(), moved(0.071)]).view()
     assert "edited<" in errors_table(view)
-    assert "best<" in errors_table(view)
+    assert "answer<" in errors_table(view)
     score = view.poses["edited"].score
     assert score is not None
     shown = score_html(view)

@@ -70,7 +70,7 @@ def test_what_nobody_judged_is_called_so() -> None:
 
 def test_the_end_names_the_answer_and_its_error() -> None:
     said = headline(after(c.RunUntil("end")))
-    assert "Run finished: best " in said
+    assert "Run finished: answer " in said
     assert said.endswith("mm from ground truth.")
 
 

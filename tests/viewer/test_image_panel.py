@@ -47,13 +47,13 @@ def labels(view: Snapshot) -> set[str]:
 def test_before_a_run_there_are_ground_truth_and_the_pose_that_it_starts_from() -> None:
     view = debugger().view()
     assert keys(view) == ["ground truth", "best"]
-    assert labels(view) == {"B ground truth", "A current = best"}
+    assert labels(view) == {"B ground truth", "A current = answer"}
 
 
 def test_an_iteration_has_its_stages_as_a_and_b_and_what_it_accepted() -> None:
     view = debugger().carry_out([c.Step()]).view()
     assert keys(view) == ["ground truth", "simulated", "best"]
-    assert labels(view) == {"ground truth", "A simulated", "accepted = B refined = best"}, "one pose, one contour"
+    assert labels(view) == {"ground truth", "A simulated", "accepted = B refined = answer"}, "one pose, one contour"
     assert {one.key: one.color for one in shown_contours(view)}["simulated"] == STAGE_COLORS["simulated"]
 
 
@@ -72,7 +72,7 @@ def test_the_end_shows_the_answer_against_where_it_began() -> None:
 def test_an_edited_pose_is_drawn_while_it_is_edited() -> None:
     view = debugger().carry_out([c.Step(), c.EditPose(), DRAGGED]).view()
     assert "B edited" in labels(view)
-    assert "A accepted = best" in labels(view)
+    assert "A accepted = answer" in labels(view)
 
 
 def test_without_ground_truth_there_is_no_contour_of_it() -> None:

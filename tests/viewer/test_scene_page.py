@@ -51,7 +51,7 @@ def test_it_names_every_colour_that_is_drawn_with_the_score_of_the_pose(debugger
         score = poses[name].score
         assert score is not None
         assert f"rgb{STAGE_COLORS[name]}" in html
-        assert f"{name} {score.score:.2f}" in words(html)
+        assert f"{poses[name].label} {score.score:.2f}" in words(html)
     assert f"rgb{STAGE_COLORS['refined']}" not in html
     assert all(f"{j}" in words(html).partition("hypotheses, faint:")[2] for j in (1, 2))
 

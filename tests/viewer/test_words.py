@@ -122,7 +122,7 @@ def test_a_score_that_prefers_a_wrong_pose_is_found() -> None:
     assert f"a pose of the {view.name} that is wrong by 50% of the diameter (127° and 45 mm off): 0.940" in said
     assert ": 0.940 against 0.820 for the ground truth" in said
     assert said.endswith("More iterations need not help: look at the depth there and at the score's settings.")
-    assert "The score prefers best to ground truth." in errors_words(view)
+    assert "The score prefers the answer to ground truth." in errors_words(view)
     view = replace(view, ground_truth=replace(truth, score=replace(best.score, score=0.99)))
     assert any(f.text.startswith("The search missed it") for f in findings(view))
 
@@ -144,7 +144,7 @@ def test_errors_and_score_say_what_the_score_makes_of_the_true_pose() -> None:
         return replace(view, poses=poses, ground_truth=truth, **sides)  # type: ignore[arg-type]
 
     preferred = scored(0.755, 0.714)
-    said = "Best is correct, and scores as much as ground truth or more."
+    said = "The answer is correct, and scores as much as ground truth or more."
     assert said in errors_words(preferred)
     assert said in compared(preferred)
     known = scored(0.714, 0.755)
@@ -153,7 +153,7 @@ def test_errors_and_score_say_what_the_score_makes_of_the_true_pose() -> None:
 
 
 def test_errors_say_that_the_best_pose_is_a_initial_pose_which_iterations_left_as_it_is() -> None:
-    said = "The best pose is an initial pose: no iteration has improved upon it."
+    said = "The answer is an initial pose: no iteration has improved upon it."
     view = after(c.RunUntil("end"))
     assert said not in errors_words(view)
     first = after(c.Step()).state.arms[0].entries[0]
@@ -261,6 +261,6 @@ def test_errors_say_where_initial_and_best_are_of_two_hypotheses() -> None:
     other = next(arm for arm in range(view.n_arms) if arm != best)
     own, another = replace(view, arm=best), replace(view, arm=other)
     assert "Initial is" not in errors_words(own)
-    assert f"Initial is where hypothesis {other + 1} began; the best pose is of hypothesis {best + 1}." in errors_words(
+    assert f"Initial is where hypothesis {other + 1} began; the answer is of hypothesis {best + 1}." in errors_words(
         another
     )

@@ -185,7 +185,7 @@ def scene_arms_table(snapshot: Snapshot) -> str:
         ("last", "hypothesis of its latest iteration",
          lambda o: f"{latest[o.instance_id].arm + 1}" if o.instance_id in latest else NONE),
         ("n by hypothesis" if chooses else "iterations by hypothesis", n_means(snapshot), spent),
-        ("best", "score of the answer so far", lambda o: number(o.answer.score.score if o.answer else None, 3)),
+        ("answer", "score of the answer so far", lambda o: number(o.answer.score.score if o.answer else None, 3)),
     ]  # fmt: skip
     return table_of(snapshot.scene.objects, columns, lambda o: c.Focus(o.instance_id))
 

@@ -31,6 +31,7 @@ from verefine_viz.rendering.rendered_scene import AMBIENT
 from verefine_viz.viewer.drawing.markup import text
 from verefine_viz.viewer.drawing.score_maps import Crop, bounds, crop_around, data_uri, scales_for
 from verefine_viz.viewer.snapshot.snapshot import ComparedPose, Snapshot
+from verefine_viz.viewer.state.view_options import stage_label
 
 JPEG_QUALITY = 88
 MARGIN = 0.35
@@ -73,8 +74,7 @@ def shown_contours(snapshot: Snapshot) -> tuple[ShownContour, ...]:
     names = list(dict.fromkeys(name for name in names if name in snapshot.poses))
     shown: dict[bytes, ShownContour] = {}
     for name in names:
-        label = "answer" if name == "best" and snapshot.is_answer else name
-        label = f"{letters[name]} {label}" if name in letters else label
+        label = " ".join(filter(None, (letters.get(name), stage_label(name))))
         T_cam_obj = snapshot.poses[name].T_cam_obj
         under = shown.pop(T_cam_obj.tobytes(), None)  # The same contour: the later one would hide it.
         label = f"{under.label} = {label}" if under is not None else label

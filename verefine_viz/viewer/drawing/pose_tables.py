@@ -266,7 +266,7 @@ def branches_table(snapshot: Snapshot) -> str:
     columns: list[Column] = [
         ("branch", "click a row to switch to it", lambda i: cut(branches[i].name, 170)),
         ("made", "iterations", lambda i: f"{branches[i].length}/{branches[i].n_iterations}"),
-        ("best", "best score of this object", score),
+        ("answer", "score of this object's answer so far", score),
         ("ADD(-S)", "error of that pose [mm]", add_s),
     ]
     note = ""

@@ -19,6 +19,7 @@ from verefine_viz.viewer.drawing.tree_layers import tree_html
 from verefine_viz.viewer.panels.widgets import Block, Chart, Line
 from verefine_viz.viewer.snapshot.scene_state import ObjectState
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
+from verefine_viz.viewer.state.view_options import stage_label
 from verefine_viz.viewer.text.display_names import arm_color
 from verefine_viz.viewer.text.headline import cheapest_scene
 from verefine_viz.viewer.text.pose_words import beside_answer
@@ -175,27 +176,23 @@ def _summed(iterations: Sequence[Iteration], counts: Callable[[Iteration], bool]
 # Of one object.
 
 BEST_PX = 5.0
-"""Width of the line of the best pose, which others are drawn over: the hypothesis that leads is seen in it."""
+"""Width of the line of the answer so far, which others are drawn over: the hypothesis that leads is seen in it."""
 ACCEPTED_COLOR = (225, 225, 225)
 
 
 def score_lines(snapshot: Snapshot, n_arms: int) -> list[Line]:
-    """Score of each hypothesis's accepted pose, and of the best so far."""
+    """Score of each hypothesis's accepted pose, and of the answer so far."""
     own = snapshot.own_iterations
     if not own:
         return []
     first = [snapshot.begun.arms[j].entries[0].score.score for j in range(n_arms)]
-    # Where whole scenes are searched the answer is the pose in the best scene, which may score less than another.
-    of_scene = any(i.tree is not None or i.scene_pass is not None for i in own)
     best = [max(first, default=0.0), *(i.best.score.score for i in own)]
 
     def accepted(j: int) -> list[float]:
         stages = {i.index: i.accepted_stage for i in own if i.arm == j}
         return _carried(first[j], own, {k: s.score.score for k, s in stages.items() if s.score is not None})
 
-    lines = [
-        Line("answer" if of_scene or not _has_best(snapshot) else "best", STAGE_COLORS["best"], best, width=BEST_PX)
-    ]
+    lines = [Line(stage_label("best"), STAGE_COLORS["best"], best, width=BEST_PX)]
     return lines + [Line(f"{j + 1}", arm_color(j), accepted(j)) for j in range(n_arms)]
 
 
@@ -215,20 +212,17 @@ def pull_lines(snapshot: Snapshot, n_arms: int) -> list[Line]:
 
 
 def error_lines(snapshot: Snapshot) -> list[Line]:
-    """ADD(-S) [mm] of the accepted and of the best pose; none without ground truth."""
+    """ADD(-S) [mm] of the accepted pose and of the answer so far; none without ground truth."""
     known = [(a, b) for _, a, b in snapshot.error_series if a is not None and b is not None]
     if not known or len(known) < len(snapshot.error_series):
         return []
     initial = [e.add_s_mm for e in snapshot.initial_errors if e is not None]
     start = initial[snapshot.own_iterations[0].arm] if initial else 0.0
     accepted, best = ([start, *(e.add_s_mm for e in errors)] for errors in zip(*known, strict=True))
-    name = "best" if _has_best(snapshot) else "answer"
-    return [Line(name, STAGE_COLORS["best"], best, width=BEST_PX), Line("accepted", ACCEPTED_COLOR, accepted)]
-
-
-def _has_best(snapshot: Snapshot) -> bool:
-    """Whether the answer is the best pose; else it is the last one, which may score less than one before."""
-    return method_of(snapshot.session.method.name).verifies
+    return [
+        Line(stage_label("best"), STAGE_COLORS["best"], best, width=BEST_PX),
+        Line("accepted", ACCEPTED_COLOR, accepted),
+    ]
 
 
 # Of the whole scene: how well the objects fit together, pass by pass, and each object's own best.

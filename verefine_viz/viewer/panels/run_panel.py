@@ -6,15 +6,16 @@ import json
 
 import viser
 
+from verefine_viz.core.records import Iteration
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.assets import asset
 from verefine_viz.viewer.drawing.markup import link, sentence, swatch, text, warning, with_hints
 from verefine_viz.viewer.drawing.pose_tables import branches_table
 from verefine_viz.viewer.panels.widgets import Block, Send, add_buttons, add_style, by_user
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
-from verefine_viz.viewer.text.display_names import TERMS
+from verefine_viz.viewer.text.display_names import TERMS, in_focus
 from verefine_viz.viewer.text.headline import brief, headline
-from verefine_viz.viewer.web.viser_internals import CANCEL_CLASS, compact, unlabelled
+from verefine_viz.viewer.web.viser_internals import CANCEL_CLASS, compact, side_by_side, unlabelled
 
 MOVES: dict[str, c.Command] = {
     "◀ Back": c.Back(),
@@ -48,7 +49,8 @@ HULLS = (
     f'<p class="dim">{link(USE_HULLS, c.UseHulls(), "physics takes every model for its convex hull: no waiting")}</p>'
 )
 
-ROW_PX = 26
+ROW_PX, SECOND_FROM_PX, LABEL_PX = 26, 158, 46
+"""Height of a row, where its second list begins, and width of the word before each [px]."""
 
 
 class RunPanel:
@@ -62,6 +64,7 @@ class RunPanel:
         self.demo = gui.add_dropdown("Scene", [""], visible=False)
         self.demo.on_update(by_user(lambda v: send(c.OpenDemo(v))))
         add_style(gui, compact(self.frame, ROW_PX), compact(self.demo, ROW_PX))
+        add_style(gui, side_by_side(self.frame, self.demo, ROW_PX, SECOND_FROM_PX, LABEL_PX))
         # No hints: they would cover what is below while the pointer rests on a button that was pressed.
         self.moves = add_buttons(gui, "Move", MOVES, send)
         self.runs = add_buttons(gui, "Run", RUNS, send)
@@ -116,12 +119,16 @@ def of_the_end(snapshot: Snapshot) -> str:
         return ""
     if not snapshot.is_answer:
         return f'<p class="dim">Last iteration · {link("answer", c.SeekEnd())}</p>'
-    shown = f'<span class="term" title="{text(ANSWER)}">Answer</span>'
-    answer = snapshot.scene.objects[0].answer
-    if len(snapshot.scene.objects) == 1 and answer is not None and answer.iteration:
-        made = snapshot.at(answer.iteration)
-        shown += f" of {link(f'iteration {made.index}', visit(snapshot, made))}"
-    return f'<p class="dim">{shown} · {link("last iteration", visit(snapshot, last))}</p>'
+    answer, shown = in_focus(snapshot).answer, f'<span class="term" title="{text(ANSWER)}">Answer</span>'
+    if not snapshot.is_whole_scene and answer is not None:
+        last = snapshot.shown or last
+        shown += f": {_to(snapshot, snapshot.at(answer.iteration)) if answer.iteration else 'an initial pose'}"
+    which = "" if snapshot.is_whole_scene else f"of {snapshot.name}"
+    return f'<p class="dim">{shown}. <span title="{text(which)}">Last</span>: {_to(snapshot, last)}.</p>'
+
+
+def _to(snapshot: Snapshot, iteration: Iteration) -> str:
+    return link(f"iteration {iteration.index}", visit(snapshot, iteration))
 
 
 def _options(dropdown: viser.GuiDropdownHandle[str], options: tuple[str, ...], value: str) -> None:

@@ -13,7 +13,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import sentence
 from verefine_viz.viewer.panels.widgets import Block, Send, add_style, by_user
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.state.view_options import LAYERS, SHOWN_AT_FIRST, STAGES
+from verefine_viz.viewer.state.view_options import LAYERS, SHOWN_AT_FIRST, STAGES, stage_label
 from verefine_viz.viewer.text.display_names import STAGE_MEANINGS
 from verefine_viz.viewer.web.viser_internals import beside_the_box, compact, label_of, side_by_side
 
@@ -43,7 +43,7 @@ class ViewPanel:
         )
         self.cloud.on_update(by_user(lambda v: send(c.ColorCloud(v))))
         for name in (name for row in ROWS for name in row):
-            label = "photo" if name == "camera image" else name
+            label = "photo" if name == "camera image" else stage_label(name)
             box = gui.add_checkbox(label, name in SHOWN_AT_FIRST, hint=HINTS.get(name))
             box.on_update(by_user(lambda on, name=name: send(c.ShowLayer(name, on))))
             self.boxes[name] = box

@@ -25,7 +25,7 @@ from verefine_viz.viewer.snapshot.finished_objects import FinishedObject
 from verefine_viz.viewer.snapshot.scene_state import ScenePhysics, SceneState
 from verefine_viz.viewer.state.batch_gallery import Entry, Gallery
 from verefine_viz.viewer.state.timeline_marks import Mark
-from verefine_viz.viewer.state.view_options import ViewOptions, revealed
+from verefine_viz.viewer.state.view_options import ViewOptions, revealed, stage_label
 from verefine_viz.viewer.state.workspace import WrittenFile
 
 
@@ -46,7 +46,7 @@ class EvaluatedPose:
     @property
     def label(self) -> str:
         """What the page calls it."""
-        return "answer" if self.is_of_best_scene else self.name
+        return stage_label(self.name)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,12 @@ STAGES: tuple[str, ...] = (
 )  # fmt: skip
 """Every pose of an object that can be drawn, compared and scored."""
 
+
+def stage_label(name: str) -> str:
+    """What the page calls a stage; others, and what a scene is called, as they are."""
+    return "answer" if name == "best" else name
+
+
 LAYERS: tuple[str, ...] = (
     *STAGES, "hypotheses", "cloud", "camera image", "plane", "gravity", "contacts", "others", "overlaps",
     "path",

@@ -14,6 +14,7 @@ from verefine_viz.diagnosis.score_causes import preferred
 from verefine_viz.evaluation.pose_errors import PoseErrors, Turning, pose_errors, turning_on
 from verefine_viz.methods.arms import Arm, Entry
 from verefine_viz.viewer.snapshot.snapshot import EvaluatedPose, Snapshot
+from verefine_viz.viewer.state.view_options import stage_label
 from verefine_viz.viewer.text.display_names import in_focus, is_correct, method_name
 
 _AXES = ("x", "y", "z")
@@ -119,9 +120,10 @@ def preference(pose: EvaluatedPose | None, truth: EvaluatedPose | None) -> str:
     """That the score prefers a pose to ground truth, which matters where that pose is wrong; "" where it does not."""
     if pose is None or not prefers(pose, truth):
         return ""
+    who = "the answer" if pose.name == "best" else f"the {pose.label} pose"
     if is_correct(pose.errors):
-        return f"{pose.label.capitalize()} is correct, and scores as much as ground truth or more."
-    return f"The score prefers {pose.label} to ground truth."
+        return f"{who.capitalize()} is correct, and scores as much as ground truth or more."
+    return f"The score prefers {who} to ground truth."
 
 
 def _what_to_do(best: EvaluatedPose) -> str:
@@ -144,7 +146,7 @@ def compared(snapshot: Snapshot) -> str:
         for wanted, side in ((snapshot.options.a, a), (snapshot.options.b, b))
         if side.pose.name != wanted
     ]
-    missing = [name for name, _ in pairs]
+    missing = [stage_label(name) for name, _ in pairs]
     instead = " and ".join(dict.fromkeys(pose.label for _, pose in pairs))
     # An iteration that is shown to its end will not make it any more.
     yet = "" if snapshot.shown is not None and not snapshot.is_partial else " yet"
