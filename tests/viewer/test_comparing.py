@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,12 +16,16 @@ from tests.viewer.client import client, until
 from tests.viewer.fake_tools import FakeTools
 from tests.viewer.two_runs import SESSION, SIR, TWO, debugger, same, sides
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
+from verefine_viz.core.palette import SIDE_COLORS
 from verefine_viz.core.problem import Problem
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.panels.bandit_panel import compared_curves
 from verefine_viz.viewer.panels.compare_panel import computing
+from verefine_viz.viewer.panels.score_panel import maps_html, score_html
+from verefine_viz.viewer.text.pose_words import compared
 
 
 def test_b_is_computed_beside_the_open_run() -> None:
@@ -181,3 +186,55 @@ def test_b_is_computed_while_the_page_lives_and_every_browser_can_drive_it(tmp_p
             until(app, lambda: "is no setting; expected a name and a value" in app.debugger.message)
     finally:
         app.stop()
+
+
+# One meaning of A and B on a page: while two runs are compared it is theirs.
+
+
+@pytest.mark.parametrize("place", [0, 2, None])
+def test_maps_and_scores_are_of_the_two_runs(place: int | None) -> None:
+    d = debugger().carry_out([TWO, c.RunUntil("end"), c.CompareRun(SIR), c.Focus(1)])
+    if place is not None:
+        d.carry_out([c.SeekMoment(place)])
+    view = d.view()
+    assert view.comparison is not None
+    assert view.a is not None
+    assert view.b is not None
+    for side, T_cam_obj, name in zip((view.a, view.b), view.comparison.poses[1], ("rir", "sir"), strict=True):
+        assert T_cam_obj is not None
+        np.testing.assert_array_equal(side.pose.T_cam_obj, T_cam_obj)
+        assert side.pose.label == name
+        assert side.maps is not None
+    assert [side.pose.color for side in (view.a, view.b)] == [SIDE_COLORS["A"], SIDE_COLORS["B"]]
+    assert compared(view) == ""
+    assert "rir" in maps_html(view)
+    assert view.a.pose.score is not None
+    assert f"{view.a.pose.score.score:.3f}"[:4] in score_html(view)
+
+
+def test_of_a_whole_scene_as_well() -> None:
+    d = debugger().carry_out([TWO, c.RunUntil("end"), c.CompareRun(SIR), c.ShowScene()])
+    view = d.view()
+    assert view.comparison is not None
+    assert view.b is not None
+    np.testing.assert_array_equal(view.b.pose.T_cam_obj, [view.comparison.poses[k][1] for k in (0, 1)])
+    assert view.b.pose.label == "sir"
+
+
+def test_an_edited_pose_is_compared_with_the_accepted_one_meanwhile() -> None:
+    d = debugger().carry_out([c.RunUntil("end"), c.Seek(2), c.CompareRun(SIR), c.EditPose()])
+    view = d.view()
+    assert view.a is not None
+    assert view.b is not None
+    assert (view.a.pose.name, view.b.pose.name) == ("accepted", "edited")
+
+
+def test_the_curves_are_those_of_the_two_runs() -> None:
+    v = sides(debugger().carry_out([c.RunUntil("end"), c.CompareRun(SIR)]))
+    curves = compared_curves(v)
+    x, (a, b), _ = curves["Score"]
+    assert (a.label, b.label, a.dashed, b.dashed) == ("A rir", "B sir", False, True)
+    assert (tuple(a.values), tuple(b.values)) == (v.curves.score_a, v.curves.score_b)
+    assert len(x) == len(a.values) == len(b.values)
+    assert len(curves["Error"][1]) == 2
+    assert compared_curves(replace(v, curves=replace(v.curves, error_a=None)))["Error"][1] == []

@@ -99,13 +99,15 @@ addEventListener("unhandledrejection", event => {
   document.addEventListener("pointerdown", event => head(event) && event.stopPropagation(), true);
 
   // A layout that needs a tab of the right column opens it; the mark is animated when it appears, and only then.
-  const openTab = name => {
-    const tabs = [...document.querySelectorAll("[data-dock-region=right] [data-dock-tab]")];
+  const openTab = (name, of = "[data-dock-region=right]") => {
+    const tabs = [...document.querySelectorAll(`${of} [data-dock-tab]`)];
     const tab = tabs.find(tab => tab.textContent === name);
     tab?.dispatchEvent(new KeyboardEvent("keydown", {key: "Enter", bubbles: true}));
   };
   document.addEventListener("animationstart", event => {
-    if (event.animationName === "opens-tab") openTab(event.target.dataset.tab);
+    if (event.animationName !== "opens-tab") return;
+    const {tab, of} = event.target.dataset;
+    openTab(tab, of && `[data-holds=${of}]`);
   }, true);
 
   // A list of commands to choose from.

@@ -169,7 +169,7 @@ def model_html(snapshot: Snapshot, side: ComparedPose) -> str:
         return ""
     light = AMBIENT + (1 - AMBIENT) * _facing(side.maps, part, snapshot.problem.observation.camera)
     indices = np.where(part.of(is_model), 1 + np.rint(254 * light), 0).astype(np.uint8)
-    color = np.array(STAGE_COLORS.get(side.pose.name, STAGE_COLORS["current"]))
+    color = np.array(side.pose.color)
     ramp = np.linspace(0, 1, 255)[:, None] * (0.35 * 255 + 0.65 * color)
     palette = bytes(3) + ramp.round().astype(np.uint8).tobytes()
     return _picture(indices, palette, part)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import viser
 
-from verefine_viz.core.palette import STAGE_COLORS
+from verefine_viz.core.palette import SIDE_COLORS, STAGE_COLORS
 from verefine_viz.core.records import Iteration
 from verefine_viz.methods.bandit import Ucb, next_choice
 from verefine_viz.methods.registry import method_of
@@ -17,6 +17,7 @@ from verefine_viz.viewer.drawing.markup import focus_label, link, sentence, swat
 from verefine_viz.viewer.drawing.pose_tables import other_scale_sign
 from verefine_viz.viewer.drawing.tree_layers import tree_html
 from verefine_viz.viewer.panels.widgets import Block, Chart, Line
+from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot
 from verefine_viz.viewer.snapshot.scene_state import ObjectState
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.view_options import stage_label
@@ -116,30 +117,12 @@ class CurvesPanel:
 
     def show(self, snapshot: Snapshot) -> None:
         """All curves; drawn again only if they changed."""
-        if snapshot.is_whole_scene:
-            self._show_scene(snapshot)
-            return
-        own = snapshot.own_iterations
-        n = len(snapshot.state.arms) if snapshot.state is not None else 0
-        # Iterations count over all objects; this one's curves begin where its turn did.
-        x = [float(own[0].index - 1) if own else 0.0, *(float(i.index) for i in own)]
-        chooses = method_of(snapshot.session.method.name).chooses
-        self._draw("Score", x, score_lines(snapshot, n), "", snapshot)
-        self._draw("UCB", x[1:], ucb_lines(snapshot, n), "mean + bonus", snapshot)
-        counted = "chosen" if chooses else "iterations"
-        self._draw("Pulls", x, pull_lines(snapshot, n), counted, snapshot)
-        self._draw("Error", x, error_lines(snapshot), "ADD(-S) in mm", snapshot)
-
-    def _show_scene(self, snapshot: Snapshot) -> None:
-        x = [0.0, *(float(i.index) for i in snapshot.iterations)]
-        tree = tree_of(snapshot.iterations)
-        if tree is not None:
-            self._draw("Score", *cost_lines(tree), "unexplained pixels")
-        else:
-            self._draw("Score", x, scene_score_lines(snapshot), "scene score; dashed: objects")
-        self._draw("UCB", x, [], "")
-        self._draw("Pulls", x, spent_lines(snapshot), "iterations spent")
-        self._draw("Error", x, scene_error_lines(snapshot), "ADD(-S) in mm")
+        curves = scene_curves(snapshot) if snapshot.is_whole_scene else object_curves(snapshot)
+        if snapshot.comparison is not None:
+            curves |= compared_curves(snapshot.comparison)
+        for name, (x, lines, caption) in curves.items():
+            is_of_one = not snapshot.is_whole_scene and snapshot.comparison is None
+            self._draw(name, x, lines, caption, snapshot if is_of_one else None)
 
     def _draw(self, name: str, x: Sequence[float], lines: list[Line], caption: str, of: Snapshot | None = None) -> None:
         """Curves with their legend; ``of``: whose object in focus they are about, None = all objects."""
@@ -155,6 +138,57 @@ class CurvesPanel:
         many = " many" if len(names) > IN_ONE_ROW else ""
         words.show(f'<div class="curves{many}">{shown}<span class="who">{" ".join(names)}</span></div>')
         chart.show(x, lines)
+
+
+Curves = dict[str, tuple[Sequence[float], list[Line], str]]
+"""By tab: places on the axis of iterations, lines, caption."""
+
+
+def object_curves(snapshot: Snapshot) -> Curves:
+    """Of the object in focus."""
+    own = snapshot.own_iterations
+    n = len(snapshot.state.arms) if snapshot.state is not None else 0
+    # Iterations count over all objects; this one's curves begin where its turn did.
+    x = [float(own[0].index - 1) if own else 0.0, *(float(i.index) for i in own)]
+    chooses = method_of(snapshot.session.method.name).chooses
+    return {
+        "Score": (x, score_lines(snapshot, n), ""),
+        "UCB": (x[1:], ucb_lines(snapshot, n), "mean + bonus"),
+        "Pulls": (x, pull_lines(snapshot, n), "chosen" if chooses else "iterations"),
+        "Error": (x, error_lines(snapshot), "ADD(-S) in mm"),
+    }
+
+
+def scene_curves(snapshot: Snapshot) -> Curves:
+    """Of all objects."""
+    x = [0.0, *(float(i.index) for i in snapshot.iterations)]
+    tree = tree_of(snapshot.iterations)
+    scores = (x, scene_score_lines(snapshot), "scene score; dashed: objects")
+    return {
+        "Score": scores if tree is None else (*cost_lines(tree), "unexplained pixels"),
+        "UCB": (x, [], ""),
+        "Pulls": (x, spent_lines(snapshot), "iterations spent"),
+        "Error": (x, scene_error_lines(snapshot), "ADD(-S) in mm"),
+    }
+
+
+def compared_curves(sides: ComparisonSnapshot) -> Curves:
+    """Of two runs, over the refiner calls that both have spent."""
+    curves, alike = sides.curves, "" if sides.scores_alike else ", each by its own settings"
+    x = [float(n) for n in curves.calls]
+
+    def pair(a: Sequence[float], b: Sequence[float]) -> list[Line]:
+        named = ("A", sides.name_a, a, 2.5), ("B", sides.name_b, b, 2.0)
+        return [
+            Line(f"{letter} {name}", SIDE_COLORS[letter], values, width, dashed=letter == "B")
+            for letter, name, values, width in named
+        ]
+
+    errors = pair(curves.error_a, curves.error_b) if curves.error_a is not None and curves.error_b is not None else []
+    return {
+        "Score": (x, pair(curves.score_a, curves.score_b), f"{sides.curves_of}: best so far{alike}"),
+        "Error": (x, errors, f"{sides.curves_of}: ADD(-S) in mm"),
+    }
 
 
 def _carried(start: float, iterations: Sequence[Iteration], known: Mapping[int, float]) -> list[float]:

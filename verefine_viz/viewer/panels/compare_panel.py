@@ -6,7 +6,6 @@ from typing import Any
 
 import viser
 
-from verefine_viz.core.palette import SIDE_COLORS
 from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.comparison_tables import (
@@ -19,7 +18,7 @@ from verefine_viz.viewer.drawing.comparison_tables import (
     where,
 )
 from verefine_viz.viewer.drawing.markup import link, sentence, text
-from verefine_viz.viewer.panels.widgets import Block, Chart, Line, Send, add_buttons, add_style, by_user
+from verefine_viz.viewer.panels.widgets import Block, Send, add_buttons, add_style, by_user
 from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.branch import current_values
@@ -55,11 +54,6 @@ class ComparePanel:
         add_style(gui, compact(self.moves, ROW_PX), unlabelled(self.moves), compact(self.slider, ROW_PX))
         self._now = Block(gui, "errors tight")
         self._outcome = Block(gui, "names")
-        self._curves = gui.add_folder("Curves", visible=False)
-        with self._curves:
-            self._caption = Block(gui)
-        self.score = Chart(gui, 110, self._curves)
-        self.error = Chart(gui, 110, self._curves)
         self.poses = gui.add_dropdown("In 3D", tuple(POSES), visible=False, hint="which poses of A and B are drawn")
         self.poses.on_update(by_user(lambda v: send(c.ShowSidePoses(POSES[v]))))
         self.shown: dict[c.Side, viser.GuiCheckboxHandle] = {
@@ -74,7 +68,7 @@ class ComparePanel:
         """The comparison, or how to begin one."""
         v = snapshot.comparison
         self.choice.show(snapshot)
-        for handle in (self.moves, self.slider, self.poses, self._curves, *self.shown.values()):
+        for handle in (self.moves, self.slider, self.poses, *self.shown.values()):
             handle.visible = v is not None
         self._progress.visible = v is not None and v.running
         if v is None:
@@ -89,28 +83,10 @@ class ComparePanel:
         self.slider.value = min(v.place, int(self.slider.max))
         self._now.show(f'<p class="dim">{text(where(v))}</p>{scores_note(v)}{now_table(v)}')
         self._outcome.show(outcome_table(v))
-        self._show_curves(v)
         self.poses.value = next(label for label, which in POSES.items() if which == v.which)
         for side, box in self.shown.items():
             box.value = side in v.shown
         self._settings.show(settings_list(v))
-
-    def _show_curves(self, v: ComparisonSnapshot) -> None:
-        x, curves = [float(n) for n in v.curves.calls], v.curves
-        alike = "" if v.scores_alike else ", each by its own settings"
-        caption = f"{v.curves_of}: score of the best pose so far{alike}"
-        self.score.show(x, _pair(curves.score_a, curves.score_b))
-        if curves.error_a is not None and curves.error_b is not None:
-            caption += "; below, its ADD(-S) in mm"
-            self.error.show(x, _pair(curves.error_a, curves.error_b))
-        else:
-            caption += "; there is no ground truth"
-            self.error.show([], [])
-        self._caption.show(f'<div style="font-size:11px;margin-bottom:-8px">{text(caption)}</div>')
-
-
-def _pair(a: tuple[float, ...], b: tuple[float, ...]) -> list[Line]:
-    return [Line("A", SIDE_COLORS["A"], a, width=2.5), Line("B", SIDE_COLORS["B"], b, width=2.0, dashed=True)]
 
 
 def computing(v: ComparisonSnapshot, a_is_running: bool) -> str:

@@ -195,8 +195,7 @@ class Layout:
         """All panels but the photo's, each on its own."""
         self._preset.show(preset_row(snapshot.options, len(snapshot.scene.objects), snapshot.batch is not None))
         self._empty.show(f'<i hidden data-empty="{text(json.dumps(empty_tabs(snapshot)))}"></i>')
-        compares = snapshot.options.preset == "compare"
-        self._opened.show('<i class="opens-tab" data-tab="A/B"></i>' if compares else "")
+        self._opened.show(opened_tabs(snapshot.options.preset, snapshot.comparison is not None))
         self.verdict.show(snapshot)
         self.run.show(snapshot)
         self.settings.show(snapshot)
@@ -252,6 +251,14 @@ def _pane(gui: viser.GuiApi, label: str) -> viser.GuiTabHandle:
     tab = panel.add_tab(label)
     panel.float(x=0, y=0, width=PANE_PX, height=PANE_PX)
     return tab
+
+
+def opened_tabs(preset: c.Preset, compares: bool) -> str:
+    """What has `assets/page.js` open the tabs that a layout is about, when it is chosen or a comparison begins."""
+    if preset != "compare":
+        return '<i class="opens-tab" data-tab="Score"></i>'
+    curves = '<i class="opens-tab" data-tab="Score" data-of="corner"></i>' if compares else ""
+    return f'<i class="opens-tab" data-tab="A/B"></i>{curves}'
 
 
 def enlarges(pane: c.Pane) -> str:

@@ -9,7 +9,7 @@ from math import acos, degrees
 import numpy as np
 import viser
 
-from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS, Scale
+from verefine_viz.core.palette import CLASS_COLORS, Scale
 from verefine_viz.core.scores import MAP_NAMES, MapName
 from verefine_viz.pictures.map_images import MapImages, palette_of
 from verefine_viz.viewer import commands as c
@@ -51,7 +51,7 @@ class ScorePanel:
     def show(self, snapshot: Snapshot) -> None:
         """Numbers of both stages and of the probed pixel."""
         options, whole = snapshot.options, snapshot.is_whole_scene
-        self.a.visible = self.b.visible = not whole
+        self.a.visible = self.b.visible = not whole and snapshot.comparison is None
         self.a.value, self.b.value = stage_label(options.a), stage_label(options.b)
         self.map.value = LABELS[options.map][0]
         if whole and not snapshot.deep:
@@ -170,8 +170,9 @@ def _column(name: MapName, tiles: Sequence[str], scales: Mapping[MapName, Scale]
 def _name(snapshot: Snapshot, side: ComparedPose, letter: str) -> str:
     digits = score_digits([s.pose.score for s in (snapshot.a, snapshot.b) if s is not None])
     score = f"{side.pose.score.score:.{digits}f}" if side.pose.score else ""
-    color = STAGE_COLORS.get(side.pose.name, STAGE_COLORS["current"])
-    return f'<div class="side">{swatch(color)}<b>{letter}</b> {text(side.pose.label)} <span>{score}</span></div>'
+    return (
+        f'<div class="side">{swatch(side.pose.color)}<b>{letter}</b> {text(side.pose.label)} <span>{score}</span></div>'
+    )
 
 
 def _tile(snapshot: Snapshot, side: ComparedPose, name: MapName, images: MapImages, crop: Crop) -> str:

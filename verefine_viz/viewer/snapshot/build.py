@@ -16,7 +16,8 @@ from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore, ScoreMaps
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.methods.registry import method_of
-from verefine_viz.viewer.snapshot.comparison_snapshot import comparison_snapshot
+from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot, comparison_snapshot
 from verefine_viz.viewer.snapshot.finished_objects import FinishedObject, finished_objects
 from verefine_viz.viewer.snapshot.scene_state import SceneState, known_physics, others_of, scene_state, work_out
 from verefine_viz.viewer.snapshot.snapshot import BranchSummary, ComparedPose, EvaluatedPose, Probe, Progress, Snapshot
@@ -75,12 +76,15 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         poses["best"] = replace(poses["best"], is_of_best_scene=True)
     session, entry = space.session, state.browsing.entry(target.instance.instance_id)
     progress = Progress(run.length, run.n_iterations, running, state.running.remaining_s(run))
+    compared = comparison_snapshot(state.comparison, branch, target, options.focus is not None, options.whole_scene)
+    # While a pose is edited it is what is compared, with the accepted one.
+    of_runs = compared if options.edited is None else None
     if options.whole_scene and len(scene.objects) > 1:
         map_target = _scene_target(work.problem)
-        a, b = _compared_scenes(evaluator, scene, options, branch, deep)
+        a, b = _compared_scenes(evaluator, scene, options, branch, deep, of_runs)
     else:
         map_target = target
-        a, b = _compared_poses(evaluator, target, poses, options, deep)
+        a, b = _compared_poses(evaluator, target, poses, options, deep, of_runs)
     targets = {t.instance.instance_id: t for t in work.problem.targets}
     return Snapshot(
         session=branch.settings.model_copy(
@@ -141,9 +145,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         refused=state.refused,
         offer=state.offer,
         written=state.written,
-        comparison=comparison_snapshot(
-            state.comparison, branch, target, options.focus is not None, options.whole_scene
-        ),
+        comparison=compared,
     )
 
 
@@ -315,11 +317,17 @@ def deferred_landscape(snapshot: Snapshot, evaluator: CachedEvaluator) -> Iterat
     evaluator.other_pose(target, T, snapshot.own_iterations)
 
 
-# The two poses that are compared, or the two combinations of poses where the whole scene is shown
+# The two poses that are compared, or the two combinations of poses where the whole scene is shown; while two runs are
+# compared, those of the runs, both by the rule of the open one
 
 
 def _compared_poses(
-    evaluator: CachedEvaluator, target: Target, poses: dict[str, EvaluatedPose], options: ViewOptions, deep: bool
+    evaluator: CachedEvaluator,
+    target: Target,
+    poses: dict[str, EvaluatedPose],
+    options: ViewOptions,
+    deep: bool,
+    runs: ComparisonSnapshot | None,
 ) -> tuple[ComparedPose | None, ComparedPose | None]:
     def side(pose: EvaluatedPose | None) -> ComparedPose | None:
         if pose is None:
@@ -327,6 +335,13 @@ def _compared_poses(
         maps = evaluator.maps(target, pose.T_cam_obj) if deep else None
         return _with_probe(pose, maps, target, options)
 
+    def of_run(name: str, T_cam_obj: Float, letter: c.Side) -> ComparedPose | None:
+        score, errors = evaluator.score(target, T_cam_obj), evaluator.errors(target, T_cam_obj)
+        return side(EvaluatedPose(name, T_cam_obj, score, errors, side=letter))
+
+    T_a, T_b = runs.poses.get(target.instance.instance_id, (None, None)) if runs is not None else (None, None)
+    if runs is not None and T_a is not None and T_b is not None:
+        return of_run(runs.name_a, T_a, "A"), of_run(runs.name_b, T_b, "B")
     a = next((poses[name] for name in (options.a, *FALLBACK_A) if name in poses), None)
     # Before the first iteration, say, the ground truth shows more beside a pose than the same pose once more.
     unlike = [n for n in FALLBACK_B if a and n in poses and not np.array_equal(poses[n].T_cam_obj, a.T_cam_obj)]
@@ -335,7 +350,12 @@ def _compared_poses(
 
 
 def _compared_scenes(
-    evaluator: CachedEvaluator, scene: SceneState, options: ViewOptions, branch: Branch, deep: bool
+    evaluator: CachedEvaluator,
+    scene: SceneState,
+    options: ViewOptions,
+    branch: Branch,
+    deep: bool,
+    runs: ComparisonSnapshot | None,
 ) -> tuple[ComparedPose | None, ComparedPose | None]:
     """A: the objects as they stand now, or where the answer is shown, as they began. B: the answers so far."""
     known = [(o, o.T_cam_obj, o.answer) for o in scene.objects if o.T_cam_obj is not None and o.answer is not None]
@@ -349,12 +369,18 @@ def _compared_scenes(
         ids = [t.instance.instance_id for t in begun.problem.targets]
         name_a, Ts_a = INITIAL_POSES, [begun.best[ids.index(o.instance_id)].T_cam_obj for o, _, _ in known]
 
-    def side(name: str, Ts_cam_obj: Float) -> ComparedPose:
-        score = together(evaluator, targets, Ts_cam_obj, branch.settings) if deep else None
-        maps = evaluator.scene_maps(targets, Ts_cam_obj) if deep else None
-        return _with_probe(EvaluatedPose(name, Ts_cam_obj, score, None), maps, targets[0], options)
+    def side(name: str, Ts_cam_obj: Sequence[Float], letter: c.Side | None = None) -> ComparedPose:
+        Ts = np.array(Ts_cam_obj)
+        score = together(evaluator, targets, Ts, branch.settings) if deep else None
+        maps = evaluator.scene_maps(targets, Ts) if deep else None
+        return _with_probe(EvaluatedPose(name, Ts, score, None, side=letter), maps, targets[0], options)
 
-    return side(name_a, np.array(Ts_a)), side("best", np.array([answer.T_cam_obj for _, _, answer in known]))
+    if runs is not None:
+        both = [runs.poses.get(o.instance_id, (None, None)) for o, _, _ in known]
+        of_a, of_b = ([T for pair in both if (T := pair[k]) is not None] for k in (0, 1))
+        if len(of_a) == len(of_b) == len(known):
+            return side(runs.name_a, of_a, "A"), side(runs.name_b, of_b, "B")
+    return side(name_a, Ts_a), side("best", [answer.T_cam_obj for _, _, answer in known])
 
 
 def _with_probe(pose: EvaluatedPose, maps: ScoreMaps | None, target: Target, options: ViewOptions) -> ComparedPose:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.palette import RGB, SIDE_COLORS, STAGE_COLORS
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import PoseScore, ScoreMaps
@@ -42,6 +43,13 @@ class EvaluatedPose:
     ms: float = 0.0
     is_of_best_scene: bool = False
     """Whether it is the answer for what it adds to the whole scene: alone another pose may score higher."""
+    side: c.Side | None = None
+    """The run of a comparison that it is of; ``name`` is then that of the run."""
+
+    @property
+    def color(self) -> RGB:
+        """In which it is drawn."""
+        return SIDE_COLORS[self.side] if self.side else STAGE_COLORS.get(self.name, STAGE_COLORS["current"])
 
     @property
     def label(self) -> str:

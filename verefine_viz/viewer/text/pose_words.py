@@ -141,6 +141,8 @@ def compared(snapshot: Snapshot) -> str:
     a, b = snapshot.a, snapshot.b
     if a is None or b is None:
         return f"{in_focus(snapshot).label} has no pose to score; give it a hypothesis."
+    if a.pose.side is not None:
+        return ""
     pairs = [
         (wanted, side.pose)
         for wanted, side in ((snapshot.options.a, a), (snapshot.options.b, b))
