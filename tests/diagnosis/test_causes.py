@@ -285,7 +285,7 @@ def test_an_empty_pool_is_no_bad_pool() -> None:
     # Started at the ground truth it stays there, which says nothing.
     assert diagnosis.sentence == "There is no hypothesis for the duck."
     assert diagnosis.others == ()
-    assert diagnosis.evidence["error_from_truth"] < 0.1
+    assert diagnosis.evidence["error_from_ground_truth"] < 0.1
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "metres"), (10.0, "centimetres"), (1.0, "")])

@@ -39,14 +39,14 @@ def score(case: Case) -> Finding | None:
     of = "scene_score" if case.lab.traits.takes_turns else "score"
     evidence = {
         of: wrong.score,
-        f"{of}_of_truth": right.score,
+        f"{of}_of_ground_truth": right.score,
         "error": case.error,
         **{f"{name}_share": wrong.shares[name] for name in PIXEL_CLASSES},
-        **{f"{name}_share_of_truth": right.shares[name] for name in PIXEL_CLASSES},
+        **{f"{name}_share_of_ground_truth": right.shares[name] for name in PIXEL_CLASSES},
         "depth_fit": wrong.depth_fit,
-        "depth_fit_of_truth": right.depth_fit,
+        "depth_fit_of_ground_truth": right.depth_fit,
         "normal_fit": wrong.normal_fit,
-        "normal_fit_of_truth": right.normal_fit,
+        "normal_fit_of_ground_truth": right.normal_fit,
     }
     whose = "The scene's score" if case.lab.traits.takes_turns else "The score"
     return Finding(Cause.SCORE, preferred(case.name, case.error, wrong, right, _way(case), whose), evidence, True)
@@ -83,6 +83,10 @@ def discarded(case: Case) -> Finding | None:
         texts = distinct_texts(correct, answer, 3)
         by = f"{which} {texts[0]}" + (" with it" if case.lab.traits.takes_turns else "") + f", the answer {texts[1]}"
         evidence |= {f"{suffix}_of_correct": correct, suffix: answer, "margin": answer - correct}
+        refined_on = max(one.score for one in scored(case, polished(case, T)))
+        evidence[f"{suffix}_refined_on"] = refined_on
+        if refined_on > answer:
+            by += f"; refined on, it would score {distinct_texts(refined_on, answer, 3)[0]}"
     mm = 1e3 * case.target.model.diameter_m
     made = (
         f"made by iteration {seen.iteration} ({seen.stage.name}, hypothesis {seen.arm + 1})"
@@ -118,7 +122,7 @@ def _cost(case: Case, T_wrong: Float) -> Finding | None:
     return Finding(
         Cause.SCORE,
         text,
-        {"unexplained_px": float(wrong_px), "unexplained_px_of_truth": float(right_px), "error": case.error},
+        {"unexplained_px": float(wrong_px), "unexplained_px_of_ground_truth": float(right_px), "error": case.error},
         True,
     )
 
@@ -141,7 +145,12 @@ def _unexplained_px(case: Case, poses: Sequence[Float]) -> list[int]:
 
 def poses_at_gt(case: Case) -> Float:
     """(n, 4, 4) ground truth, and what the refiner makes of it as long as that is right."""
-    poses = [case.T_gt]
+    return polished(case, case.T_gt)
+
+
+def polished(case: Case, T_cam_obj: Float) -> Float:
+    """(n, 4, 4) a correct pose, and what the refiner makes of it as long as that is right."""
+    poses = [T_cam_obj]
     for _ in range(POLISHING):
         T = case.lab.refiner.refine(case.target, poses[-1], case.placed)
         if case.error_of(T) >= case.threshold or np.abs(T - poses[-1]).max() < AT_REST:

@@ -250,7 +250,7 @@ def no_hypothesis(case: Case) -> Finding:
     what = f"There is no hypothesis for the {case.name}"
     if again.best is not None and again.best.iteration:
         what += f"; started at the ground truth, it ends {share(again.error)} of the diameter away"
-    return Finding(Cause.NO_HYPOTHESIS, f"{what}.", {"hypotheses": 0.0, "error_from_truth": again.error}, True)
+    return Finding(Cause.NO_HYPOTHESIS, f"{what}.", {"hypotheses": 0.0, "error_from_ground_truth": again.error}, True)
 
 
 def pool(case: Case) -> Finding | None:
@@ -277,7 +277,7 @@ def pool(case: Case) -> Finding | None:
         "nearest_rotation_deg": far.rotation_deg,
         "nearest_translation_mm": far.translation_mm,
         "error": case.error,
-        "error_from_truth": again.error,
+        "error_from_ground_truth": again.error,
     }
     if again.error >= case.threshold:
         sentence = f"Even started at the ground truth, the {case.name} ends {share(again.error)} of the diameter away."
