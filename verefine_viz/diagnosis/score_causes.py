@@ -36,18 +36,12 @@ def score(case: Case) -> Finding | None:
     right = max(scored(case, poses_at_gt(case)), key=lambda s: s.score)
     if not signs.prefers(wrong, right):
         return None
-    of = "scene_score" if case.lab.traits.takes_turns else "score"
-    evidence = {
-        of: wrong.score,
-        f"{of}_of_ground_truth": right.score,
-        "error": case.error,
-        **{f"{name}_share": wrong.shares[name] for name in PIXEL_CLASSES},
-        **{f"{name}_share_of_ground_truth": right.shares[name] for name in PIXEL_CLASSES},
-        "depth_fit": wrong.depth_fit,
-        "depth_fit_of_ground_truth": right.depth_fit,
-        "normal_fit": wrong.normal_fit,
-        "normal_fit_of_ground_truth": right.normal_fit,
-    }
+    of = "scene_" if case.lab.traits.takes_turns else ""
+    evidence = {"error": case.error}
+    for whose, one in (("", wrong), ("_of_ground_truth", right)):
+        evidence |= {f"{of}{name}_share{whose}": one.shares[name] for name in PIXEL_CLASSES}
+        evidence |= {f"{of}depth_fit{whose}": one.depth_fit, f"{of}normal_fit{whose}": one.normal_fit}
+        evidence[f"{of}score{whose}"] = one.score
     whose = "The scene's score" if case.lab.traits.takes_turns else "The score"
     return Finding(Cause.SCORE, preferred(case.name, case.error, wrong, right, _way(case), whose), evidence, True)
 
@@ -76,15 +70,15 @@ def discarded(case: Case) -> Finding | None:
     else:
         if case.lab.traits.takes_turns:
             correct, answer = (one.score for one in scored(case, np.array([T, case.answer.T_cam_obj])))
-            which, suffix = "the scene scores", "scene_score"
+            which, of = "the scene scores", "scene_"
         else:
             correct, answer = seen.score.score, case.answer.score.score
-            which, suffix = "it scores", "score"
+            which, of = "it scores", ""
         texts = distinct_texts(correct, answer, 3)
         by = f"{which} {texts[0]}" + (" with it" if case.lab.traits.takes_turns else "") + f", the answer {texts[1]}"
-        evidence |= {f"{suffix}_of_correct": correct, suffix: answer, "margin": answer - correct}
         refined_on = max(one.score for one in scored(case, polished(case, T)))
-        evidence[f"{suffix}_refined_on"] = refined_on
+        evidence |= {f"{of}score_of_correct": correct, f"{of}score_refined_on": refined_on, f"{of}score": answer}
+        evidence[f"{of}margin"] = answer - correct
         if refined_on > answer:
             by += f"; refined on, it would score {distinct_texts(refined_on, answer, 3)[0]}"
     mm = 1e3 * case.target.model.diameter_m
