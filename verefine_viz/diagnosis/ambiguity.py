@@ -116,14 +116,21 @@ def _within(curve: Curve) -> list[float]:
     return np.linspace(curve.low, curve.high, MORE).tolist() if curve.width > curve.axis.steps[0] else []
 
 
+def in_short(around: Landscape, other: OtherPose) -> str:
+    """As in "turn about the vertical undetermined within ±25°", or how far away the other pose is."""
+    widest = around.least_certain
+    if widest.width > widest.axis.steps[0]:
+        return widest.in_words()
+    return f"a pose {other.apart_mm:.0f} mm away fits as well"
+
+
 def in_words(name: str, around: Landscape, other: OtherPose, of_other: str = "another pose") -> str:
     """As in: "The observation cannot tell the answer for the mug (score up to 0.913) from another pose 31 mm away"."""
     one, two = distinct_texts(other.score_of_answer, other.score, 3)
-    widest = around.least_certain
-    hint = f"; {widest.in_words()}: depth cannot see it" if widest.width > widest.axis.steps[0] else ""
     return (
         f"The observation cannot tell the answer for the {name} (score up to {one}) from {of_other} "
-        f"{other.apart_mm:.0f} mm away (up to {two}): the noise of the difference is ±{other.noise:.4f}{hint}."
+        f"{other.apart_mm:.0f} mm away (up to {two}): the noise of the difference is ±{other.noise:.4f}; "
+        f"{in_short(around, other)}."
     )
 
 

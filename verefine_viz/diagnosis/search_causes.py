@@ -210,7 +210,8 @@ def leads_there(case: Case) -> Finding | None:
         if reached is None:
             continue
         T, calls = reached
-        (at_end,) = score_causes.scored(case, T[None])
+        # A pose that has just become correct is still on its way.
+        at_end = max(score_causes.scored(case, score_causes.polished(case, T)), key=lambda one: one.score)
         evidence = {
             "hypothesis": float(j),
             "calls": float(calls),
@@ -222,7 +223,7 @@ def leads_there(case: Case) -> Finding | None:
         what = f"Refined alone, hypothesis {j + 1} of the {case.name} is correct after {calls} call{'s' * (calls > 1)}"
         if case.answer is not None and case.lab.traits.verifies and case.answer.score.score > at_end.score:
             scores = distinct_texts(at_end.score, case.answer.score.score, 3)
-            sentence = f"{what}, but scores {scores[0]} there, less than the answer, which is wrong: {scores[1]}."
+            sentence = f"{what}, but scores {scores[0]} at most, less than the answer, which is wrong: {scores[1]}."
             return Finding(Cause.DISCARDED, sentence, evidence | {"score": case.answer.score.score}, True)
         if pulls[j] < calls:
             sentence = f"{what}; it got {pulls[j]} of {len(case.own)} iterations."
