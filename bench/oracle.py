@@ -2,12 +2,12 @@
 
     python -m bench.oracle DATASET_FOLDER [--seeds 5] [--first 0] [--frames 0/1 …] [--rotation 40] [--translation 20]
 
-Each frame is solved by RIR from disturbed ground truth. Of each wrong answer the oracle works out, far more costly than
-a diagnosis may be: whether any scored pose of the run was correct; the highest score of a correct pose, of the run or
-near the ground truth; by how much of its noise the highest score in reach of these is above the highest in reach of the
-answer, both scored in full in forty resampled images; to which poses the refiner alone takes every hypothesis; and how
-often ten re-runs on other samples of the observed points come out right, with nothing changed and with what the
-diagnosis put right. A verdict is confirmed if all of that agrees with it.
+Each frame is solved by a method for one object from disturbed ground truth. Of each wrong answer the oracle works out,
+far more costly than a diagnosis may be: whether any scored pose of the run was correct; the highest score of a correct
+pose, of the run or near the ground truth; by how much of its noise the highest score in reach of these is above the
+highest in reach of the answer, both scored in full in forty resampled images; to which poses the refiner alone takes
+every hypothesis; and how often ten re-runs on other samples of the observed points come out right, with nothing changed
+and with what the diagnosis put right. A verdict is confirmed if all of that agrees with it.
 """
 
 from __future__ import annotations
@@ -63,6 +63,8 @@ class Facts:
     """The highest of correct poses: of the run, near ground truth, and that the refiner takes hypotheses to."""
     sigmas: float
     """By how many standard deviations the highest score near them is above the highest near the answer."""
+    best_leading_score: float
+    """Of correct poses that the refiner alone takes hypotheses to; −1 without any."""
     n_leading: int
     """Hypotheses that the refiner alone takes to a correct pose."""
     n_by_chance: int
@@ -89,6 +91,7 @@ def facts_of(case: Case, diagnosis: Diagnosis) -> Facts:
         score,
         scores[best],
         _sigmas(case, [correct[k] for k in np.argsort(scores)[: -1 - TOPS : -1]], T_answer),
+        max((one.score for way in leading if way for one in scored(case, np.array(way))), default=-1.0),
         sum(map(bool, leading)),
         case.n_right(TOGETHER + ALONE if case.group else ALONE, SAMPLES),
         case.n_right(diagnosis.rests_on, SAMPLES) if diagnosis.rests_on else None,
@@ -164,8 +167,9 @@ def objection(diagnosis: Diagnosis, facts: Facts) -> str:
     if facts.score >= facts.score_at_gt:
         return f"no correct pose scores as much: {facts.score_at_gt:.3f}"
     if cause == Cause.DISCARDED:
-        known = facts.n_correct_seen or facts.n_leading
-        return "" if known else "no correct pose was reached"
+        if not facts.n_correct_seen and facts.best_leading_score > facts.score:
+            return f"refined on, a hypothesis scores {facts.best_leading_score:.3f}"
+        return "" if facts.n_correct_seen or facts.n_leading else "no correct pose was reached"
     if facts.n_correct_seen and not diagnosis.rests_on:
         return f"a correct pose was reached, with {facts.best_correct_score:.3f}"
     if cause == Cause.UNDECIDED:
@@ -186,6 +190,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--frames", nargs="*", default=[])
+    parser.add_argument("--method", default="rir")
     parser.add_argument("--rotation", type=float, default=40.0)
     parser.add_argument("--translation", type=float, default=20.0)
     args = parser.parse_args()
@@ -200,7 +205,7 @@ def main() -> int:
                 {
                     "scene": {"source": "bop", "dataset": str(args.dataset.resolve()), "frames": args.frames},
                     "hypotheses": {**hypotheses, "max_per_object": 5, "seed": seed},
-                    "method": {"name": "rir", "seed": seed},
+                    "method": {"name": args.method, "seed": seed},
                 }
             )
         )

@@ -31,6 +31,7 @@ from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.timeline_panel import timeline_words
+from verefine_viz.viewer.text.verdict import MOST_WORDS, verdict
 
 pytestmark = pytest.mark.usefixtures("long_run")
 
@@ -109,6 +110,18 @@ def test_a_sentence_says_which_way_a_pose_is_turned() -> None:
     assert "starts 100° (all of it tilt against the table) and 47 mm away" in lying.sentence
     assert turned is not None
     assert "of the diameter (127°: all of it a turn on the table): " in turned.sentence
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ground_truth_as_a_start_is_named_only_where_the_answer_is_not_that_start(seed: int) -> None:
+    broken = broken_scene(Cause.POOL, seed)
+    run = broken.toolbox.run(broken.problem)
+    run.finish()
+    (case,) = failed_cases(trace_of(run), broken.toolbox)
+    diagnosis = diagnosed(case)
+    best = case.reruns["started at ground truth"].best
+    assert best is not None
+    assert ("started at the ground truth" in diagnosis.sentence) == (best.iteration > 0)
 
 
 class Nudge:
@@ -200,6 +213,16 @@ def test_what_re_runs_get_right_by_chance_is_undecided_whatever_is_put_right() -
         assert not other.is_confirmed
         helped, times = other.evidence["repaired_right"], other.evidence["repaired"]
         assert helped / times - right / n < HELPS
+
+
+def test_the_page_says_that_an_answer_is_right_by_add_s_only() -> None:
+    # A slim box that leans by 24°: each of its points is near some point of the upright one.
+    toolbox = Toolbox(load_session(SESSIONS / "failure_simulation_topples.toml", {"method": {"name": "rir"}}))
+    view = Debugger(toolbox.session, None, lambda _: toolbox).carry_out([c.RunUntil("end")] * 8).view()
+    it = verdict(view)
+    assert it.mark == "✓"
+    assert it.cause.startswith("right by ADD-S only: ADD over its symmetries is 1")
+    assert len(it.cause.split()) <= MOST_WORDS
 
 
 def test_a_repair_has_its_control() -> None:

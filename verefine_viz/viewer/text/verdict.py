@@ -16,6 +16,8 @@ from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.diagnosis.ambiguity import in_short
 from verefine_viz.diagnosis.causes import TITLES, Cause, cause_title
 from verefine_viz.diagnosis.signs import Lost, far_start, is_low, leaks, starved
+from verefine_viz.evaluation.answers import CORRECT
+from verefine_viz.evaluation.pose_errors import add_where_add_s_is_below
 from verefine_viz.methods.registry import method_of
 from verefine_viz.session.breakpoints import hits
 from verefine_viz.viewer import commands as c
@@ -110,7 +112,11 @@ def _of_object(snapshot: Snapshot, o: FinishedObject) -> Verdict:
         f"{o.errors.translation_mm:.1f} mm of the model's origin"
     )
     if not o.course.is_wrong:
-        return Verdict("✓", number, _how_it_won(o), means, _way(snapshot, o.answer.iteration), pictured=pictured)
+        words, way = _how_it_won(o), _way(snapshot, o.answer.iteration)
+        add = add_where_add_s_is_below(o.target, o.answer.T_cam_obj, CORRECT)
+        if add is not None:
+            words = f"right by ADD-S only: ADD over its symmetries is {add:.0%}"
+        return Verdict("✓", number, words, means, way, pictured=pictured)
     reason = cause_of(snapshot, o)
     look = _way(snapshot, reason.iteration)
     return Verdict("✗", number, reason.words + reason.more, means, look, pictured=pictured, about=reason.about)
