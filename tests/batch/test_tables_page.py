@@ -1,8 +1,10 @@
-"""docs/tables.md says what every column, cause and event means."""
+"""docs/tables.md says what every column, cause, number of evidence and event means."""
 
 from __future__ import annotations
 
+import ast
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args
 
@@ -10,7 +12,8 @@ from verefine_viz.batch.rows import ObjectRow, Status
 from verefine_viz.core.records import EventKind
 from verefine_viz.diagnosis.causes import TITLES, Cause
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "tables.md").read_text("utf-8")
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "tables.md").read_text("utf-8")
 
 
 def rows_of(heading: str) -> dict[str, list[str]]:
@@ -33,6 +36,54 @@ def test_every_cause_is_defined_under_its_title() -> None:
     assert list(causes) == list(Cause)
     assert {name: said[0] for name, said in causes.items()} == {str(cause): title for cause, title in TITLES.items()}
     assert all(len(said) == 3 for said in causes.values())
+
+
+def numbers_of_evidence() -> set[str]:
+    """The names in the table."""
+    names = {name for cell in rows_of("Evidence") for name in re.findall(r"\w+", cell)}
+    assert len(names) > 50
+    return names
+
+
+def plain(name: str) -> str:
+    """Without what the page explains for all names."""
+    return name.removeprefix("scene_").removesuffix("_of_ground_truth") if name != ERROR_OF_DRIFT else name
+
+
+ERROR_OF_DRIFT = "error_of_simulated_ground_truth"
+
+
+def keys_of_evidence(path: Path) -> Iterator[str]:
+    """Of all that a file of the diagnosis puts into evidence, as regular expressions where names are put together."""
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Finding":
+            places: list[ast.AST] = [node.args[2]]
+        elif isinstance(node, ast.Assign | ast.AugAssign):
+            to = node.targets[0] if isinstance(node, ast.Assign) else node.target
+            at = to.value if isinstance(to, ast.Subscript) else to
+            is_it = isinstance(at, ast.Name) and at.id == "evidence"
+            places = (
+                [node.value, *([ast.Dict([to.slice], [])] if isinstance(to, ast.Subscript) else [])] if is_it else []
+            )
+        else:
+            places = []
+        for part in (part for place in places for part in ast.walk(place)):
+            if isinstance(part, ast.Dict | ast.DictComp):
+                for key in part.keys if isinstance(part, ast.Dict) else [part.key]:
+                    if isinstance(key, ast.Constant):
+                        yield str(key.value)
+                    elif isinstance(key, ast.JoinedStr):
+                        yield "".join(str(v.value) if isinstance(v, ast.Constant) else r"\w*" for v in key.values)
+
+
+def test_every_number_of_evidence_is_defined_and_nothing_else() -> None:
+    named, made = numbers_of_evidence(), set()
+    for path in sorted((ROOT / "verefine_viz" / "diagnosis").glob("*.py")):
+        for pattern in keys_of_evidence(path):
+            meant = {name for name in named if re.fullmatch(plain(pattern), name) or re.fullmatch(pattern, name)}
+            assert meant, f"{path.name}: {pattern} is not in docs/tables.md"
+            made |= meant
+    assert made == named
 
 
 def test_every_event_is_defined() -> None:

@@ -31,6 +31,7 @@ from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.timeline_panel import timeline_words
+from verefine_viz.viewer.text.verdict import MOST_WORDS, verdict
 
 pytestmark = pytest.mark.usefixtures("long_run")
 
@@ -109,6 +110,18 @@ def test_a_sentence_says_which_way_a_pose_is_turned() -> None:
     assert "starts 100° (all of it tilt against the table) and 47 mm away" in lying.sentence
     assert turned is not None
     assert "of the diameter (127°: all of it a turn on the table): " in turned.sentence
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ground_truth_as_a_start_is_named_only_where_the_answer_is_not_that_start(seed: int) -> None:
+    broken = broken_scene(Cause.POOL, seed)
+    run = broken.toolbox.run(broken.problem)
+    run.finish()
+    (case,) = failed_cases(trace_of(run), broken.toolbox)
+    diagnosis = diagnosed(case)
+    best = case.reruns["started at ground truth"].best
+    assert best is not None
+    assert ("started at the ground truth" in diagnosis.sentence) == (best.iteration > 0)
 
 
 class Nudge:
@@ -202,6 +215,16 @@ def test_what_re_runs_get_right_by_chance_is_undecided_whatever_is_put_right() -
         assert helped / times - right / n < HELPS
 
 
+def test_the_page_says_that_an_answer_is_right_by_add_s_only() -> None:
+    # A slim box that leans by 24°: each of its points is near some point of the upright one.
+    toolbox = Toolbox(load_session(SESSIONS / "failure_simulation_topples.toml", {"method": {"name": "rir"}}))
+    view = Debugger(toolbox.session, None, lambda _: toolbox).carry_out([c.RunUntil("end")] * 8).view()
+    it = verdict(view)
+    assert it.mark == "✓"
+    assert it.cause.startswith("right by ADD-S only: ADD over its symmetries is 1")
+    assert len(it.cause.split()) <= MOST_WORDS
+
+
 def test_a_repair_has_its_control() -> None:
     toolbox = Toolbox(load_session(SESSIONS / "failure_mask_leaks.toml"))
     run = toolbox.run(toolbox.problem(toolbox.frames[0]))
@@ -285,7 +308,7 @@ def test_an_empty_pool_is_no_bad_pool() -> None:
     # Started at the ground truth it stays there, which says nothing.
     assert diagnosis.sentence == "There is no hypothesis for the duck."
     assert diagnosis.others == ()
-    assert diagnosis.evidence["error_from_truth"] < 0.1
+    assert diagnosis.evidence["error_from_ground_truth"] < 0.1
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "metres"), (10.0, "centimetres"), (1.0, "")])

@@ -109,6 +109,18 @@ def test_a_can_that_is_nearly_round_counts_as_round(deg: float) -> None:
     assert np.rad2deg(np.arccos((np.trace(found[:3, :3]) - 1) / 2)) == pytest.approx(deg, abs=5)
 
 
+def test_a_can_whose_ends_differ_by_what_a_sensor_is_off_by_is_not_the_same_upside_down() -> None:
+    can = model("can", symmetric=False)
+    # A can with a wider top: its halves are 2.7 mm apart when it is turned over, more than 2 % of the diameter.
+    height, radius = np.abs(can.points[:, 2]).max(), np.linalg.norm(can.points[:, :2], axis=1).max()
+    out = 1.0 + (0.5 * (0.02 * can.diameter_m + 0.0006) * can.points[:, 2] / height) / radius
+    wider = replace(can, points=can.points * np.stack([out, out, np.ones_like(out)], axis=1))
+    over, round_ = (transform(axis_angle(axis, np.pi), np.zeros(3)) for axis in (np.eye(3)[0], np.eye(3)[2]))
+    assert nearby_symmetry(can, over) is not None
+    assert nearby_symmetry(wider, over) is None
+    assert nearby_symmetry(wider, round_) is not None
+
+
 def test_a_turn_that_keeps_the_shape_says_whether_texture_could_tell() -> None:
     can = model("can", symmetric=False)
     T_est = transform(axis_angle(np.array([0, 0, 1.0]), np.deg2rad(60)), np.zeros(3))

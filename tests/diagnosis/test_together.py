@@ -14,6 +14,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.diagnosis.case import cluster_of, solved_together
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.recording.verify import first_difference
+from verefine_viz.scenes.demo_layout import Viewpoint
 
 pytestmark = pytest.mark.usefixtures("long_run")
 
@@ -80,3 +81,27 @@ def test_a_misplaced_neighbour_is_put_right_in_the_search_for_both() -> None:
     assert diagnosis is not None
     assert diagnosis.cause == Cause.NEIGHBOUR
     assert diagnosis.is_confirmed
+
+
+def test_numbers_of_the_scores_of_scenes_say_so() -> None:
+    glass, can, rng = broken_scene(Cause.SCORE, 0).problem, model("can"), np.random.default_rng(5)
+    T_world_cam = Viewpoint(elevation_deg=40, distance_m=0.52).T_world_cam
+    (instance,) = glass.instances
+    assert instance.T_cam_obj_gt is not None
+    poses = tuple(T_world_cam @ h.T_cam_obj for h in instance.hypotheses)
+    T_can = standing(can, rng, 0.0)
+    T_can[:2, 3] += [-0.14, 0.0]
+    jug = Thing(model("jug"), T_world_cam @ instance.T_cam_obj_gt, poses, seen_as=model("jug without handle"))
+    things = [jug, Thing(can, T_can, near(T_can, rng, 1, 5, 5))]
+    session = session_of("vf_depth", 3, dependency={"order": (("#0", "#1"),)}, physics={"enabled": False})
+    broken = broken_by(Cause.SCORE, frame_of(things, rng), session)
+    diagnosis = named(broken)
+    assert diagnosis is not None
+    assert diagnosis.cause == Cause.SCORE
+    assert diagnosis.sentence.startswith("The scene's score prefers ")
+    assert {name for name in diagnosis.evidence if not name.startswith("scene_")} == {"error"}
+    run = broken.toolbox.run(broken.problem)
+    Ts = np.array([[best.T_cam_obj for best in run.finish().best if best is not None]])
+    score = broken.toolbox.verifier.score_scene(broken.problem.targets, Ts)[0]
+    assert diagnosis.evidence["scene_score"] == score.score
+    assert diagnosis.evidence["scene_depth_fit"] == score.depth_fit

@@ -163,11 +163,16 @@ def test_without_ground_truth_the_answer_is_compared_with_the_runner_up() -> Non
 
 def test_without_ground_truth_an_ambiguous_answer_names_the_least_certain_axis() -> None:
     view = debugger(Blind).carry_out([END]).view()
-    axis = SimpleNamespace(in_words=lambda: "turn about the vertical undetermined within ±25°")
-    around: Any = SimpleNamespace(least_certain=axis)
-    other: Any = object()
-    it = verdict(replace(view, landscape=around, other_pose=other))
-    assert (it.mark, it.cause) == ("?", "turn about the vertical undetermined within ±25°")
+    other: Any = SimpleNamespace(apart_mm=31.2)
+    for width, words in (
+        (25.0, "turn about the vertical undetermined within ±25°"),
+        (0.3, "a pose 31 mm away fits as well"),
+    ):
+        axis = SimpleNamespace(steps=(1.5,))
+        widest = SimpleNamespace(in_words=lambda words=words: words, width=width, axis=axis)
+        around: Any = SimpleNamespace(least_certain=widest)
+        it = verdict(replace(view, landscape=around, other_pose=other))
+        assert (it.mark, it.cause) == ("?", words)
 
 
 def test_a_right_answer_is_compared_with_its_start() -> None:

@@ -20,7 +20,7 @@ from verefine_viz.diagnosis.data_doubts import answer_doubts
 from verefine_viz.diagnosis.signs import discarded
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.landscape import undetermined
-from verefine_viz.evaluation.pose_errors import add_over_symmetries_mm, add_s_mm, adds_mm, pose_errors
+from verefine_viz.evaluation.pose_errors import add_s_mm, add_where_add_s_is_below, pose_errors
 from verefine_viz.methods.registry import method_of
 from verefine_viz.session.edits import never_reached
 from verefine_viz.session.engine import Run
@@ -153,15 +153,8 @@ def _errors(target: Target, best: Best, initial: Scores) -> dict[str, Any]:
 
 def _right_by_add_s_only(target: Target, best: Best) -> str:
     """That an answer counts as right though it is not near any pose that looks the same; empty where that is not so."""
-    model, T_gt = target.model, target.instance.T_cam_obj_gt
-    correct_mm = CORRECT * model.diameter_m * 1e3
-    if T_gt is None or not model.is_symmetric or adds_mm(model, best.T_cam_obj, T_gt) >= correct_mm:
-        return ""
-    add_mm = add_over_symmetries_mm(model, best.T_cam_obj, T_gt)
-    if add_mm < correct_mm:
-        return ""
-    of_diameter = add_mm / (model.diameter_m * 1e3)
-    return f"right by ADD-S only: ADD over the declared symmetries is {of_diameter:.0%} of the diameter"
+    add = add_where_add_s_is_below(target, best.T_cam_obj, CORRECT)
+    return "" if add is None else f"right by ADD-S only: ADD over the declared symmetries is {add:.0%} of the diameter"
 
 
 def worst_iteration(target: Target, iterations: Sequence[Iteration], answer: Best | None = None) -> int | None:

@@ -1,5 +1,5 @@
-"""Two poses that the observation cannot tell apart: their scores differ by less than the noise of the score, and they
-are further apart than 10 % of the diameter. Objects whose symmetry is not declared belong here.
+"""Two poses that the observation cannot tell apart: the highest scores next to them differ by less than the noise of
+the score, and they are further apart than 10 % of the diameter. Objects whose symmetry is not declared belong here.
 """
 
 from __future__ import annotations
@@ -15,24 +15,25 @@ from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Iteration
 from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts
-from verefine_viz.diagnosis.score_causes import discarded
+from verefine_viz.diagnosis.score_causes import discarded, poses_at_gt
 from verefine_viz.evaluation.depth_noise import ScoreNoise
 from verefine_viz.evaluation.landscape import CANNOT_TELL, Curve, Landscape, undetermined
 from verefine_viz.evaluation.pose_errors import add_s_mm
+from verefine_viz.evaluation.score_ascent import highest_near
 
 APART = 0.1
 """Poses closer to each other than this share of the diameter (ADD(-S)) count as one."""
-TURNS_DEG = np.arange(-175.0, 180.0, 5.0)
-"""Turns of a wrong answer among which the one that is nearest to ground truth is sought."""
 MORE = 20
 """Offsets between the ends of what is undetermined along an axis that are looked at as well."""
-MOST_POSES = 150
-"""Poses of a run that are compared with its answer, the best by score."""
+MOST_POSES = 4
+"""Poses from which the highest score is sought, the best by score that are not one."""
+GAIN = 0.05
+"""A pose that scores less than the answer by more than this is not looked at: small motions do not gain as much."""
 
 
 @dataclass(frozen=True, eq=False)
 class OtherPose:
-    """A pose that the observation cannot tell from an answer."""
+    """A pose that the observation cannot tell from an answer; scores are the highest next to both."""
 
     T_cam_obj: Float
     """(4, 4)."""
@@ -45,9 +46,16 @@ class OtherPose:
 
 
 def run_poses(target: Target, iterations: Iterable[Iteration]) -> list[Float]:
-    """All poses (4, 4) that a run had of an object: hypotheses, and every stage of its iterations."""
-    own = [i for i in iterations if i.instance_id == target.instance.instance_id]
-    return [h.T_cam_obj for h in target.instance.hypotheses] + [stage.T_cam_obj for i in own for stage in i.stages]
+    """All poses (4, 4) that a run had of an object: hypotheses, every stage of its iterations, and where a search
+    placed it to complete a scene.
+    """
+    own, poses = target.instance.instance_id, [h.T_cam_obj for h in target.instance.hypotheses]
+    for iteration in iterations:
+        if iteration.instance_id == own:
+            poses += [stage.T_cam_obj for stage in iteration.stages]
+        elif iteration.tree is not None:
+            poses += [p.T_cam_obj for p in iteration.tree.rollout if p.instance_id == own]
+    return poses
 
 
 def other_pose(
@@ -58,7 +66,9 @@ def other_pose(
     placed: Sequence[Placed] = (),
     is_wanted: Callable[[Float], bool] = lambda T_cam_obj: True,
 ) -> OtherPose | None:
-    """The pose furthest from an answer that the observation cannot tell from it; None where there is none.
+    """The pose furthest from an answer that the observation cannot tell from it.
+
+    None where there is none, or where one scores more than the answer by more than noise explains.
 
     Args:
         verifier: whose score it is.
@@ -68,27 +78,36 @@ def other_pose(
         placed: other objects that may hide parts.
         is_wanted: which poses may be the other one.
     """
-    answer, diameter_mm = around.T_cam_obj, 1e3 * target.model.diameter_m
+    answer = around.T_cam_obj
 
-    def is_apart(T_cam_obj: Float) -> bool:
-        return is_wanted(T_cam_obj) and add_s_mm(target.model, T_cam_obj, answer) > APART * diameter_mm
+    def apart_mm(T_one: Float, T_other: Float) -> float:
+        return add_s_mm(target.model, T_one, T_other)
 
+    least_mm = APART * 1e3 * target.model.diameter_m
     sampled = [c.axis.moved(answer, x) for c in around.curves for x in (*c.offsets.tolist(), *_within(c)) if x]
-    others = [T for T in (*poses, *sampled) if is_apart(T)]
+    others = [T for T in (*poses, *sampled) if is_wanted(T) and apart_mm(T, answer) > least_mm]
     if not others:
         return None
-    scores = verifier.score(target, np.array([answer, *others]), placed)
-    fall = np.abs(scores.score[1:] - scores.score[0])
-    noise = ScoreNoise(verifier, target, answer, placed)
-    alike: list[OtherPose] = []
-    for k in np.argsort(fall, kind="stable")[:MOST_POSES]:
-        if fall[k] > CANNOT_TELL * noise.most:
+    scores = verifier.score(target, np.array(others), placed).score
+    chosen: list[Float] = []
+    for k in np.argsort(-scores, kind="stable"):
+        if len(chosen) == MOST_POSES or scores[k] < around.score - GAIN:
             break
-        spread = noise.of(others[k], int(scores.n_pixels[1 + k]))
-        if fall[k] <= CANNOT_TELL * spread:
-            apart_mm = add_s_mm(target.model, others[k], answer)
-            two = float(scores.score[1 + k]), float(scores.score[0])
-            alike.append(OtherPose(others[k], *two, spread, apart_mm))
+        if all(apart_mm(others[k], T) > least_mm for T in chosen):
+            chosen.append(others[k])
+    if not chosen:
+        return None
+    T_answer, best = highest_near(verifier, target, answer, placed)
+    noise = ScoreNoise(verifier, target, T_answer, placed)
+    alike: list[OtherPose] = []
+    for T, score in (highest_near(verifier, target, T, placed) for T in chosen):
+        far_mm, spread = apart_mm(T, T_answer), noise.of(T, score.n_pixels)
+        if not is_wanted(T) or far_mm <= least_mm:
+            continue
+        if score.score - best.score > CANNOT_TELL * spread:
+            return None
+        if best.score - score.score <= CANNOT_TELL * spread:
+            alike.append(OtherPose(T, score.score, best.score, spread, far_mm))
     return max(alike, key=lambda other: other.apart_mm, default=None)
 
 
@@ -97,33 +116,38 @@ def _within(curve: Curve) -> list[float]:
     return np.linspace(curve.low, curve.high, MORE).tolist() if curve.width > curve.axis.steps[0] else []
 
 
-def in_words(name: str, around: Landscape, other: OtherPose, of_other: str = "another pose") -> str:
-    """As in: "The observation cannot tell the answer for the mug (score 0.913) from a pose 31 mm away (0.913) …"."""
-    one, two = distinct_texts(other.score_of_answer, other.score, 3)
+def in_short(around: Landscape, other: OtherPose) -> str:
+    """As in "turn about the vertical undetermined within ±25°", or how far away the other pose is."""
     widest = around.least_certain
-    hint = f"; {widest.in_words()}: depth cannot see it" if widest.width > widest.axis.steps[0] else ""
+    if widest.width > widest.axis.steps[0]:
+        return widest.in_words()
+    return f"a pose {other.apart_mm:.0f} mm away fits as well"
+
+
+def in_words(name: str, around: Landscape, other: OtherPose, of_other: str = "another pose") -> str:
+    """As in: "The observation cannot tell the answer for the mug (score up to 0.913) from another pose 31 mm away"."""
+    one, two = distinct_texts(other.score_of_answer, other.score, 3)
     return (
-        f"The observation cannot tell the answer for the {name} (score {one}) from {of_other} {other.apart_mm:.0f} mm "
-        f"away ({two}): the noise of the difference is ±{other.noise:.4f}{hint}."
+        f"The observation cannot tell the answer for the {name} (score up to {one}) from {of_other} "
+        f"{other.apart_mm:.0f} mm away (up to {two}): the noise of the difference is ±{other.noise:.4f}; "
+        f"{in_short(around, other)}."
     )
 
 
 def ambiguous(case: Case) -> Finding | None:
     """The observation cannot tell the answer from a correct pose, by the score of the object alone."""
-    traits = case.lab.traits
-    if case.answer is None or not traits.verifies or traits.has_tree or traits.takes_turns:
+    if case.answer is None or not case.lab.traits.verifies:
         return None
     if discarded(case) is not None:
         return None  # The run had a correct pose: that it was given up says more.
     placed = case.placed if case.lab.method(None).placed_may_hide else ()
-    verifier, target = case.lab.verifier, case.target
-    around = undetermined(verifier, target, case.answer.T_cam_obj, placed)
-    poses = [case.T_gt, *_turned_towards_gt(case, around), *run_poses(target, case.own)]
+    around = undetermined(case.lab.verifier, case.target, case.answer.T_cam_obj, placed)
+    poses = [*poses_at_gt(case), *run_poses(case.target, case.trace.iterations)]
 
     def is_right(T_cam_obj: Float) -> bool:
         return case.error_of(T_cam_obj) < case.threshold
 
-    other = other_pose(verifier, target, around, poses, placed, is_right)
+    other = other_pose(case.lab.verifier, case.target, around, poses, placed, is_right)
     if other is None:
         return None
     evidence = {
@@ -136,13 +160,3 @@ def ambiguous(case: Case) -> Finding | None:
         "error": case.error,
     }
     return Finding(Cause.AMBIGUOUS, in_words(case.name, around, other, "a correct pose"), evidence, True)
-
-
-def _turned_towards_gt(case: Case, around: Landscape) -> list[Float]:
-    """The answer turned about each axis of its landscape as near to ground truth as that brings it."""
-    best: list[Float] = []
-    for curve in around.curves:
-        if curve.axis.kind == "turn":
-            turned = [curve.axis.moved(around.T_cam_obj, float(angle)) for angle in TURNS_DEG]
-            best.append(min(turned, key=case.error_of))
-    return best

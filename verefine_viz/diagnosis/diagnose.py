@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import takewhile
 from time import perf_counter
 
 from verefine_viz.calibration.camera_check import camera_notes
 from verefine_viz.core.problem import Placed, Target
-from verefine_viz.core.records import Best
+from verefine_viz.core.records import Best, PlacedPose
 from verefine_viz.diagnosis.ambiguity import ambiguous
 from verefine_viz.diagnosis.case import ALONE, HELPS, TOGETHER, Case, Control, ErrorOf, Lab
 from verefine_viz.diagnosis.causes import DATA_FIRST, Cause, Diagnosis, Finding
@@ -41,6 +42,8 @@ _GIVEN = (*INPUT_TESTS, neighbour, preference, *WORLD_TESTS)
 _DONE = (discarded, ambiguous, simulation, *SEARCH_TESTS)
 """What the run did. A correct pose that it had is looked for first: whatever led away from others did not decide."""
 _TESTS: tuple[Callable[[Case], Finding | None], ...] = (*_GIVEN, *_DONE)
+_OF_THE_SCENE = (*INPUT_TESTS[:1], neighbour, preference, discarded, ambiguous, *SEARCH_TESTS)
+"""Where the object alone would have come right, no repair of what was given proves anything."""
 _BY_CHANCE = frozenset({Cause.SIMULATION, Cause.ARM_STARVED, Cause.BUDGET, Cause.REFINER, Cause.POOL})
 """Causes that need a control also where no re-run showed them; others are plain to see in what the run did."""
 _NO_RERUN = (preference,)
@@ -149,14 +152,11 @@ def _undecided(case: Case, chance: Control) -> Finding:
 def _tests_for(case: Case) -> tuple[Callable[[Case], Finding | None], ...]:
     if not case.target.instance.hypotheses:
         return (no_hypothesis,)
-    return _TESTS if not _solved_alone(case) else (*INPUT_TESTS[:1], neighbour, preference, discarded, *SEARCH_TESTS)
+    return _TESTS if not _solved_alone(case) else _OF_THE_SCENE
 
 
 def _solved_alone(case: Case) -> bool:
-    """Whether a method of whole scenes failed on what the object alone would have got right.
-
-    Then no repair of what was given proves anything.
-    """
+    """Whether a method of whole scenes failed on what the object alone would have got right."""
     return bool(case.group) and case.answer is not None and case.rerun(ALONE).repaired
 
 
@@ -169,10 +169,15 @@ def _likeliest(findings: Sequence[Finding]) -> Finding:
 
 
 def _placed(trace: Trace, target: Target, answer: Best | None) -> tuple[Placed, ...]:
-    """The other objects as they were placed for the answer, or when the instance was last worked on."""
-    own = trace.own[target.instance.instance_id]
-    if not own:
+    """The other objects as they were placed before this one for the answer, or when it was last worked on."""
+    own, models = target.instance.instance_id, {t.instance.instance_id: t.model for t in trace.problem.targets}
+    worked_on = [i for i in trace.iterations if i.instance_id == own or i.tree is not None]
+    made_it = [i for i in worked_on if answer is not None and i.index == answer.iteration] or trace.own[own]
+    if not made_it:
         return ()
-    made_it = next((i for i in own if answer is not None and i.index == answer.iteration), own[-1])
-    models = {t.instance.instance_id: t.model for t in trace.problem.targets}
-    return tuple(Placed(p.instance_id, models[p.instance_id], p.T_cam_obj) for p in made_it.placed)
+    last = made_it[-1]
+    # A search may have placed it only after the object that the iteration was about.
+    about = PlacedPose(last.instance_id, last.accepted_stage.T_cam_obj)
+    scene = (*last.placed, about, *(last.tree.rollout if last.tree is not None else ()))
+    before = takewhile(lambda p: p.instance_id != own, scene)
+    return tuple(Placed(p.instance_id, models[p.instance_id], p.T_cam_obj) for p in before)

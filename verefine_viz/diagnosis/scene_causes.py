@@ -137,7 +137,7 @@ def simulation(case: Case) -> Finding | None:
         "error_repaired": again.error,
     }
     if drift is not None:
-        evidence["error_of_simulated_truth"] = drift
+        evidence["error_of_simulated_ground_truth"] = drift
     return Finding(
         Cause.SIMULATION,
         f"In iteration {worst.index} the simulation moved {which}the {case.name} by {mm:.0f} mm and {deg:.0f}°{why}, "

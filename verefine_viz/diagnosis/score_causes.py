@@ -33,21 +33,15 @@ def score(case: Case) -> Finding | None:
     if case.lab.traits.has_tree:
         return _cost(case, case.answer.T_cam_obj)
     wrong = scored(case, case.answer.T_cam_obj[None])[0]
-    right = max(scored(case, _poses_at_gt(case)), key=lambda s: s.score)
+    right = max(scored(case, poses_at_gt(case)), key=lambda s: s.score)
     if not signs.prefers(wrong, right):
         return None
-    of = "scene_score" if case.lab.traits.takes_turns else "score"
-    evidence = {
-        of: wrong.score,
-        f"{of}_of_truth": right.score,
-        "error": case.error,
-        **{f"{name}_share": wrong.shares[name] for name in PIXEL_CLASSES},
-        **{f"{name}_share_of_truth": right.shares[name] for name in PIXEL_CLASSES},
-        "depth_fit": wrong.depth_fit,
-        "depth_fit_of_truth": right.depth_fit,
-        "normal_fit": wrong.normal_fit,
-        "normal_fit_of_truth": right.normal_fit,
-    }
+    of = "scene_" if case.lab.traits.takes_turns else ""
+    evidence = {"error": case.error}
+    for whose, one in (("", wrong), ("_of_ground_truth", right)):
+        evidence |= {f"{of}{name}_share{whose}": one.shares[name] for name in PIXEL_CLASSES}
+        evidence |= {f"{of}depth_fit{whose}": one.depth_fit, f"{of}normal_fit{whose}": one.normal_fit}
+        evidence[f"{of}score{whose}"] = one.score
     whose = "The scene's score" if case.lab.traits.takes_turns else "The score"
     return Finding(Cause.SCORE, preferred(case.name, case.error, wrong, right, _way(case), whose), evidence, True)
 
@@ -76,13 +70,17 @@ def discarded(case: Case) -> Finding | None:
     else:
         if case.lab.traits.takes_turns:
             correct, answer = (one.score for one in scored(case, np.array([T, case.answer.T_cam_obj])))
-            which, suffix = "the scene scores", "scene_score"
+            which, of = "the scene scores", "scene_"
         else:
             correct, answer = seen.score.score, case.answer.score.score
-            which, suffix = "it scores", "score"
+            which, of = "it scores", ""
         texts = distinct_texts(correct, answer, 3)
         by = f"{which} {texts[0]}" + (" with it" if case.lab.traits.takes_turns else "") + f", the answer {texts[1]}"
-        evidence |= {f"{suffix}_of_correct": correct, suffix: answer, "margin": answer - correct}
+        refined_on = max(one.score for one in scored(case, polished(case, T)))
+        evidence |= {f"{of}score_of_correct": correct, f"{of}score_refined_on": refined_on, f"{of}score": answer}
+        evidence[f"{of}margin"] = answer - correct
+        if refined_on > answer:
+            by += f"; refined on, it would score {distinct_texts(refined_on, answer, 3)[0]}"
     mm = 1e3 * case.target.model.diameter_m
     made = (
         f"made by iteration {seen.iteration} ({seen.stage.name}, hypothesis {seen.arm + 1})"
@@ -104,7 +102,7 @@ def discarded(case: Case) -> Finding | None:
 
 def _cost(case: Case, T_wrong: Float) -> Finding | None:
     """The search counts the pixels that a scene leaves unexplained: no more with the answer than at ground truth."""
-    wrong_px, *at_gt_px = _unexplained_px(case, [T_wrong, *_poses_at_gt(case)])
+    wrong_px, *at_gt_px = _unexplained_px(case, [T_wrong, *poses_at_gt(case)])
     right_px = min(at_gt_px)
     if wrong_px > right_px:
         return None
@@ -118,7 +116,7 @@ def _cost(case: Case, T_wrong: Float) -> Finding | None:
     return Finding(
         Cause.SCORE,
         text,
-        {"unexplained_px": float(wrong_px), "unexplained_px_of_truth": float(right_px), "error": case.error},
+        {"unexplained_px": float(wrong_px), "unexplained_px_of_ground_truth": float(right_px), "error": case.error},
         True,
     )
 
@@ -139,9 +137,14 @@ def _unexplained_px(case: Case, poses: Sequence[Float]) -> list[int]:
     ]
 
 
-def _poses_at_gt(case: Case) -> Float:
+def poses_at_gt(case: Case) -> Float:
     """(n, 4, 4) ground truth, and what the refiner makes of it as long as that is right."""
-    poses = [case.T_gt]
+    return polished(case, case.T_gt)
+
+
+def polished(case: Case, T_cam_obj: Float) -> Float:
+    """(n, 4, 4) a correct pose, and what the refiner makes of it as long as that is right."""
+    poses = [T_cam_obj]
     for _ in range(POLISHING):
         T = case.lab.refiner.refine(case.target, poses[-1], case.placed)
         if case.error_of(T) >= case.threshold or np.abs(T - poses[-1]).max() < AT_REST:

@@ -210,7 +210,8 @@ def leads_there(case: Case) -> Finding | None:
         if reached is None:
             continue
         T, calls = reached
-        (at_end,) = score_causes.scored(case, T[None])
+        # A pose that has just become correct is still on its way.
+        at_end = max(score_causes.scored(case, score_causes.polished(case, T)), key=lambda one: one.score)
         evidence = {
             "hypothesis": float(j),
             "calls": float(calls),
@@ -222,7 +223,7 @@ def leads_there(case: Case) -> Finding | None:
         what = f"Refined alone, hypothesis {j + 1} of the {case.name} is correct after {calls} call{'s' * (calls > 1)}"
         if case.answer is not None and case.lab.traits.verifies and case.answer.score.score > at_end.score:
             scores = distinct_texts(at_end.score, case.answer.score.score, 3)
-            sentence = f"{what}, but scores {scores[0]} there, less than the answer, which is wrong: {scores[1]}."
+            sentence = f"{what}, but scores {scores[0]} at most, less than the answer, which is wrong: {scores[1]}."
             return Finding(Cause.DISCARDED, sentence, evidence | {"score": case.answer.score.score}, True)
         if pulls[j] < calls:
             sentence = f"{what}; it got {pulls[j]} of {len(case.own)} iterations."
@@ -250,7 +251,7 @@ def no_hypothesis(case: Case) -> Finding:
     what = f"There is no hypothesis for the {case.name}"
     if again.best is not None and again.best.iteration:
         what += f"; started at the ground truth, it ends {share(again.error)} of the diameter away"
-    return Finding(Cause.NO_HYPOTHESIS, f"{what}.", {"hypotheses": 0.0, "error_from_truth": again.error}, True)
+    return Finding(Cause.NO_HYPOTHESIS, f"{what}.", {"hypotheses": 0.0, "error_from_ground_truth": again.error}, True)
 
 
 def pool(case: Case) -> Finding | None:
@@ -277,7 +278,7 @@ def pool(case: Case) -> Finding | None:
         "nearest_rotation_deg": far.rotation_deg,
         "nearest_translation_mm": far.translation_mm,
         "error": case.error,
-        "error_from_truth": again.error,
+        "error_from_ground_truth": again.error,
     }
     if again.error >= case.threshold:
         sentence = f"Even started at the ground truth, the {case.name} ends {share(again.error)} of the diameter away."

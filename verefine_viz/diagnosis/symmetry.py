@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between, apply, axis_angle, inverse, transform
@@ -15,8 +16,9 @@ from verefine_viz.diagnosis.causes import instead
 from verefine_viz.evaluation.pose_errors import adds_mm
 
 SAME_SHARE, NOISE_M = 0.02, 0.0015
-"""Two surfaces are the same if nearly all of each lies closer to the other than this share of the diameter and what a
-depth sensor is off by [m] (real depth is 0.7 to 1.6 mm from true models): a can that is 2.3 to 3.7 mm from round is."""
+"""Two surfaces are the same if nearly all of each lies closer to the other than this share of the diameter. What turns
+by any angle may be off by as much more as a depth sensor is [m] (real depth is 0.7 to 1.6 mm from true models): a can
+that is 2.3 to 3.7 mm from round is round, but not the same upside down."""
 NEARLY_ALL = 0.98
 LEAST_TURN_RAD = np.radians(5.0)
 """Less of a turn is no symmetry but an error."""
@@ -108,12 +110,19 @@ def nearby_symmetry(model: ObjectModel, T: Float) -> Float | None:
         S = step @ S
         if np.abs(step - np.eye(4)).max() < 1e-6:
             break
-    moved, to, n = surface.matched(S)
-    aside_m = np.abs(np.einsum("ij,ij->i", moved - to, n))
-    apart_m = np.maximum(aside_m, np.linalg.norm(moved - to, axis=1) - surface.spacing_m)
-    same = np.quantile(apart_m, NEARLY_ALL) < SAME_SHARE * model.diameter_m + NOISE_M
-    turned = angle_between(np.eye(3), S[:3, :3]) > LEAST_TURN_RAD
-    return S if same and turned else None
+    if angle_between(np.eye(3), S[:3, :3]) <= LEAST_TURN_RAD:
+        return None
+    apart_m, limit_m = surface.apart_m(S), SAME_SHARE * model.diameter_m
+    if apart_m < limit_m:
+        return S
+    is_nearly = apart_m < limit_m + NOISE_M
+    return S if is_nearly and surface.apart_m(_half(S)) < limit_m + NOISE_M else None
+
+
+def _half(S: Float) -> Float:
+    """The motion (4, 4) that makes ``S`` when it is made twice, by half of its angle about the same axis."""
+    R = Rotation.from_rotvec(0.5 * Rotation.from_matrix(S[:3, :3]).as_rotvec()).as_matrix()
+    return transform(R, np.linalg.solve(R + np.eye(3), S[:3, 3]))
 
 
 class _Surface:
@@ -129,6 +138,13 @@ class _Surface:
         nearest_m = KDTree(self.points).query(self.points, k=2)[0][:, 1]
         self.spacing_m = 2 * float(np.quantile(nearest_m, 0.99))
         """How far a point of the surface can be from the nearest sample [m]."""
+
+    def apart_m(self, S: Float) -> float:
+        """How far nearly all of the surface moved by ``S`` lies from the surface at most [m]."""
+        moved, to, n = self.matched(S)
+        aside_m = np.abs(np.einsum("ij,ij->i", moved - to, n))
+        apart_m = np.maximum(aside_m, np.linalg.norm(moved - to, axis=1) - self.spacing_m)
+        return float(np.quantile(apart_m, NEARLY_ALL))
 
     def matched(self, S: Float) -> tuple[Float, Float, Float]:
         """The points moved by ``S``, and the points and normals that they fall upon."""

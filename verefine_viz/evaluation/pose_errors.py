@@ -109,6 +109,19 @@ def add_over_symmetries_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> flo
     return min(add_mm(model, T_est, T_gt @ S) for S in model.symmetries)
 
 
+def add_where_add_s_is_below(target: Target, T_est: Float, share: float) -> float | None:
+    """ADD over the declared symmetries as a share of the diameter, where ADD-S is below ``share`` and it is not.
+
+    None where both agree, the model has no symmetry, or ground truth is unknown.
+    """
+    model, T_gt = target.model, target.instance.T_cam_obj_gt
+    limit_mm = share * model.diameter_m * 1e3
+    if T_gt is None or not model.is_symmetric or adds_mm(model, T_est, T_gt) >= limit_mm:
+        return None
+    add_mm = add_over_symmetries_mm(model, T_est, T_gt)
+    return None if add_mm < limit_mm else add_mm / (model.diameter_m * 1e3)
+
+
 def rotation_error_deg(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
     """Smallest angle [deg] between the estimate and ground truth turned by any of the model's symmetries."""
     return float(np.rad2deg(symmetric_angles_rad(model, T_est, T_gt).min()))

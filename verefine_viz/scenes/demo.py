@@ -170,8 +170,9 @@ def _own_pools(
         assert s.T_cam_obj_gt is not None
         rng = np.random.default_rng((hypotheses.seed, 0, view, s.instance_id))
         poses = own_poses(T_world_cam @ s.T_cam_obj_gt, T_world_cam, rng)[: hypotheses.max_per_object]
+        # A source says nothing about the pose: what is wrong is for the user to see.
         pools[s.instance_id] = tuple(
-            Hypothesis(T_cam_world @ T, 1.0 - 0.01 * k, text) for k, (T, text) in enumerate(poses)
+            Hypothesis(T_cam_world @ T, 1.0 - 0.01 * k, "estimator") for k, T in enumerate(poses)
         )
     return pools
 

@@ -155,8 +155,8 @@ class Item:
     """The model that depth and mask show instead, such as a jug without its glass handle; empty = the model itself."""
 
 
-OwnPoses = Callable[[Float, Float, np.random.Generator], tuple[tuple[Float, str], ...]]
-"""(true T_world_obj, T_world_cam, generator) → initial poses T_world_obj with their descriptions, best first."""
+OwnPoses = Callable[[Float, Float, np.random.Generator], tuple[Float, ...]]
+"""(true T_world_obj, T_world_cam, generator) → initial poses T_world_obj, best first."""
 
 
 @dataclass(frozen=True)

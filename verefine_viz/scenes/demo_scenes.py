@@ -59,9 +59,6 @@ SCENES: dict[str, DemoScene] = {
 
 Z = np.array([0.0, 0.0, 1.0])
 
-NamedPoses = tuple[tuple[Float, str], ...]
-
-
 JUG_AXIS_OBJ = np.array([-0.0251, 0.0, 0.0])
 """A point on the axis of the jug's body, in the jug's frame [m]."""
 
@@ -80,26 +77,26 @@ def _turned(
     return transform(turn @ T_world_obj[:3, :3], t)
 
 
-def _all_far(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -> NamedPoses:
+def _all_far(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -> tuple[Float, ...]:
     """Upside down or on a side, and beside the object."""
     poses = []
     for angle_deg in (118.0, 141.0, 96.0, 160.0, 127.0):
         heading = rng.uniform(0, 2 * np.pi)
         axis = np.array([np.cos(heading), np.sin(heading), 0.0])
         x, y, _ = 42.0 * random_unit_vector(rng)
-        poses.append((_turned(T_world_obj, axis, angle_deg, (x, y, 25.0)), f"estimator, {angle_deg:g}° off"))
+        poses.append(_turned(T_world_obj, axis, angle_deg, (x, y, 25.0)))
     return tuple(poses)
 
 
-def _near_the_quarter(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -> NamedPoses:
+def _near_the_quarter(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -> tuple[Float, ...]:
     """Turned about the vertical by a little more than half of a quarter turn."""
     return tuple(
-        (_turned(T_world_obj, Z, angle_deg, (dx, dy, 4.0)), f"estimator, {angle_deg:g}° about the vertical")
+        _turned(T_world_obj, Z, angle_deg, (dx, dy, 4.0))
         for angle_deg, dx, dy in ((56.0, 4, -3), (60.0, -5, 2), (-58.0, 3, 4))
     )
 
 
-def _leaning(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -> NamedPoses:
+def _leaning(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -> tuple[Float, ...]:
     """Leaning over so far that the centre of mass is beside the edge it stands on, that edge on the table."""
     poses = []
     for heading_deg, lean_deg in ((0.0, 24.0), (180.0, 26.0)):
@@ -108,30 +105,27 @@ def _leaning(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -
         half = np.array([0.025, 0.030, 0.090])
         lowest_m = T[2, 3] - float(np.abs(T[2, :3]) @ half)
         T[2, 3] -= lowest_m - 0.0005
-        poses.append((T, f"estimator, leaning {lean_deg:g}°"))
+        poses.append(T)
     return tuple(poses)
 
 
-def _handle_anywhere(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -> NamedPoses:
+def _handle_anywhere(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -> tuple[Float, ...]:
     """Turned about the vertical, also to where the handle is behind the jug."""
     axis = T_world_obj[:3, 2]
     return tuple(
-        (
-            _turned(T_world_obj, axis, angle_deg, (dx, dy, 2.0), JUG_AXIS_OBJ),
-            f"estimator, {angle_deg:g}° about the vertical",
-        )
+        _turned(T_world_obj, axis, angle_deg, (dx, dy, 2.0), JUG_AXIS_OBJ)
         for angle_deg, dx, dy in ((8.0, 4, 3), (60.0, -4, 5), (125.0, 4, -4), (-80.0, -5, -3), (165.0, 3, 5))
     )
 
 
-def _late_bloomer(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -> NamedPoses:
+def _late_bloomer(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -> tuple[Float, ...]:
     """Four poses that fit well and are wrong (a quarter turn), and a right one that is off by some way."""
     wrong = tuple(
-        (_turned(T_world_obj, Z, angle_deg, (dx, dy, 0.0)), f"estimator A, {angle_deg:g}° about the vertical")
+        _turned(T_world_obj, Z, angle_deg, (dx, dy, 0.0))
         for angle_deg, dx, dy in ((90.0, 2, 1), (-90.0, 1, -2), (87.0, -2, 1), (93.0, -1, -2))
     )
     right = _turned(T_world_obj, np.array([1.0, 0.4, 0.3]), 7.0, (5, -4, 4))
-    return (*wrong, (right, "estimator B, 7° and 8 mm off"))
+    return (*wrong, right)
 
 
 def _glossy_table(labels: NDArray[np.int32], points_world: Float) -> Mask:

@@ -13,8 +13,11 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Target
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.text_format import distinguishing_digits
+from verefine_viz.diagnosis.ambiguity import in_short
 from verefine_viz.diagnosis.causes import TITLES, Cause, cause_title
 from verefine_viz.diagnosis.signs import Lost, far_start, is_low, leaks, starved
+from verefine_viz.evaluation.answers import CORRECT
+from verefine_viz.evaluation.pose_errors import add_where_add_s_is_below
 from verefine_viz.methods.registry import method_of
 from verefine_viz.session.breakpoints import hits
 from verefine_viz.viewer import commands as c
@@ -109,7 +112,11 @@ def _of_object(snapshot: Snapshot, o: FinishedObject) -> Verdict:
         f"{o.errors.translation_mm:.1f} mm of the model's origin"
     )
     if not o.course.is_wrong:
-        return Verdict("✓", number, _how_it_won(o), means, _way(snapshot, o.answer.iteration), pictured=pictured)
+        words, way = _how_it_won(o), _way(snapshot, o.answer.iteration)
+        add = add_where_add_s_is_below(o.target, o.answer.T_cam_obj, CORRECT)
+        if add is not None:
+            words = f"right by ADD-S only: ADD over its symmetries is {add:.0%}"
+        return Verdict("✓", number, words, means, way, pictured=pictured)
     reason = cause_of(snapshot, o)
     look = _way(snapshot, reason.iteration)
     return Verdict("✗", number, reason.words + reason.more, means, look, pictured=pictured, about=reason.about)
@@ -197,8 +204,10 @@ def cause_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
         where = f"at iteration {o.discarded.iteration}" if o.discarded.iteration else "at the start"
         return Reason(f"correct {where}, given up", o.discarded.given_up, f" for a score {more}", Cause.DISCARDED)
     far = far_start(course)
-    if far is None and starved(course) is not None:
-        return Reason(TITLES[Cause.ARM_STARVED], about=Cause.ARM_STARVED)
+    few = starved(course)
+    if far is None and few is not None:
+        more = f": {course.n_tried[few[0]]} of {sum(course.n_tried)} iterations"
+        return Reason(TITLES[Cause.ARM_STARVED], more=more, about=Cause.ARM_STARVED)
     if o.lost is not None:
         return _led_away(o, o.lost)
     if far is not None:
@@ -239,7 +248,7 @@ def doubt_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
     if physics is not None and plausibility_verdict(physics, in_focus(snapshot), snapshot.scene).light == "red":
         return Reason("physically impossible where it is")
     if in_sight and snapshot.other_pose is not None and snapshot.landscape is not None:
-        return Reason(snapshot.landscape.least_certain.in_words())
+        return Reason(in_short(snapshot.landscape, snapshot.other_pose))
     rival = o.runner_up
     if rival is None:
         alone = len(o.course.starts) < 2
