@@ -151,8 +151,12 @@ def test_a_pool_without_hypotheses_is_no_failure(tmp_path: Path, made: Made) -> 
     assert len(result.estimates) == 1
 
 
-def test_a_row_has_what_the_page_shows_of_the_score_around_the_answer(tmp_path: Path, made: Made) -> None:
-    tools = toolbox(tmp_path, made, "none", rotation_deg=2.0, translation_mm=3.0)
+@pytest.mark.parametrize("keep", ["none", "all"])
+def test_a_row_has_what_the_page_shows_of_the_score_around_the_answer(tmp_path: Path, made: Made, keep: str) -> None:
+    """Also where the recording, which has score maps, holds it."""
+    session = toolbox(tmp_path, made, keep, rotation_deg=2.0, translation_mm=3.0).session
+    recording = session.recording.model_copy(update={"maps": True})
+    tools = Toolbox(session.model_copy(update={"recording": recording}))
     result = solve_frame(tools, "7/0", tmp_path)
     page = Toolbox(tools.session)
     problem = page.problem("7/0")

@@ -104,7 +104,7 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> FrameResu
         with watch("iterate"):
             run.finish()
         with watch("summarise"):
-            result = frame_result(run, toolbox.session)
+            result = frame_result(run, toolbox.session, recorder.landscapes)
         if keep == "failures" and result.is_failure:
             run.fork(run.length, watchers=[timed])  # the recorder sees the whole history
     except BaseException:
