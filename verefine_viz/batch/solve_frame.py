@@ -95,7 +95,7 @@ def with_causes(result: FrameResult, run: Run, toolbox: Toolbox) -> FrameResult:
 def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> FrameResult:
     keep, watch = toolbox.session.recording.keep, _Stopwatch()
     with watch("read"):
-        problem = toolbox.problem(frame)
+        problem = toolbox.problem(frame, lambda: watch("prepare"))
     recorder = Recorder(out / "recordings" / f"{file_stem(frame)}.rrd", toolbox.session, problem, toolbox.verifier_of)
     timed = _TimedRecorder(recorder, watch)
     try:
