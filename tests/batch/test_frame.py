@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from time import sleep
+from typing import Any
 
 import pytest
 
@@ -16,6 +17,7 @@ from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.evaluation.landscape import landscape
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.scenes.bop_source import BopSource
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 
@@ -70,6 +72,29 @@ def test_recording_is_no_part_of_the_time_of_solving(
     assert sum(result.stages_ms.values()) < 1e3 * result.seconds
 
 
+def test_models_are_prepared_at_the_first_frame_and_that_is_no_reading(
+    tmp_path: Path, made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = BopSource._models
+    solids = Toolbox._solvable
+
+    def slow_reading(*arguments: Any) -> Any:
+        sleep(0.3)
+        return read(*arguments)
+
+    def slow_solids(*arguments: Any) -> Any:
+        sleep(0.4)
+        return solids(*arguments)
+
+    tools = toolbox(tmp_path, made, "none", rotation_deg=0.0, translation_mm=0.0)
+    before = solve_frame(tools, "7/0", tmp_path).stages_ms
+    monkeypatch.setattr(BopSource, "_models", slow_reading)
+    monkeypatch.setattr(Toolbox, "_solvable", slow_solids)
+    after = solve_frame(tools, "7/0", tmp_path).stages_ms
+    assert after["prepare"] > 700
+    assert list(after) == list(before) == ["prepare", "read", "start", "iterate", "summarise", "record"]
+
+
 @pytest.mark.parametrize("what", ["mask", "model"])
 def test_an_object_whose_mask_or_model_is_gone_is_a_row_and_a_miss(tmp_path: Path, made: Made, what: str) -> None:
     files = {
@@ -105,7 +130,7 @@ def test_an_error_that_nobody_foresaw_leaves_its_traceback(
 ) -> None:
     tools = toolbox(tmp_path, made, "none")
 
-    def broken(frame: str) -> None:
+    def broken(*_: object) -> None:
         raise ZeroDivisionError("division by zero")
 
     monkeypatch.setattr(tools, "problem", broken)
@@ -151,8 +176,12 @@ def test_a_pool_without_hypotheses_is_no_failure(tmp_path: Path, made: Made) -> 
     assert len(result.estimates) == 1
 
 
-def test_a_row_has_what_the_page_shows_of_the_score_around_the_answer(tmp_path: Path, made: Made) -> None:
-    tools = toolbox(tmp_path, made, "none", rotation_deg=2.0, translation_mm=3.0)
+@pytest.mark.parametrize("keep", ["none", "all"])
+def test_a_row_has_what_the_page_shows_of_the_score_around_the_answer(tmp_path: Path, made: Made, keep: str) -> None:
+    """Also where the recording, which has score maps, holds it."""
+    session = toolbox(tmp_path, made, keep, rotation_deg=2.0, translation_mm=3.0).session
+    recording = session.recording.model_copy(update={"maps": True})
+    tools = Toolbox(session.model_copy(update={"recording": recording}))
     result = solve_frame(tools, "7/0", tmp_path)
     page = Toolbox(tools.session)
     problem = page.problem("7/0")

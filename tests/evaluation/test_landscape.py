@@ -20,7 +20,7 @@ from verefine_viz.rendering.cpu_verifier import CpuVerifier
 from verefine_viz.scenes.demo_layout import Viewpoint
 from verefine_viz.scenes.demo_models import cuboid, lathe
 from verefine_viz.scenes.meshes import Mesh
-from verefine_viz.scenes.models import model_of_mesh
+from verefine_viz.scenes.models import model_of_mesh, symmetry_transforms
 from verefine_viz.scenes.sensor import STEREO
 
 CYLINDER = lathe([(0, 0), (0.035, 0), (0.035, 0.1), (0, 0.1)], 96)
@@ -66,6 +66,21 @@ def test_a_cylinder_without_texture_is_undetermined_about_its_axis_and_determine
     assert len(others) == 4
     assert max(c.width for c in others) < 3
     assert around.least_certain.in_words() == "turn about the vertical undetermined within ±180°"
+
+
+def test_a_declared_axis_of_symmetry_is_undetermined_however_coarse_the_mesh() -> None:
+    """Turned by less than the steps in which the symmetry is listed, a prism of twelve sides scores less."""
+    twelve_sides = lathe([(0, 0), (0.035, 0), (0.035, 0.1), (0, 0.1)], 12)
+    target = target_of("cylinder")
+    T = target.instance.T_cam_obj_gt
+    assert T is not None
+    info = {"symmetries_continuous": [{"axis": [0, 0, 1], "offset": [0, 0, 0]}]}
+    declared = replace(modelled(twelve_sides, "prism"), symmetries=symmetry_transforms(info, "prism"))
+    around = undetermined(VERIFIER, replace(target, model=declared), T)
+    turn = curve(around, "turn", "z")
+    assert (turn.low, turn.high) == (-180, 180)
+    assert (turn.scores == around.score).all()
+    assert curve(around, "turn", "x").width < 10
 
 
 def test_a_box_with_three_faces_in_sight_is_determined() -> None:

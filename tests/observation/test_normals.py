@@ -11,6 +11,7 @@ from PIL import Image
 
 from tests.observation.planes import CAMERA, angles_deg, tilted
 from verefine_viz.core.camera import Camera
+from verefine_viz.core.scores import PixelGrid
 from verefine_viz.observation.normals import estimate_normals
 
 
@@ -70,6 +71,17 @@ def test_pixels_alone_have_no_normal() -> None:
     depth[10, 10] = depth[50, 60] = depth[50, 61] = 0.7
     assert not estimate_normals(depth, CAMERA).any()
     assert not estimate_normals(np.zeros(CAMERA.shape, np.float32), CAMERA).any()
+
+
+def test_normals_of_some_pixels_are_those_of_the_whole_image() -> None:
+    rng = np.random.default_rng(5)
+    depth = tilted(40, 20)[0] + rng.normal(0, 0.002, CAMERA.shape)
+    depth[rng.random(depth.shape) < 0.02] = 0
+    depth[40:90, 70:120] -= 0.1
+    rows, columns = rng.integers(0, depth.shape[0], 30), rng.integers(0, depth.shape[1], 40)
+    at = estimate_normals(depth, CAMERA, at=PixelGrid(rows, columns))
+    assert np.array_equal(at, estimate_normals(depth, CAMERA)[np.ix_(rows, columns)])
+    assert at.any()
 
 
 def test_a_turned_image_has_turned_normals() -> None:

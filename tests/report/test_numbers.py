@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from verefine_viz.batch.journal import Journal, RunFile
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.evaluation.pose_table import read_pose_table
 from verefine_viz.report.bop_recalls import run_rows
+from verefine_viz.report.charts import time_figure
 from verefine_viz.report.run_difference import difference
 from verefine_viz.report.run_results import (
     THRESHOLDS,
@@ -108,6 +110,18 @@ def test_stages_add_up(tmp_path: Path) -> None:
     assert sum(times.values()) == pytest.approx(30.0 + 10.0 + 200.0)
     assert times["refine"] == pytest.approx(20.0)
     assert list(times)[:2] == ["read", "start"]
+
+
+def test_the_preparation_of_models_has_a_time_of_its_own(tmp_path: Path) -> None:
+    run = load(write_run(tmp_path / "a", [row(1, 0)]))
+    totals = run.index.run.totals
+    stages = {**totals.mean_stages_ms_per_frame, "prepare": 900.0}
+    first_use = totals.model_copy(update={"mean_stages_ms_per_frame": stages})
+    index = replace(run.index, run=run.index.run.model_copy(update={"totals": first_use}))
+    times = stage_times(replace(run, index=index))
+    assert list(times)[:3] == ["read", "prepare", "start"]
+    assert (times["read"], times["prepare"]) == (30.0, 900.0)
+    assert "prepare models" in {bar.name.partition(" (")[0] for bar in time_figure([replace(run, index=index)]).data}
 
 
 def test_who_got_better_and_who_got_worse(tmp_path: Path) -> None:

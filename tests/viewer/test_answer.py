@@ -24,7 +24,7 @@ from verefine_viz.viewer.panels.objects_panel import objects_html
 from verefine_viz.viewer.panels.run_panel import of_the_end
 from verefine_viz.viewer.panels.score_panel import score_html
 from verefine_viz.viewer.panels.timeline_panel import strip
-from verefine_viz.viewer.snapshot.build import INITIAL_POSES
+from verefine_viz.viewer.snapshot.compared_poses import INITIAL_POSES
 from verefine_viz.viewer.snapshot.snapshot import visit
 from verefine_viz.viewer.state.view_options import OF_ITERATION
 from verefine_viz.viewer.text.headline import headline

@@ -30,7 +30,7 @@ from verefine_viz.viewer.drawing.image_layers import (
     shown_side,
 )
 from verefine_viz.viewer.panels.image_panel import pane_html
-from verefine_viz.viewer.snapshot.build import probe
+from verefine_viz.viewer.snapshot.compared_poses import probe
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 
 RUN = c.RunUntil("end")

@@ -14,7 +14,7 @@ from verefine_viz.core.palette import CLASS_COLORS, EMPTY
 from verefine_viz.core.scores import MAP_NAMES, MapName
 from verefine_viz.viewer.drawing.score_maps import Crop, crop_around, map_over, png, scales_for
 from verefine_viz.viewer.scene3d.frame_nodes import clicked_pixel, cloud_colors, cloud_of
-from verefine_viz.viewer.snapshot.build import probe
+from verefine_viz.viewer.snapshot.compared_poses import probe
 
 PROBLEM = box_problem()
 TARGET = PROBLEM.targets[0]

@@ -137,8 +137,9 @@ class ObjectRow(Row):
 
 TIME_COLUMNS = ("ms_refine", "ms_simulate", "ms_score", "ms_total")
 """Columns of frames.csv that differ from run to run; everything else is the same for the same session."""
-STAGES = ("read", "start", "iterate", "record", "summarise", "explain")
-"""What a frame's time goes to: images and clouds; first scores; iterations; recording; errors and rows; causes."""
+STAGES = ("read", "prepare", "start", "iterate", "record", "summarise", "explain")
+"""What a frame's time goes to: images and clouds; models, most of it at the first frame that shows them; first scores;
+iterations; recording; errors and rows; causes."""
 SOLVING = ("start", "iterate")
 """The stages that are the method's own."""
 

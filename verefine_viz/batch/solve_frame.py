@@ -95,7 +95,7 @@ def with_causes(result: FrameResult, run: Run, toolbox: Toolbox) -> FrameResult:
 def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> FrameResult:
     keep, watch = toolbox.session.recording.keep, _Stopwatch()
     with watch("read"):
-        problem = toolbox.problem(frame)
+        problem = toolbox.problem(frame, lambda: watch("prepare"))
     recorder = Recorder(out / "recordings" / f"{file_stem(frame)}.rrd", toolbox.session, problem, toolbox.verifier_of)
     timed = _TimedRecorder(recorder, watch)
     try:
@@ -104,7 +104,7 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> FrameResu
         with watch("iterate"):
             run.finish()
         with watch("summarise"):
-            result = frame_result(run, toolbox.session)
+            result = frame_result(run, toolbox.session, recorder.landscapes)
         if keep == "failures" and result.is_failure:
             run.fork(run.length, watchers=[timed])  # the recorder sees the whole history
     except BaseException:

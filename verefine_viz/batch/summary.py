@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, left_out_facts
 from verefine_viz.core.problem import LeftOut, Problem, Target
-from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import Session
@@ -19,7 +19,7 @@ from verefine_viz.diagnosis.causes import DATA_FIRST
 from verefine_viz.diagnosis.data_doubts import answer_doubts
 from verefine_viz.diagnosis.signs import discarded
 from verefine_viz.evaluation.answers import CORRECT
-from verefine_viz.evaluation.landscape import undetermined
+from verefine_viz.evaluation.landscape import Landscape, undetermined
 from verefine_viz.evaluation.pose_errors import add_s_mm, add_where_add_s_is_below, pose_errors
 from verefine_viz.methods.registry import method_of
 from verefine_viz.session.edits import never_reached
@@ -29,12 +29,14 @@ MUCH, MUCH_SCORE = 0.03, 0.01
 """Share of the diameter, and score, that an iteration must lose to count as one where things went wrong."""
 
 
-def frame_result(run: Run, session: Session) -> FrameResult:
-    """The result of a finished run of ``session``."""
+def frame_result(run: Run, session: Session, recorded: Mapping[int, Landscape] = MappingProxyType({})) -> FrameResult:
+    """The result of a finished run of ``session``; ``recorded``: the score around its answers, by instance, where its
+    recording has it already.
+    """
     problem, state = run.problem, run.final_state
     doubts = answer_doubts(problem, [None if best is None else best.T_cam_obj for best in state.best])
     rows = tuple(
-        _object_row(problem, target, best, initial, run.iterations, session, run.final_verifier)
+        _object_row(problem, target, best, initial, run, session, recorded.get(target.instance.instance_id))
         for target, best, initial in zip(problem.targets, state.best, state.initial, strict=True)
     )
     if doubts:
@@ -77,11 +79,11 @@ def _object_row(
     target: Target,
     best: Best | None,
     initial: Scores | None,
-    all_iterations: Sequence[Iteration],
+    run: Run,
     session: Session,
-    verifier: Verifier,
+    around: Landscape | None,
 ) -> ObjectRow:
-    iterations = [i for i in all_iterations if i.instance_id == target.instance.instance_id]
+    iterations = [i for i in run.iterations if i.instance_id == target.instance.instance_id]
     facts = {
         **object_facts(problem, target, session.method.name),
         "seed": session.hypotheses.seed,
@@ -89,7 +91,7 @@ def _object_row(
     }
     if best is None or initial is None:
         return ObjectRow(**facts, status="no_answer", message="no hypothesis to start from")
-    around = undetermined(verifier, target, best.T_cam_obj)
+    around = around or undetermined(run.final_verifier, target, best.T_cam_obj)
     return ObjectRow(
         **facts,
         status="ok",

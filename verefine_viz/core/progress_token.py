@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -26,6 +27,8 @@ class ProgressToken:
     report_once: Callable[[str], None] = lambda doing: None
     """Gets only what may take a minute, happens once and is cached on disk: all that a batch of hundreds of frames
     shows."""
+    preparing: Callable[[], AbstractContextManager[object]] = nullcontext
+    """Entered while models are read and prepared, which later frames need not repeat; measures the time of it."""
 
     def checkpoint(self, doing: str = "", share: float | None = None) -> None:
         """Reports what is done next, or how much of it is done, where either is given.

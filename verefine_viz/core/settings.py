@@ -96,13 +96,13 @@ class MethodSettings(Settings):
     discount: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.99
     """γ, vf_depth: what a play of the pass before still counts. The paper: "a small factor"; authors' code: 0.99."""
     scene_reward: Literal["current_pass", "best_known"] = "current_pass"
-    """vf_depth: of which poses the scene score is that rewards the arms: those of this pass (authors' code), or the
-    best of each object so far (the paper's text)."""
+    """vf_depth: of which poses the scene score is that rewards the hypotheses: those of this pass (authors' code), or
+    the best of each object so far (the paper's text)."""
     scene_answer: Literal["incumbent", "per_object"] = "incumbent"
     """vf_depth: the combination of poses whose scene score was the highest ever seen, or for each object its own best
     score, whether or not they fit together (authors' code)."""
     scene_prior: Literal["scene", "object"] = "scene"
-    """vf_depth: what an arm's first play is worth: the score of the scene with its initial pose and the other objects'
+    """vf_depth: what a hypothesis's first play is worth: the score of the scene with its pose and the other objects'
     best initial ones, which is the scale of later rewards, or of its initial pose alone (authors' code)."""
     scene_pixels: Literal["cluster", "frame"] = "cluster"
     """vf_depth: whose masks a scene score uses: those of the cluster, or of all objects (authors' code)."""

@@ -34,14 +34,16 @@ FEWEST_BLOCKS = 12
 """With fewer blocks of complete depth the noise of a usual sensor is assumed."""
 USUAL_PER_M, USUAL_GRAIN_PX = 1.6e-3, 1.2
 """Noise of 1/z [1/m] (0.8 mm at 0.7 m) and its grain, where a frame does not show its own."""
-GRAINS_PX = (0.0, 0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 1.8, 2.2, 2.6, 3.0)
-"""Grains that are distinguished."""
+GRAINS_PX = (0.0, 0.6, 0.8, 1.0, 1.2, 1.5, 1.8, 2.2, 2.6, 3.0)
+"""Grains that are distinguished: the residuals of noise finer than 0.6 px are those of white noise."""
 N_DRAWS = 12
 """How often the noise is resampled: a standard deviation is known to 20 %."""
 MOST_CELLS = 2500
 """Cells of pixels in which the score's answer to noise is worked out."""
-JITTER_MM = 0.03
-"""How far a pose is moved, or turned [deg], to see how finely its score resolves."""
+SAMPLED = 2
+"""Rows, and columns, of a cell in which normals are estimated."""
+JITTER_MM, JITTERS = 0.03, 3
+"""How far a pose is moved, and turned [deg], to see how finely its score resolves, and how often to each side."""
 MARGIN_PX = 12
 """Shown around the object: as far as a normal's window reaches."""
 
@@ -120,7 +122,8 @@ def _residuals() -> tuple[Float, Float]:
 
 def resampled(depth_m: NDArray[np.floating], noise: DepthNoise, rng: np.random.Generator) -> NDArray[np.float32]:
     """The depth image (H, W) [m] with as much noise again; 0 stays 0."""
-    grain = rng.standard_normal(depth_m.shape, dtype=np.float32)
+    # Evenly distributed, which is drawn sooner: what is asked of the noise is its variance and its grain.
+    grain = (rng.random(depth_m.shape, dtype=np.float32) - np.float32(0.5)) * np.float32(np.sqrt(12))
     if noise.grain_px > 0:
         # Divided by the norm of the filter, so that the noise has variance 1 again.
         grain = gaussian_filter(grain, noise.grain_px, mode="wrap", truncate=3) * _gain(noise.grain_px)
@@ -128,6 +131,7 @@ def resampled(depth_m: NDArray[np.floating], noise: DepthNoise, rng: np.random.G
     return (depth_m / np.maximum(1 + np.float32(noise.per_m) * grain * depth_m, np.float32(0.1))).astype(np.float32)
 
 
+@cache
 def _gain(grain_px: float) -> float:
     impulse = np.zeros(2 * int(4 * grain_px + 2) + 1)
     impulse[len(impulse) // 2] = 1.0
@@ -161,26 +165,36 @@ class ScoreNoise:
             top + step // 2 + step * np.arange(rows, dtype=np.int64),
             left + step // 2 + step * np.arange(columns, dtype=np.int64),
         )
-        centre_m = depth_m[step // 2 :: step, step // 2 :: step][:rows, :columns].astype(np.float64)
+        centre_m = depth_m[np.ix_(self._grid.rows - top, self._grid.columns - left)].astype(np.float64)
         self._spread_m = np.maximum(noise.at_m(centre_m), 1e-9)
+        # A cell stands for all of its pixels. Their normals share most of their windows, so a few of them will do.
+        own = np.unique(np.linspace(0, step - 1, SAMPLED + 2).round().astype(np.int64)[1:-1])
+        sampled = PixelGrid(*((step * np.arange(n)[:, None] + own).ravel() for n in (rows, columns)))
+
+        def of_cells(values: NDArray[np.float32]) -> NDArray[np.float32]:
+            """The mean of each cell, from values of some of its pixels in every row and column."""
+            n = len(values) // rows
+            by_row = values.reshape(rows, n, *values.shape[1:]).sum(axis=1)
+            return by_row.reshape(rows, columns, n, *values.shape[2:]).sum(axis=2) / n**2
+
         rng = np.random.default_rng(0)
-        before = estimate_normals(depth_m, part)
-        change = np.empty((*depth_m.shape, 4), np.float32)
-        changes = np.empty((N_DRAWS, rows * columns * 4), np.float32)
-        for k in range(N_DRAWS):
+        before = estimate_normals(depth_m, part, at=sampled)
+        changes = np.empty((N_DRAWS, rows, columns, 4), np.float32)
+        for change in changes:
             drawn_m = resampled(depth_m, noise, rng)
-            np.subtract(drawn_m, depth_m, out=change[..., 0])
-            np.subtract(estimate_normals(drawn_m, part), before, out=change[..., 1:])
-            # A cell stands for all of its pixels: its change is their mean.
-            cells = [change[i::step, j::step] for i in range(step) for j in range(step)]
-            changes[k] = np.mean(cells, axis=0).ravel()
-        self._changes = changes
+            change[..., 0] = of_cells(drawn_m - depth_m)
+            change[..., 1:] = of_cells(estimate_normals(drawn_m, part, at=sampled) - before)
+        self._changes = changes.reshape(N_DRAWS, -1)
         self._scores = verifier.settings
-        scores = verifier.score(target, np.concatenate([T_cam_obj[None], _jittered(T_cam_obj)]), placed)
-        # Moved to both sides, so that a score that rises or falls is not taken for one that jumps.
-        jumps = scores.score[1::2] + scores.score[2::2] - 2 * scores.score[0]
+        scores = verifier.score(target, _jittered(T_cam_obj), placed)
+        # From both neighbours, so that a score that rises or falls is not taken for one that jumps.
+        jumps = np.diff(scores.score, 2)
         self._resolution = float(np.sqrt(np.mean(jumps**2) / 6))
-        self._slope = self._slope_of(T_cam_obj, int(scores.n_pixels[0]))
+        self.score = float(scores.score[JITTERS])
+        """Of the pose compared with."""
+        self.least = float(np.sqrt(2) * self._resolution)
+        """The noise of a difference to a pose that looks the same: how finely the score resolves."""
+        self._slope = self._slope_of(T_cam_obj, int(scores.n_pixels[JITTERS]))
         self.most = 2.0 * float(np.hypot(self._spread(self._slope), self._resolution))
         """About the largest noise of a difference: that of two poses whose scores share nothing."""
 
@@ -188,7 +202,7 @@ class ScoreNoise:
         """Standard deviation of the score of ``T_cam_obj`` (4, 4) minus that of the pose compared with; ``n_pixels``: N
         of that score.
         """
-        return float(np.hypot(self.of_depth(T_cam_obj, n_pixels), np.sqrt(2) * self._resolution))
+        return float(np.hypot(self.of_depth(T_cam_obj, n_pixels), self.least))
 
     def of_depth(self, T_cam_obj: Float, n_pixels: int) -> float:
         """The part of it that is due to the noise of the depth image."""
@@ -215,26 +229,24 @@ class ScoreNoise:
 
 
 def _jittered(T_cam_obj: Float) -> Float:
-    """(12, 4, 4) the pose moved along, and turned about, each of the camera's axes by a little, to both sides."""
+    """(2 · JITTERS + 1, 4, 4) the pose in the middle of others on a line on which it moves and turns by a little."""
+    along, about = np.array([1.0, 1, 1]) / np.sqrt(3), np.array([1.0, 1, -1]) / np.sqrt(3)
     Ts: list[Float] = []
-    for k in range(3):
-        for side in (-1.0, 1.0):
-            T = np.array(T_cam_obj)
-            T[k, 3] += side * 1e-3 * JITTER_MM
-            Ts.append(T)
-    for axis in np.eye(3):
-        turns = (axis_angle(axis, side * np.deg2rad(JITTER_MM)) @ T_cam_obj[:3, :3] for side in (-1.0, 1.0))
-        Ts += [transform(R, T_cam_obj[:3, 3]) for R in turns]
+    for k in range(-JITTERS, JITTERS + 1):
+        R = axis_angle(about, k * np.deg2rad(JITTER_MM)) @ T_cam_obj[:3, :3]
+        Ts.append(transform(R, T_cam_obj[:3, 3] + k * 1e-3 * JITTER_MM * along))
+    Ts[JITTERS] = T_cam_obj
     return np.array(Ts)
 
 
 def _window(target: Target, T_cam_obj: Float) -> tuple[int, int, int, int, int]:
     """Top, left, rows and columns of cells, and side of a cell [px], around the object's mask and its model."""
     camera, mask = target.observation.camera, target.instance.mask
-    v, u = np.nonzero(mask)
-    pixels = [np.stack([u, v], axis=1).astype(np.float64)]
+    v, u = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     points_cam = apply(T_cam_obj, target.model.points)
-    pixels.append(camera.project(points_cam[points_cam[:, 2] > 0.01]))
+    pixels = [camera.project(points_cam[points_cam[:, 2] > 0.01])]
+    if len(v):
+        pixels.append(np.array([[u[0], v[0]], [u[-1], v[-1]]], np.float64))
     limits = np.array([camera.width, camera.height], np.float64)
     around = np.clip(np.concatenate(pixels), 0, limits)
     around = around if len(around) else np.array([[0.0, 0.0], limits])

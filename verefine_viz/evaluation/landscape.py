@@ -40,6 +40,8 @@ AXIS_WORDS = (
 )  # fmt: skip
 """Three shifts and three turns of the table, then of the model; "right" and "away" are the camera's."""
 N_AXES = len(AXIS_WORDS)
+SAME_DEG = 1.0
+"""A turn that a declared symmetry undoes but for less than this looks the same [deg]."""
 SLICE = 13
 """Poses along a side of a 2D slice."""
 ROBUST_M = 0.002
@@ -258,7 +260,7 @@ class _Walk:
         self._verifier, self._target, self._T, self._placed = verifier, target, T_cam_obj, placed
         self._axes = axes_of(target, T_cam_obj)
         self._noise = ScoreNoise(verifier, target, T_cam_obj, placed)
-        self._score = float(verifier.score(target, T_cam_obj[None], placed).score[0])
+        self._score = self._noise.score
         self._samples: dict[tuple[int, float], tuple[float, float]] = {}
         """(axis, offset) → score, noise."""
         self._ends: dict[tuple[int, float], float] = {}
@@ -272,17 +274,13 @@ class _Walk:
     def _stepped(self, going: list[tuple[int, float]], step: int) -> list[tuple[int, float]]:
         """Takes one more step on each; the same without those that have come to their end."""
         offsets = [(k, side * self._axes[k].steps[step]) for k, side in going]
-        scores = self._scored(offsets)
+        # Declared to look the same: what would differ is how the mesh's facets lie.
+        same = [one for one in offsets if self._is_same(*one)]
+        self._samples |= dict.fromkeys(same, (self._score, self._noise.least))
+        self._score_near([one for one in offsets if one not in same])
         on: list[tuple[int, float]] = []
-        for i, ((k, side), (_, offset)) in enumerate(zip(going, offsets, strict=True)):
-            score = float(scores.score[i])
-            if self._is_same(k, offset):
-                # Declared to look the same: what differs is how the mesh's facets lie.
-                score = self._score
-            fall, noise = self._score - score, self._noise.most
-            if fall <= CANNOT_TELL * noise:
-                noise = self._noise.of(self._axes[k].moved(self._T, offset), int(scores.n_pixels[i]))
-            self._samples[k, offset] = (score, noise)
+        for (k, side), (_, offset) in zip(going, offsets, strict=True):
+            fall, noise = self._fall_and_noise(k, offset)
             if fall > CANNOT_TELL * noise:
                 self._ends[k, side] = self._crossing(k, side, step)
             elif step + 1 < len(self._axes[k].steps):
@@ -291,13 +289,27 @@ class _Walk:
                 self._ends[k, side] = self._axes[k].steps[step]
         return on
 
+    def _score_near(self, offsets: Sequence[tuple[int, float]]) -> None:
+        """Scores poses, with their own noise where the fall of the score leaves it in doubt."""
+        if not offsets:
+            return
+        scores = self._scored(offsets)
+        for (k, offset), score, n_pixels in zip(offsets, scores.score.tolist(), scores.n_pixels.tolist(), strict=True):
+            noise = self._noise.most
+            if self._score - score <= CANNOT_TELL * noise:
+                noise = self._noise.of(self._axes[k].moved(self._T, offset), n_pixels)
+            self._samples[k, offset] = (score, noise)
+
     def _is_same(self, k: int, offset: float) -> bool:
-        """Whether a declared symmetry undoes the turn, but for the steps in which continuous ones are listed."""
+        """Whether a declared symmetry undoes the turn."""
         model, axis = self._target.model, self._axes[k]
         if not model.is_symmetric or axis.kind == "shift":
             return False
-        rest_deg = np.rad2deg(symmetric_angles_rad(model, axis.moved(self._T, offset), self._T).min())
-        return bool(rest_deg < min(0.5 * abs(offset), 0.6 * 360 / CONTINUOUS_STEPS))
+        # Continuous ones are listed in steps: where the turn by the nearest of these looks the same, so does this one.
+        step_deg = 360 / CONTINUOUS_STEPS
+        listed_deg = np.copysign(max(1, round(abs(offset) / step_deg)) * step_deg, offset)
+        rest_rad = symmetric_angles_rad(model, axis.moved(self._T, listed_deg), self._T).min()
+        return bool(np.rad2deg(rest_rad) < SAME_DEG)
 
     def _scored(self, offsets: Sequence[tuple[int, float]]) -> Scores:
         Ts = np.array([self._axes[k].moved(self._T, offset) for k, offset in offsets])

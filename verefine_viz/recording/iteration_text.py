@@ -71,7 +71,7 @@ def _scene_record(scene: SceneRecord) -> str:
     return (
         f"**The pass as a scene: {scene.score.score:.3f}** (f_d {scene.score.depth_fit:.3f},"
         f" f_n {scene.score.normal_fit:.3f}); each object at its best {scene.best_known.score:.3f};"
-        f" best scene so far {scene.incumbent_score:.3f}. The arms of this pass got {scene.reward:.3f}."
+        f" best scene so far {scene.incumbent_score:.3f}. The hypotheses of this pass got {scene.reward:.3f}."
     )
 
 

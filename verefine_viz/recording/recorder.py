@@ -19,7 +19,7 @@ from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import RunState, Verifier
 from verefine_viz.core.records import Best, Iteration, PlacedPose
 from verefine_viz.core.settings import Session
-from verefine_viz.evaluation.landscape import landscape
+from verefine_viz.evaluation.landscape import Landscape, landscape
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.recording.background import log_background
 from verefine_viz.recording.drawn_iterations import Drawing
@@ -77,6 +77,8 @@ class Recorder:
         self._n_drawn = 0
         self._maps: tuple[int, Verifier, Maps] | None = None
         self._errors = _GroundTruthErrors()
+        self.landscapes: dict[int, Landscape] = {}
+        """The score around the answers, by instance, as soon as it is recorded."""
 
     def on_start(self, state: RunState) -> None:
         """Opens the file and logs the frame, the hypotheses and their scores.
@@ -132,6 +134,7 @@ class Recorder:
             for target, best in zip(state.problem.targets, state.best, strict=True):
                 if best is not None:
                     around = landscape(verifier, target, best.T_cam_obj)
+                    self.landscapes[target.instance.instance_id] = around
                     log_landscape(self._file, branch(target.instance, self._problem), around)
         self.close()
 

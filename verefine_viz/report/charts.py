@@ -27,6 +27,7 @@ PERCENT_TICKS = (0.1, 0.3, 1, 3, 10, 30, 100)
 PERCENT_AXIS = {"type": "log", "tickvals": PERCENT_TICKS, "ticktext": [f"{t:g}" for t in PERCENT_TICKS]}
 STAGE_WORDS = {
     "read": ("read", "#8d99ae"),
+    "prepare": ("prepare models (once)", "#d9c9b0"),
     "start": ("hypotheses", "#577590"),
     "refine": ("refine", "rgb(50,110,255)"),
     "simulate": ("simulate", "rgb(255,140,0)"),

@@ -232,7 +232,7 @@ def stage_times(run: LoadedRun) -> dict[str, float]:
         "score": sum(row.ms_score for row in run.objects) / n,
     }
     rest = stages.pop("iterate", sum(row.ms_total for row in run.objects) / n) - sum(parts.values())
-    first = {name: stages.pop(name) for name in ("read", "start") if name in stages}
+    first = {name: stages.pop(name) for name in ("read", "prepare", "start") if name in stages}
     return {**first, **parts, "rest of the iterations": max(rest, 0.0), **stages}
 
 

@@ -103,7 +103,8 @@ class BopSource:
             scene, up_notes = scene.model_copy(update={"gravity": "plane"}), (WITHOUT_UP,)
         observation = observe(image.camera, image.depth_m, image.rgb, masks, scene, image.R_world_cam)
         wanted = self._wanted(segments, frame)
-        models, faults, model_notes = self._models(wanted, progress)
+        with progress.preparing():
+            models, faults, model_notes = self._models(wanted, progress)
         solvable = [s for s in wanted if s.obj_id in models]
         if not solvable:
             raise InputError(f"no instance of frame {frame} can be solved: {'; '.join((*notes, *model_notes))}")

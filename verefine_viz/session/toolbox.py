@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any
@@ -93,14 +94,21 @@ class Toolbox:
         """Notes on the choice of frames and objects."""
         return (*self.source.notes, *edits_elsewhere(self.session.edits, self.frames))
 
-    def problem(self, frame: str) -> Problem:
+    def problem(self, frame: str, preparing: Callable[[], AbstractContextManager[object]] = nullcontext) -> Problem:
         """The frame with its instances, their hypotheses, and the order in which they depend on each other.
+
+        Args:
+            frame: "scene/image".
+            preparing: entered while its models are read and prepared; measures the time of it.
 
         Raises:
             VerefineError: the frame cannot be used, or lacks what the session names in it.
             Cancelled: it is not wanted any more.
         """
-        problem = self._with_estimates(self._solvable(self.source.problem(frame, self._progress)))
+        problem = self.source.problem(frame, replace(self._progress, preparing=preparing))
+        with preparing():
+            problem = self._solvable(problem)
+        problem = self._with_estimates(problem)
         notes = check_edits(self.session.edits, problem, len(self.frames) == 1, not self.session.scene.objects)
         problem = replace(problem, notes=(*problem.notes, *notes)) if notes else problem
         return self.ordered(_within_reach(problem))
