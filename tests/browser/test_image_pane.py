@@ -191,3 +191,25 @@ def test_the_3d_view_goes_to_the_sensor_and_to_the_object(screen: Screen) -> Non
     first = screen.app.server.initial_camera
     screen.until(lambda: bool(abs(client.camera.position - first.position).max() < 1e-3))
     screen.until(lambda: client.camera.fov == pytest.approx(first.fov, abs=1e-3))
+
+
+def test_a_ruler_goes_from_the_marked_pixel_to_the_next_one_and_the_object_can_be_cut_open(screen: Screen) -> None:
+    page, observation = screen.page, screen.app.debugger.workspace.work.problem.observation
+    rows, columns = (observation.depth_m > 0).nonzero()
+    first, last = (int(columns[0]), int(rows[0])), (int(columns[-1]), int(rows[-1]))
+    screen.app.send(c.ProbePixel(*first))
+    screen.app.wait_until_idle(60)
+    page.locator(".image-bar button[title^=ruler]").click(timeout=SLOW_MS)
+    screen.until(lambda: screen.app.debugger.options.ruler == first)
+    screen.app.send(c.ProbePixel(*last))
+    screen.app.wait_until_idle(60)
+    until_true(page, "/^[0-9.]+ mm, depth/.test(document.querySelector('.image-length')?.textContent)")
+    (client,) = screen.app.server.get_clients().values()
+    uncut_m = client.camera.near
+    screen.tab("View")
+    for _ in range(5):
+        page.locator("[data-dock-region=right]").get_by_role("slider").first.press("ArrowRight", timeout=SLOW_MS)
+    screen.until(lambda: screen.app.debugger.options.cut_percent == 5 and client.camera.near > uncut_m)
+    screen.shot("ruler_and_cut")
+    screen.key("r")
+    until_true(page, "!document.querySelector('.image-length')")

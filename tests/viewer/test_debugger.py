@@ -52,7 +52,7 @@ ANY_MOVE = st.sampled_from(
         c.EditPose(False),
         c.DragPose(tuple(transform(np.eye(3), [0.01, 0.08, 0.6]).ravel())), c.ShowBranch(0), c.Compare(a="best"),
         c.ColorCloud(), c.ShowLayer("cloud"), c.ProbePixel(40, 30), c.ScrubPath(1), c.PlayPath(), c.ScoreGroundTruth(),
-        c.SetBreakpoints((("arm_switched", True),)),
+        c.PlaceRuler(), c.CutView(30), c.SetBreakpoints((("arm_switched", True),)),
     ]
 )  # fmt: skip
 

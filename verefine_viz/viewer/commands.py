@@ -276,6 +276,17 @@ class ProbePixel(ViewCommand):
     v: int
 
 
+class PlaceRuler(ViewCommand):
+    """A ruler from the probed pixel to the next one that is probed; where there is one, it is taken away."""
+
+
+class CutView(ViewCommand):
+    """Cuts the object in focus open in 3D, on the side of the viewer: how much of its diameter is cut off [%]."""
+
+    latest_wins = True
+    percent: int
+
+
 class MoveCamera(ViewCommand):
     """The 3D view of one browser: exactly where the sensor was, or close to the object in focus."""
 

@@ -258,6 +258,18 @@ def _show_map(options: ViewOptions, command: c.ShowMap) -> ViewOptions:
     return replace(options, map=command.name)
 
 
+def _place_ruler(options: ViewOptions, command: c.PlaceRuler) -> ViewOptions:
+    if options.ruler is None and options.pixel is None:
+        raise InputError("no pixel is marked; click where the ruler is to start")
+    return replace(options, ruler=options.pixel if options.ruler is None else None)
+
+
+def _cut_view(options: ViewOptions, command: c.CutView) -> ViewOptions:
+    if not 0 <= command.percent <= 100:
+        raise InputError(f"{command.percent} % cannot be cut off, expected 0 to 100")
+    return replace(options, cut_percent=command.percent)
+
+
 def _color_cloud(options: ViewOptions, command: c.ColorCloud) -> ViewOptions:
     kinds = get_args(c.CloudColors)
     return replace(options, cloud=command.by or kinds[(kinds.index(options.cloud) + 1) % len(kinds)])
@@ -303,6 +315,8 @@ _CHANGES: dict[type[Command], Callable[[ViewOptions, Any], ViewOptions]] = {
     c.Compare: _compare,
     c.ShowMap: _show_map,
     c.ProbePixel: lambda o, x: replace(o, pixel=(x.u, x.v)),
+    c.PlaceRuler: _place_ruler,
+    c.CutView: _cut_view,
     c.ColorCloud: _color_cloud,
     # From the sensor its image would hide all that is behind it.
     c.MoveCamera: lambda o, x: replace(o, layers=o.layers - {"camera image"}) if x.to == "sensor" else o,

@@ -27,6 +27,7 @@ from verefine_viz.viewer.drawing.image_layers import (
     shown_side,
 )
 from verefine_viz.viewer.drawing.markup import carries, swatch, text
+from verefine_viz.viewer.drawing.ruler import ruler_html, ruler_of
 from verefine_viz.viewer.drawing.score_maps import LABELS, scales_for
 from verefine_viz.viewer.panels.score_panel import color_bar
 from verefine_viz.viewer.panels.widgets import Block, add_style
@@ -38,6 +39,7 @@ _ICON = '<svg viewBox="0 0 16 16"><path d="{}"/></svg>'
 WHOLE = _ICON.format("M1 5V1h4M11 1h4v4M15 11v4h-4M5 15H1v-4M6 6h4v4H6z")
 CAMERA = _ICON.format("M1 4h9v8H1zM10 7l5-3v8l-5-3")
 OBJECT = _ICON.format("M8 0v4M8 12v4M0 8h4M12 8h4M5 8a3 3 0 1 0 6 0a3 3 0 1 0 -6 0")
+RULER = _ICON.format("M1 11L11 1l4 4L5 15zM4 8l2 2M7 5l2 2")
 WIPE = _ICON.format("M1 2h14v12H1zM8 0v16M10 5h3M10 8h3M10 11h3")
 
 
@@ -85,10 +87,11 @@ def pane_html(snapshot: Snapshot, contours: tuple[ShownContour, ...]) -> str:
     area = json.dumps([crop.u0, crop.v0, crop.width, crop.height])
     whose = "all" if snapshot.is_whole_scene else snapshot.target.instance.instance_id
     key = f"{snapshot.frame} {whose}"
-    probed = ""
-    if snapshot.options.pixel is not None:
-        u, v = snapshot.options.pixel
-        probed = f'<i class="image-cross probed" style="--u:{u + 0.5};--v:{v + 0.5}"></i>'
+    marked = [pixel for pixel in (snapshot.options.pixel, snapshot.options.ruler) if pixel is not None]
+    marks = "".join(f'<i class="image-cross probed" style="--u:{u + 0.5};--v:{v + 0.5}"></i>' for u, v in marked)
+    ruler = ruler_of(snapshot.problem.observation, snapshot.options)
+    if ruler is not None:
+        marks += ruler_html(ruler, camera.width, camera.height)
     legend = "".join(
         f'<button class="image-key" data-key="{one.key}" title="contour on or off">{swatch(one.color)}'
         f"{text(one.label)}</button>"
@@ -99,7 +102,7 @@ def pane_html(snapshot: Snapshot, contours: tuple[ShownContour, ...]) -> str:
         f'data-classes="{text(json.dumps(["not scored", *PIXEL_CLASSES]))}">'
         f'<div class="image-canvas image-hit" {carries(c.ProbePixel(0, 0))} data-crop="{whole}" '
         f'style="width:{camera.width}px;height:{camera.height}px"></div>'
-        f"{probed}"
+        f"{marks}"
         '<i class="image-wipe" title="left: photo, right: rendering"></i></div>'
         f'<div class="image-bar">{_bar(snapshot)}</div>'
         f'<div class="image-foot"><span class="image-legend">{legend}</span><span class="image-readout"></span></div>'
@@ -120,6 +123,8 @@ def _bar(snapshot: Snapshot) -> str:
         '<input type="range" min="0" max="100" aria-label="opacity of the model" title="opacity of the posed model">'
         '<select class="image-map" aria-label="score map over the photo" title="score map over the photo">'
         f'<option value="none">no map</option>{maps}</select>'
+        f"<button {carries(c.PlaceRuler())}{' data-on' if snapshot.options.ruler is not None else ''} "
+        f'title="ruler: from the marked pixel to the next that is clicked (R)">{RULER}</button>'
         f'<button {carries(c.MoveCamera("sensor"))} title="look through the camera in 3D">{CAMERA}</button>'
         f'<button {carries(c.MoveCamera("object"))} title="focus the object in 3D">{OBJECT}</button>'
     )

@@ -60,6 +60,7 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Batch: previous failure", "K", c.OpenFailure(-1)),
     ("Ground truth on / off", "G", c.ShowLayer("ground truth")),
     ("Colour of the cloud", "C", c.ColorCloud()),
+    ("Ruler from the marked pixel on / off", "R", c.PlaceRuler()),
     ("Hypotheses on / off", "H", c.ShowLayer("hypotheses")),
     ("Play the simulated path", "P", c.PlayPath()),
     ("Look through the camera", None, c.MoveCamera("sensor")),

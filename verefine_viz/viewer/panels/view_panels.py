@@ -42,6 +42,9 @@ class ViewPanel:
             hint="of B: observed − rendered depth; class of each pixel; distance to the posed model (C switches)",
         )
         self.cloud.on_update(by_user(lambda v: send(c.ColorCloud(v))))
+        self.cut = gui.add_slider("Cut %", 0, 100, 1, 0, hint="cuts the object in focus open, on your side")
+        # Only it says what is cut, so it is never behind.
+        self.cut.on_update(by_user(lambda v: send(c.CutView(int(v)))))
         for name in (name for row in ROWS for name in row):
             label = "photo" if name == "camera image" else stage_label(name)
             box = gui.add_checkbox(label, name in SHOWN_AT_FIRST, hint=HINTS.get(name))

@@ -18,6 +18,7 @@ from verefine_viz.core.palette import Image, class_image, difference_scale, dist
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.scores import ScoreMaps
 from verefine_viz.viewer.commands import CloudColors
+from verefine_viz.viewer.drawing.ruler import ruler_of
 from verefine_viz.viewer.drawing.score_maps import map_over
 from verefine_viz.viewer.scene3d.pose_nodes import place
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
@@ -57,10 +58,16 @@ class CameraNodes:
             "/cam/ray", np.zeros((1, 2, 3), np.float32), (255, 255, 255), thickness=1.5, thickness_units="screen",
             visible=False,
         )  # fmt: skip
+        self._ruler = scene.add_line_segments(
+            "/cam/ruler", np.zeros((1, 2, 3), np.float32), (255, 255, 255), thickness=2.5, thickness_units="screen",
+            visible=False,
+        )  # fmt: skip
+        self._length = scene.add_label("/cam/ruler/length", "", visible=False)
 
     def show(self, snapshot: Snapshot) -> None:
-        """Shows or hides it, and the ray of the probed pixel as far as the sensor saw."""
+        """Shows or hides it, the ray of the probed pixel as far as the sensor saw, and the ruler to it."""
         self._show_ray(snapshot)
+        self._show_ruler(snapshot)
         self._image.visible = self._frustum.visible = "camera image" in snapshot.options.layers
 
     def _show_ray(self, snapshot: Snapshot) -> None:
@@ -71,6 +78,14 @@ class CameraNodes:
             camera = observation.camera
             end = depth_m * np.array([(pixel[0] - camera.cx) / camera.fx, (pixel[1] - camera.cy) / camera.fy, 1.0])
             self._ray.points = np.array([[np.zeros(3), end]], np.float32)
+
+    def _show_ruler(self, snapshot: Snapshot) -> None:
+        ruler = ruler_of(snapshot.problem.observation, snapshot.options)
+        points_cam = ruler.points_cam if ruler is not None else None
+        self._ruler.visible = self._length.visible = points_cam is not None
+        if ruler is not None and points_cam is not None:
+            self._ruler.points = points_cam[None].astype(np.float32)
+            self._length.text, self._length.position = ruler.label, points_cam.mean(axis=0)
 
     def show_map(self, snapshot: Snapshot) -> None:
         """Lays the score map that is chosen over the image."""

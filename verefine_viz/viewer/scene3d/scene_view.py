@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -52,7 +53,7 @@ def aim(server: viser.ViserServer, snapshot: Snapshot, T_world_cam: Float) -> No
     eye, target = apply(T_world_cam, np.array([eye_cam, middle]))
     camera = server.initial_camera
     camera.position, camera.look_at, camera.up = eye, target, np.array([0.0, 0.0, 1.0])
-    camera.near = 0.005
+    camera.near = UNCUT_NEAR_M
     for client in server.get_clients().values():
         look_again(server, client)
 
@@ -85,6 +86,30 @@ def look_at_object(client: viser.ClientHandle, points_world: Float) -> None:
     client.camera.look_at = middle
 
 
+UNCUT_NEAR_M = 0.005
+"""From where on the view is drawn [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """What is cut off in front of a ball: a plane that is square to the view moves through it."""
+
+    centre_world: Float
+    """(3,) [m]."""
+    diameter_m: float
+    percent: int
+    """Of the diameter; 0 = nothing is cut off."""
+
+    def show(self, camera: viser.CameraHandle) -> None:
+        """Draws the view of one browser from the plane on."""
+        near_m = UNCUT_NEAR_M
+        if self.percent:
+            ahead = camera.look_at - camera.position
+            depth_m = (self.centre_world - camera.position) @ ahead / max(float(np.linalg.norm(ahead)), 1e-9)
+            near_m = max(float(depth_m) + (self.percent / 100 - 0.5) * self.diameter_m, UNCUT_NEAR_M)
+        camera.near = near_m  # The same as before is not sent.
+
+
 _UP_FROM_CAMERA = transform(np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), np.zeros(3))
 """World from camera where no support is known: up is the image's up."""
 
@@ -105,6 +130,11 @@ class SceneView:
         server.scene.configure_default_lights(True, cast_shadow=False)
         server.scene.world_axes.visible = False
         server.scene.on_click()(self._on_click)
+        self._cut = Cut(np.zeros(3), 0.0, 0)
+
+        @server.on_client_connect
+        def _(client: viser.ClientHandle) -> None:
+            client.camera.on_update(lambda camera: self._cut.show(camera))  # After every move of the camera.
 
     def show(self, snapshot: Snapshot) -> None:
         """Draws a snapshot: new nodes for a new frame or object, otherwise poses, colours and visibility only."""
@@ -117,6 +147,7 @@ class SceneView:
         self._others.show(snapshot)
         self._show_contacts(snapshot)
         self._show_gizmo(snapshot)
+        self._show_cut(snapshot)
         self.show_deep(snapshot)
         self._ground.show(snapshot)
 
@@ -168,10 +199,24 @@ class SceneView:
         if to == "sensor":
             look_through(client, snapshot.problem.observation, self._T_world_cam)
             return
+        look_at_object(client, self._posed_points(snapshot))
+
+    def _posed_points(self, snapshot: Snapshot) -> Float:
+        """Points of the object in focus, or of all objects of the scene (n, 3), in the world [m]."""
         posed = snapshot.b or snapshot.a
         points = [apply(T, target.model.points) for target, T in posed_objects(snapshot, posed)] if posed else []
         points_cam = np.concatenate(points) if points else measured_points(snapshot.problem)
-        look_at_object(client, apply(self._T_world_cam, points_cam))
+        return apply(self._T_world_cam, points_cam)
+
+    def _show_cut(self, snapshot: Snapshot) -> None:
+        percent, before = snapshot.options.cut_percent, self._cut
+        if percent == 0 and before.percent == 0:
+            return
+        points = self._posed_points(snapshot)
+        low, high = points.min(axis=0), points.max(axis=0)
+        self._cut = Cut((low + high) / 2, float(np.linalg.norm(high - low)), percent)
+        for client in self._server.get_clients().values():
+            self._cut.show(client.camera)
 
     # The frame
 

@@ -55,6 +55,10 @@ class ViewOptions:
     map: MapName = "classes"
     pixel: tuple[int, int] | None = None
     """(u, v) that is probed."""
+    ruler: tuple[int, int] | None = None
+    """(u, v) from which the ruler reaches to the probed pixel."""
+    cut_percent: int = 0
+    """How much of the diameter of the object in focus is cut off in 3D."""
     cloud: c.CloudColors = "colour"
     layers: frozenset[str] = SHOWN_AT_FIRST
     preset: c.Preset = "inspect"
@@ -121,7 +125,7 @@ class ViewOptions:
         return ViewOptions(
             cloud=self.cloud, layers=self.layers, map=self.map, animate=self.animate, arrangement=self.arrangement,
             arranged_by=self.arranged_by, preset=self.preset, enlarged=self.enlarged,
-            curves_of=self.curves_of, slice_axes=self.slice_axes,
+            curves_of=self.curves_of, slice_axes=self.slice_axes, cut_percent=self.cut_percent,
         )  # fmt: skip
 
 
