@@ -60,8 +60,9 @@ class Crop:
 
     def images(self, maps: ScoreMaps, target: Target, tau_m: float) -> MapImages:
         """The cut-out of the maps of a pose (H, W)."""
-        without_value = {"depth_difference_m": np.nan, "angle_rad": np.nan}
-        part = ScoreMaps(**{name: self.of(image, without_value.get(name, 0)) for name, image in vars(maps).items()})
+        without_value = {"depth_difference_m": np.nan, "angle_rad": np.nan, "correlation": np.nan}
+        there = {name: image for name, image in vars(maps).items() if image is not None}
+        part = ScoreMaps(**{name: self.of(image, without_value.get(name, 0)) for name, image in there.items()})
         return MapImages(part, self.of(target.observation.depth_m), scales_for(target, tau_m))
 
 
