@@ -32,7 +32,8 @@ MUCH, MUCH_SCORE = 0.03, 0.01
 def frame_result(run: Run, session: Session) -> FrameResult:
     """The result of a finished run of ``session``."""
     problem, state = run.problem, run.final_state
-    doubts = answer_doubts(problem, [None if best is None else best.T_cam_obj for best in state.best])
+    poses = [None if best is None else best.T_cam_obj for best in state.best]
+    doubts = answer_doubts(problem, poses, session.score.colour_weight)
     rows = tuple(
         _object_row(problem, target, best, initial, run.iterations, session, run.final_verifier)
         for target, best, initial in zip(problem.targets, state.best, state.initial, strict=True)

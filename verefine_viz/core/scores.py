@@ -18,9 +18,14 @@ leaves it empty or puts it behind what was observed. protruding: the pose puts s
 outside the mask onto another surface. hidden: something nearer stands in front, outside the mask or known from placed
 objects. unknown: rendered, but nothing was measured there.
 """
-MapName = Literal["observed", "rendered", "difference", "angle", "f_d", "f_n", "classes"]
+MapName = Literal[
+    "observed", "rendered", "difference", "angle", "f_d", "f_n", "classes", "observed_colour", "rendered_colour",
+    "correlation",
+]  # fmt: skip
 """What is shown of the pixels: the sensor's depth, and what :class:`ScoreMaps` holds."""
 MAP_NAMES: tuple[MapName, ...] = get_args(MapName)
+COLOUR_MAPS: tuple[MapName, ...] = ("observed_colour", "rendered_colour", "correlation")
+"""Those without a value where the colour term is off."""
 
 
 @dataclass(frozen=True, eq=False)
