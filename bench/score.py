@@ -2,8 +2,9 @@
 
 One object at 640×480, scored with ``pixels = "published"``, the authors' formula. Ours twice: with the mesh simplified
 by the default deviation, as a session scores, and with every triangle, as the authors' scheme draws them; only those
-rows compute the same number; those with colour add its term. The authors' scheme, on this machine's OpenGL: the whole
-frame in two passes, averaged by mipmaps, level 4 (40×30) read back and summed; one pose after the other, every triangle.
+rows compute the same number; those with colour add its term. The authors' scheme, on this machine's OpenGL: the
+whole frame in two passes, averaged by mipmaps, level 4 (40×30) read back and summed; one pose after the other, every
+triangle.
 """
 
 from __future__ import annotations

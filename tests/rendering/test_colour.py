@@ -189,7 +189,9 @@ def test_maps_are_the_term_pixel_by_pixel(make: MakeVerifier) -> None:
         assert maps.rendered_rgb is not None
         explained = maps.classes == 1
         assert np.array_equal(np.isfinite(maps.correlation), explained)
-        assert maps.correlation[explained].mean() == pytest.approx(score.colour_fit, abs=1e-3)
+        counted = explained & ((np.indices(explained.shape).sum(axis=0) % 2) == 0)
+        assert maps.correlation[counted].mean() == pytest.approx(score.colour_fit, abs=1e-3)
+        assert maps.correlation[explained].mean() == pytest.approx(score.colour_fit, abs=0.02)
         assert not maps.rendered_rgb[maps.rendered_m == 0].any()
     maps = verifier.maps(one, T_BOX)
     explained = maps.classes == 1

@@ -152,4 +152,5 @@ class ScoreMaps:
     rendered_rgb: NDArray[np.uint8] | None = None
     """(H, W, 3) the model's colours under the pose, without light; black where there are none."""
     correlation: NDArray[np.float32] | None = None
-    """(H, W) what each explained pixel adds to f_c, times their number: its mean over them is f_c; NaN elsewhere."""
+    """(H, W) what each explained pixel adds to f_c, times their number: its mean over those that count (column + row
+    even) is f_c; NaN elsewhere."""

@@ -171,7 +171,7 @@ def correlations(sums: np.ndarray) -> np.ndarray:
 def local_correlation(
     rendered: NDArray[np.floating], observed: NDArray[np.floating], model_of: NDArray[np.integer], sums: Float
 ) -> NDArray[np.float32]:
-    """(h, w) the addends of f_c, whose mean over a model's explained pixels is its f_c; NaN elsewhere.
+    """(h, w) the addends of f_c, whose mean over a model's explained pixels that count is its f_c; NaN elsewhere.
 
     Args:
         rendered: (h, w, 3) opponent space.

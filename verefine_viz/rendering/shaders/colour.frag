@@ -40,6 +40,7 @@ void main() {
         float z = surface.x;
         if (z == 0.0) continue;
         ivec2 pixel = window.xy + ivec2(x, row);
+        if (((pixel.x + pixel.y) & 1) != 0) continue;
         float d = texelFetch(observed, pixel, 0).w;
         if (d == 0.0 || abs(d - z) >= tau_m) continue;
         int face = int(surface.y);
