@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +39,8 @@ APART_MM = 2.0
 """Pairs of poses count whose errors differ by more."""
 CLOSE_MM = 15.0
 """``close_pairs``: both errors are below this."""
+CLOSE_TURN = 0.05
+"""``turns``: those whose score of depth and normals is that near to ground truth's."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,8 @@ class Variant:
     """A pixel of the mask that is nearer than the model by more than τ: wrong or neutral."""
     unknown: str = "neutral"
     missed: str = "wrong"
+    colour: float = 0.0
+    """w of the colour term; needs models with colours."""
 
 
 VARIANTS = (
@@ -74,6 +78,7 @@ VARIANTS = (
     Variant("classes, missed neutral", missed="neutral"),
     Variant("classes, τ 10 mm", tau_m=0.01),
     Variant("classes, τ 40 mm", tau_m=0.04),
+    *(Variant(f"classes, colour {w}", colour=w) for w in (0.05, 0.1, 0.2, 0.3, 0.5)),
 )
 
 
@@ -88,10 +93,14 @@ class Picture:
     own: NDArray
     objects: NDArray
     n_objects_elsewhere: int
+    f_c: float | None
+    """By the mask as annotated; None where the object has no colour term."""
 
 
 def score(p: Picture, v: Variant) -> float:
     """The score of a picture in one variant."""
+    if v.colour and p.f_c is not None:
+        return (1 - v.colour) * score(p, replace(v, colour=0.0)) + v.colour * max(p.f_c, 0.0)
     drawn, measured = p.rendered_m > 0, p.observed_m > 0
     difference = p.observed_m - p.rendered_m
     near = drawn & measured & (np.abs(difference) < v.tau_m)
@@ -149,11 +158,15 @@ def pictures(target: Target, all_maps: Sequence[ScoreMaps], mask: NDArray, all_m
             own=own[used],
             objects=objects[used],
             n_objects_elsewhere=int((objects & ~used).sum()),
+            f_c=None
+            if maps.correlation is None
+            else float(np.nan_to_num(maps.correlation[maps.classes == 1]).sum())
+            / max(int((maps.classes == 1).sum()), 1),
         )
 
 
-def candidates(instance: Instance, model: ObjectModel, results: Problem | None) -> tuple[NDArray, NDArray]:
-    """Poses (N, 4, 4), ground truth first, and whether each comes from an estimator (N,)."""
+def candidates(instance: Instance, model: ObjectModel, results: Problem | None) -> tuple[NDArray, NDArray, NDArray]:
+    """Poses (N, 4, 4), ground truth first, whether each comes from an estimator (N,), and whether it is a half turn."""
     T_gt = instance.T_cam_obj_gt
     assert T_gt is not None
     poses, real = [T_gt], [False]
@@ -163,6 +176,7 @@ def candidates(instance: Instance, model: ObjectModel, results: Problem | None) 
         real += [False] * PER_SIZE
     # Upside down and back to front, about the middle of the model: the flips that symmetric shapes invite.
     middle = (model.vertices.min(axis=0) + model.vertices.max(axis=0)) / 2
+    n_disturbed = len(poses)
     for axis in np.eye(3):
         R = axis_angle(axis, np.pi)
         poses.append(T_gt @ transform(R, middle - R @ middle))
@@ -172,17 +186,22 @@ def candidates(instance: Instance, model: ObjectModel, results: Problem | None) 
         estimated = [h.T_cam_obj for h in there.hypotheses] if there else []
         poses += estimated
         real += [True] * len(estimated)
-    return np.stack(poses), np.array(real)
+    is_turn = np.zeros(len(poses), bool)
+    is_turn[n_disturbed : n_disturbed + 3] = True
+    return np.stack(poses), np.array(real), is_turn
 
 
-def rank(scores: NDArray, errors: NDArray, is_real: NDArray, diameter_mm: float) -> dict[str, float]:
+def rank(
+    scores: NDArray, errors: NDArray, is_real: NDArray, is_close_turn: NDArray, diameter_mm: float
+) -> dict[str, float]:
     """How well one instance's scores order its poses; entry 0 is ground truth, left out of the ranking.
 
     Returns:
         spearman: rank correlation of score and closeness. pairs, close_pairs: share of pairs in the right order. top1:
         the best-scored pose is the least wrong one within 1 mm. regret_mm: by how much it is not. gt_beaten: a pose
         scored above ground truth; …_by_wrong: one further off than a tenth of the diameter. spread: score of ground
-        truth above the median score of the worse half of the poses. real_…: among the estimators' poses only.
+        truth above the median score of the worse half of the poses. real_…: among the estimators' poses only. turns:
+        of the half turns that depth and normals score within ``CLOSE_TURN`` of ground truth, the share scored lower.
     """
     s, e = scores[1:], errors[1:]
     best = int(np.argmax(s))
@@ -200,6 +219,8 @@ def rank(scores: NDArray, errors: NDArray, is_real: NDArray, diameter_mm: float)
         "gt_beaten_by_wrong": float((s[e > 0.1 * diameter_mm] > scores[0]).any()),
     }
     out["spread"] = float(scores[0] - np.median(s[e > np.median(e)]))
+    if is_close_turn.any():
+        out["turns"] = float((scores[is_close_turn] < scores[0]).mean())
     real = is_real[1:]
     if real.sum() > 1:
         chosen = e[real][int(np.argmax(s[real]))]
@@ -213,7 +234,7 @@ def run(dataset: Path, variants: tuple[Variant, ...] = VARIANTS) -> list[dict[st
     scene = SceneSettings(source="bop", dataset=str(dataset))
     source = open_scene(scene, HypothesesSettings(source="perturb"))
     estimates = open_scene(scene, HypothesesSettings(source="results", files=files)) if files else None
-    verifier = CpuVerifier(ScoreSettings(simplify_mm=0.2, pixels="observed"))
+    verifier = CpuVerifier(ScoreSettings(simplify_mm=0.2, colour_weight=0.5))
     table: dict[tuple[str, str], list[dict[str, float]]] = {}
     for frame in source.frames:
         problem = source.problem(frame)
@@ -222,14 +243,16 @@ def run(dataset: Path, variants: tuple[Variant, ...] = VARIANTS) -> list[dict[st
             instance, model = target.instance, target.model
             if instance.T_cam_obj_gt is None or not (instance.mask & (problem.observation.depth_m > 0)).any():
                 continue
-            Ts, is_real = candidates(instance, model, results)
+            Ts, is_real, is_turn = candidates(instance, model, results)
             errors = np.array([pose_errors(model, T, instance.T_cam_obj_gt).add_s_mm for T in Ts])
+            geometric = CpuVerifier(ScoreSettings()).score(target, Ts).score
+            close_turn = is_turn & (np.abs(geometric - geometric[0]) < CLOSE_TURN)
             all_maps = [verifier.maps(target, T) for T in Ts]
             for kind, *both in masks(instance.mask, problem.observation.object_mask):
                 seen = list(pictures(target, all_maps, *both))
                 for v in variants:
                     scores = np.array([score(p, v) for p in seen])
-                    ranked = rank(scores, errors, is_real, model.diameter_m * 1e3)
+                    ranked = rank(scores, errors, is_real, close_turn, model.diameter_m * 1e3)
                     table.setdefault((kind, v.name), []).append(ranked)
     return [{"mask": kind, "score": name, **_means(rows)} for (kind, name), rows in sorted(table.items())]
 

@@ -2,8 +2,9 @@
 
 One object at 640×480, scored with ``pixels = "published"``, the authors' formula. Ours twice: with the mesh simplified
 by the default deviation, as a session scores, and with every triangle, as the authors' scheme draws them; only those
-rows compute the same number. The authors' scheme, on this machine's OpenGL: the whole frame in two passes, averaged by
-mipmaps, level 4 (40×30) read back and summed; one pose after the other, every triangle.
+rows compute the same number; those with colour add its term. The authors' scheme, on this machine's OpenGL: the
+whole frame in two passes, averaged by mipmaps, level 4 (40×30) read back and summed; one pose after the other, every
+triangle.
 """
 
 from __future__ import annotations
@@ -139,7 +140,9 @@ def bottle() -> ObjectModel:
     dents = 1 + 0.03 * np.sin(7 * x + 2 * y) * np.cos(5 * z) + 0.1 * np.cos(3 * z)
     vertices = mesh.vertices * dents[:, None] * [1.0, 0.8, 1.7]
     points = vertices[:8]
-    return ObjectModel(1, "bottle", vertices, mesh.faces, points, points * 0 + 1, 0.19, np.eye(4)[None])
+    bands = np.stack([np.sin(3 * x), np.cos(4 * y), np.sin(5 * z)], axis=1)
+    colors = (127 * (1 + bands)).astype(np.uint8)
+    return ObjectModel(1, "bottle", vertices, mesh.faces, points, points * 0 + 1, 0.19, np.eye(4)[None], colors)
 
 
 def scene() -> tuple[Target, Poses]:
@@ -169,9 +172,11 @@ def run() -> list[dict[str, Any]]:
     target, Ts = scene()
     simplified = ScoreSettings(pixels="published", tau_m=TAU_M, alpha=ALPHA)
     whole = simplified.model_copy(update={"simplify_mm": 0.0})
+    coloured = simplified.model_copy(update={"colour_weight": 0.1})
     witness = CpuVerifier(whole)
     ways = [
         ("ours, CPU", _by(CpuVerifier(simplified), target)),
+        ("ours, CPU, with colour", _by(CpuVerifier(coloured), target)),
         ("ours, CPU, every triangle", _by(witness, target)),
     ]
     software = None
@@ -181,6 +186,7 @@ def run() -> list[dict[str, Any]]:
         software = info.is_software
         ways += [
             (f"ours, OpenGL ({info.renderer})", _by(GlVerifier(simplified), target)),
+            ("ours, OpenGL, with colour", _by(GlVerifier(coloured), target)),
             ("ours, OpenGL, every triangle", _by(GlVerifier(whole), target)),
             ("authors' scheme: full frame, mipmap level 4", lambda poses: _in_turn(full.gl, full.by_mipmaps, poses)),
             ("full frame read back, numpy", lambda poses: _in_turn(full.gl, full.by_numpy, poses)),

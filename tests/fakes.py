@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -139,7 +139,8 @@ class FakeVerifier:
 
 def seen_at(maps: ScoreMaps, at: PixelGrid) -> ScoreMaps:
     """Maps of a whole image at some pixels."""
-    return ScoreMaps(*(getattr(maps, f.name)[np.ix_(at.rows, at.columns)] for f in fields(maps)))
+    seen = np.ix_(at.rows, at.columns)
+    return ScoreMaps(*(None if image is None else image[seen] for image in vars(maps).values()))
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,7 @@ BUILT_IN = (
     ("failure_no_hypothesis_near", Cause.POOL),
     ("failure_icp_slides", Cause.REFINER),
     ("failure_score_prefers_wrong", Cause.SCORE),
+    ("failure_score_prefers_flip", Cause.SYMMETRIC),
     ("failure_arm_starved", Cause.ARM_STARVED),
     ("failure_simulation_topples", Cause.SIMULATION),
     ("failure_mask_leaks", Cause.MASK),

@@ -42,7 +42,7 @@ def digest(problem: Problem) -> str:
 
 def test_the_mug_comes_first_and_every_failure_is_there() -> None:
     assert demo_names()[0] == "mug" == SceneSettings().demo
-    assert sum(name.startswith("failure_") for name in demo_names()) == 7
+    assert sum(name.startswith("failure_") for name in demo_names()) == 8
 
 
 @pytest.mark.parametrize("name", KINDS)

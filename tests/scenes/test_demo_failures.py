@@ -206,3 +206,17 @@ def test_the_mug_gives_the_bandit_something_to_do() -> None:
     assert len({i.arm for i in played.iterations}) >= 2
     assert played.best.score.score > 0.85
     assert played.errors(played.best.T_cam_obj).relative < 0.05
+
+
+def test_score_prefers_flip() -> None:
+    name = "failure_score_prefers_flip"
+    played = play(name)
+    assert played.errors(played.best.T_cam_obj).rotation_deg > 170
+    assert abs(played.best.score.score - played.truth_score.score) < 0.01, "depth cannot tell"
+    for w in (0.1, 0.4):
+        by_colour = play(name, score={"colour_weight": w})
+        assert by_colour.errors(by_colour.best.T_cam_obj).relative < 0.02
+        assert by_colour.best.score.colour_fit is not None
+        assert by_colour.best.score.colour_fit > 0.9
+        upside_down = by_colour.toolbox.verifier.score(by_colour.target, played.best.T_cam_obj[None])[0]
+        assert by_colour.best.score.score > upside_down.score + 0.5 * w

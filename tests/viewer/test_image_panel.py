@@ -15,6 +15,7 @@ from PIL import Image as PilImage
 
 from tests.viewer.fake_tools import DRAGGED
 from tests.viewer.two_runs import TWO, debugger
+from verefine_viz.core.model import Texture
 from verefine_viz.core.palette import SIDE_COLORS, STAGE_COLORS
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.image_layers import (
@@ -219,3 +220,20 @@ def test_hypotheses_vanish_with_the_end_of_the_run_and_come_back_when_asked_for(
     assert "hypotheses" not in debug.view().options.layers
     debug.carry_out([c.Back()])
     assert "hypotheses" in debug.view().options.layers
+
+
+def test_a_textured_model_is_shown_with_its_texture() -> None:
+    view = debugger().carry_out([RUN]).view()
+    side, model = shown_side(view), view.target.model
+    assert side is not None
+    red = np.full((4, 4, 3), (200, 0, 0), np.uint8)
+    skin = Texture(red, np.zeros((len(model.faces), 3, 2), np.float32))
+    textured = replace(view, target=replace(view.target, model=replace(model, texture=skin)))
+    match = re.search('data:image/png;base64,([^"]+)', model_html(textured, side))
+    assert match is not None
+    image = np.asarray(PilImage.open(io.BytesIO(base64.b64decode(match[1]))))
+    opaque = image[..., 3] > 0
+    assert opaque.any()
+    assert (image[opaque][:, 0] > 0).all()
+    assert not image[opaque][:, 1:3].any()
+    assert not image[~opaque].any()

@@ -11,10 +11,13 @@ from hypothesis import strategies as st
 
 from tests.fakes import FakeVerifier, box_problem
 from verefine_viz.core.palette import CLASS_COLORS, EMPTY
-from verefine_viz.core.scores import MAP_NAMES, MapName
-from verefine_viz.viewer.drawing.score_maps import Crop, crop_around, map_over, png, scales_for
+from verefine_viz.core.scores import COLOUR_MAPS, MAP_NAMES, MapName, PoseScore, ScoreMaps
+from verefine_viz.viewer.drawing.pose_tables import score_table
+from verefine_viz.viewer.drawing.score_maps import Crop, crop_around, map_names, map_over, png, scales_for
+from verefine_viz.viewer.panels.score_panel import probe_table
 from verefine_viz.viewer.scene3d.frame_nodes import clicked_pixel, cloud_colors, cloud_of
 from verefine_viz.viewer.snapshot.compared_poses import probe
+from verefine_viz.viewer.snapshot.snapshot import EvaluatedPose
 
 PROBLEM = box_problem()
 TARGET = PROBLEM.targets[0]
@@ -44,7 +47,7 @@ def test_over_a_photo_a_map_hides_what_belongs_to_the_score_and_nothing_else(nam
 def test_scales_depend_on_the_frame_only() -> None:
     scales = scales_for(TARGET, TAU_M)
     assert scales == scales_for(TARGET, TAU_M)
-    assert scales.keys() == set(MAP_NAMES) - {"classes"}
+    assert scales.keys() == set(MAP_NAMES) - {"classes", "observed_colour", "rendered_colour"}
     difference = scales["difference"]
     assert (difference.low, difference.high, difference.unit) == (-40.0, 40.0, "mm")
 
@@ -149,3 +152,55 @@ def test_a_cloud_without_a_photo_shows_what_faces_the_camera_brighter() -> None:
     facing = np.abs(observation.normals_cam[cloud.rows, cloud.columns, 2])
     brightness = cloud.natural.astype(float).mean(axis=1)
     assert brightness[facing > 0.9].min() > brightness[facing < 0.1].max() + 50
+
+
+def coloured(f_c: float = 0.6) -> ScoreMaps:
+    """Maps with those of the colour term."""
+    explained = MAPS.classes == 1
+    photo = np.random.default_rng(1).integers(0, 256, (60, 80, 3), np.uint8)
+    correlation = np.where(explained, np.float32(f_c), np.float32(np.nan))
+    drawn = np.where((MAPS.rendered_m > 0)[..., None], 255 - photo, 0).astype(np.uint8)
+    return replace(MAPS, observed_rgb=photo, rendered_rgb=drawn, correlation=correlation)
+
+
+def test_maps_of_colours_show_where_the_model_is_and_have_no_value_elsewhere() -> None:
+    images = WHOLE.images(coloured(), TARGET, TAU_M)
+    assert (images.indices("observed_colour") > 0).all()
+    assert np.array_equal(images.indices("rendered_colour") > 0, MAPS.rendered_m > 0)
+    assert np.array_equal(images.indices("correlation") > 0, MAPS.classes == 1)
+    for name in COLOUR_MAPS:
+        assert not WHOLE.images(MAPS, TARGET, TAU_M).indices(name).any(), "without the term there is nothing"
+
+
+def test_maps_of_colours_are_listed_only_where_the_term_counts() -> None:
+    assert map_names([MAPS, None]) == tuple(name for name in MAP_NAMES if name not in COLOUR_MAPS)
+    assert map_names([MAPS, coloured()]) == MAP_NAMES
+
+
+def test_a_pixel_has_its_colours_and_its_share_of_the_correlation() -> None:
+    maps = coloured()
+    at = probe(maps, TARGET, U, V, 0.25)
+    assert at.correlation == pytest.approx(0.6)
+    assert at.observed_rgb == tuple(maps.observed_rgb[V, U])
+    assert at.rendered_rgb == tuple(maps.rendered_rgb[V, U])
+    assert at.contribution == pytest.approx(0.75 * probe(MAPS, TARGET, U, V).contribution)
+    shown = probe_table(("refined", at), ("best", None))
+    assert "0.60" in shown
+    assert "#{:02x}{:02x}{:02x}".format(*at.observed_rgb) in shown
+    away = probe(maps, TARGET, 0, 0, 0.25)
+    assert away.correlation is None
+    assert away.rendered_rgb is None
+    assert "f_c" not in probe_table(("refined", probe(MAPS, TARGET, U, V)), ("best", None))
+
+
+def test_the_score_s_table_has_the_part_of_colour_only_where_the_term_counts() -> None:
+    def pose(**colour: float) -> EvaluatedPose:
+        score = PoseScore(0.8, 0.9, 0.7, 100, 100, (100, 0, 0, 0, 0), **colour)  # pyright: ignore[reportArgumentType]
+        return EvaluatedPose("refined", np.eye(4), score, None)
+
+    without = score_table(pose(), pose(), "mug")
+    with_colour = score_table(pose(colour_fit=0.5, colour_weight=0.2), pose(colour_fit=-0.4, colour_weight=0.2), "mug")
+    assert "colour f_c" not in without
+    assert "0.500" in with_colour
+    assert "0.100" in with_colour
+    assert "0.8 × mean of depth fit" in with_colour

@@ -206,6 +206,8 @@ def test_the_policy_of_the_page_names_its_scripts(server: Server) -> None:
     assert "'unsafe-eval'" not in rules["script-src"]
     assert rules["script-src"].count("'sha256-") == 2
     assert "http" not in answer["Content-Security-Policy"]
+    # Without it a browser draws models without their textures.
+    assert "blob:" in rules["connect-src"]
 
 
 def test_no_html_of_ours_carries_a_handler_which_the_policy_would_forbid() -> None:

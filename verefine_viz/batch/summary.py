@@ -34,7 +34,8 @@ def frame_result(run: Run, session: Session, recorded: Mapping[int, Landscape] =
     recording has it already.
     """
     problem, state = run.problem, run.final_state
-    doubts = answer_doubts(problem, [None if best is None else best.T_cam_obj for best in state.best])
+    poses = [None if best is None else best.T_cam_obj for best in state.best]
+    doubts = answer_doubts(problem, poses, session.score.colour_weight)
     rows = tuple(
         _object_row(problem, target, best, initial, run, session, recorded.get(target.instance.instance_id))
         for target, best, initial in zip(problem.targets, state.best, state.initial, strict=True)

@@ -164,6 +164,24 @@ ANGLE = Scale(0.0, 90.0, "°", _INFERNO)
 FIT = Scale(0.0, 1.0, "", _VIRIDIS)
 
 
+CORRELATION = Scale(-2.0, 2.0, "", tuple(reversed(_BLUE_RED)))
+"""What a pixel adds to f_c, times their number: blue = rendered and observed colour differ alike from their means."""
+
+_CUBE = (6, 7, 6)
+"""Steps of red, green and blue in a palette of colours."""
+CUBE_PALETTE = (
+    bytes(EMPTY) + np.rint(255 * np.indices(_CUBE).reshape(3, -1).T / (np.array(_CUBE) - 1)).astype(np.uint8).tobytes()
+).ljust(768, b"\0")
+"""768 bytes RGB: :data:`EMPTY`, then 252 colours."""
+
+
+def cube_indices(image: Image) -> NDArray[np.uint8]:
+    """Indices (…) into :data:`CUBE_PALETTE` of the colours nearest to RGB (…, 3)."""
+    steps = np.rint(image / 255.0 * (np.array(_CUBE) - 1)).astype(np.intp)
+    red, green, blue = np.moveaxis(steps, -1, 0)
+    return (1 + (red * _CUBE[1] + green) * _CUBE[2] + blue).astype(np.uint8)
+
+
 CLASS_PALETTE = (bytes(EMPTY) + b"".join(bytes(CLASS_COLORS[name]) for name in PIXEL_CLASSES)).ljust(768, b"\0")
 """768 bytes RGB of a pixel-class map: 0 = none, 1 + index into ``PIXEL_CLASSES``."""
 

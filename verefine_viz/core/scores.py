@@ -18,9 +18,14 @@ leaves it empty or puts it behind what was observed. protruding: the pose puts s
 outside the mask onto another surface. hidden: something nearer stands in front, outside the mask or known from placed
 objects. unknown: rendered, but nothing was measured there.
 """
-MapName = Literal["observed", "rendered", "difference", "angle", "f_d", "f_n", "classes"]
+MapName = Literal[
+    "observed", "rendered", "difference", "angle", "f_d", "f_n", "classes", "observed_colour", "rendered_colour",
+    "correlation",
+]  # fmt: skip
 """What is shown of the pixels: the sensor's depth, and what :class:`ScoreMaps` holds."""
 MAP_NAMES: tuple[MapName, ...] = get_args(MapName)
+COLOUR_MAPS: tuple[MapName, ...] = ("observed_colour", "rendered_colour", "correlation")
+"""Those without a value where the colour term is off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +33,7 @@ class PoseScore:
     """The score of one pose."""
 
     score: float
-    """f̄ of Eq. 1 in [0, 1]; 0 where it is undefined."""
+    """f̄ of Eq. 1 in [0, 1], with colour (1 − w) f̄ + w max(f_c, 0); 0 where it is undefined."""
     depth_fit: float
     """Mean f_d over the counted pixels."""
     normal_fit: float
@@ -41,6 +46,16 @@ class PoseScore:
     """Pixels of each of ``PIXEL_CLASSES``."""
     undefined: bool = False
     """Whether the verifier gave something that is not a number; ``score`` is 0 then."""
+    colour_fit: float | None = None
+    """f_c, correlation of rendered and observed colour over the explained pixels in [−1, 1]; None where the term is
+    off."""
+    colour_weight: float = 0.0
+    """w, 0 where the term is off; the same for all poses of an object."""
+
+    @property
+    def colour_part(self) -> float:
+        """What colour adds to the score: w max(f_c, 0)."""
+        return self.colour_weight * max(self.colour_fit or 0.0, 0.0)
 
     @property
     def shares(self) -> dict[str, float]:
@@ -65,6 +80,9 @@ class Scores:
     """(N, 5) in the order of ``PIXEL_CLASSES``."""
     undefined: NDArray[np.bool_] | None = None
     """(N,) which scores were not a number (NaN, infinite) and are 0 instead; None where all were. Set here."""
+    colour_fit: Float | None = None
+    """(N,) f_c; None where the term is off."""
+    colour_weight: float = 0.0
 
     def __post_init__(self) -> None:
         score, defined = self.score, np.isfinite(self.score)
@@ -87,6 +105,8 @@ class Scores:
             int(self.n_rendered[i]),
             (int(c[0]), int(c[1]), int(c[2]), int(c[3]), int(c[4])),
             self.undefined is not None and bool(self.undefined[i]),
+            None if self.colour_fit is None else float(self.colour_fit[i]),
+            self.colour_weight,
         )
 
 
@@ -127,3 +147,10 @@ class ScoreMaps:
     """(H, W) pixels that are part of N."""
     classes: NDArray[np.uint8]
     """(H, W) 0 = none, 1 + index into ``PIXEL_CLASSES``."""
+    observed_rgb: NDArray[np.uint8] | None = None
+    """(H, W, 3) the image as the colour term sees it, smoothed; None where the term is off, and so are those below."""
+    rendered_rgb: NDArray[np.uint8] | None = None
+    """(H, W, 3) the model's colours under the pose, without light; black where there are none."""
+    correlation: NDArray[np.float32] | None = None
+    """(H, W) what each explained pixel adds to f_c, times their number: its mean over those that count (column + row
+    even) is f_c; NaN elsewhere."""

@@ -129,6 +129,10 @@ class ScoreSettings(Settings):
     pixel_centre: Literal["integer", "half"] = "integer"
     """Where the centre of pixel (0, 0) lies in the camera matrix's image: at (0, 0), as the depth sensor has it, or
     half a pixel further, as the authors' projection has it."""
+    colour_weight: Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)] = 0.0
+    """w, weight of colour: f̄ becomes (1 − w) f̄ + w max(f_c, 0), with f_c the correlation of rendered and observed
+    colour (docs/methods.md 1.10). 0 = depth and normals alone, as in the paper. An object whose model, or whose part of
+    the image, is of one colour has w = 0."""
     renderer: Literal["auto", "gl", "cpu"] = "auto"
     """auto: OpenGL on a real GPU, else the CPU rasteriser."""
     simplify_mm: Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)] = 0.2
@@ -225,7 +229,14 @@ class Session(Settings):
 
 
 PUBLISHED: dict[str, dict[str, Any]] = {
-    "score": {"pixels": "published", "alpha": 0.707, "tau_m": 0.020, "pixel_centre": "half", "simplify_mm": 0.0},
+    "score": {
+        "pixels": "published",
+        "alpha": 0.707,
+        "tau_m": 0.020,
+        "pixel_centre": "half",
+        "simplify_mm": 0.0,
+        "colour_weight": 0.0,
+    },
     "icp": {"metric": "point", "stop": "published", "gate": "published", "matches": "all", "max_iterations": 10},
     "tricp": {"trim": 1.0},
     "pcs": {"part_share": 0.0, "spacing_m": 0.0, "keep_share": 0.2},

@@ -1,6 +1,7 @@
 """Notes about data of a frame that do not fit together, where no ground truth shows it; for page and batch.
 
-Initial poses show whether depth is in their unit, and answers whether the support plane is what supports the objects.
+Initial poses show whether depth is in their unit, answers whether the support plane is what supports the objects, and
+where colour counts either shows whether the colour image lies on the depth image.
 Measured: docs/decisions/data-checks.md.
 """
 
@@ -11,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from verefine_viz.calibration.camera_check import depth_notes, distance
+from verefine_viz.calibration.registration import registration_notes
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.problem import Problem, Target
@@ -24,16 +26,20 @@ NEAR = 0.06
 """Depth within this share of the diameter shows the model in about the right pose; others do not show the plane."""
 
 
-def answer_doubts(problem: Problem, poses: Sequence[Float | None]) -> tuple[str, ...]:
-    """What is in doubt; nothing where there is ground truth, which shows more.
+def answer_doubts(problem: Problem, poses: Sequence[Float | None], colour_weight: float = 0.0) -> tuple[str, ...]:
+    """What is in doubt; of depth and plane nothing where there is ground truth, which shows more.
 
     Args:
         problem: the frame.
         poses: T_cam_obj (4, 4) that answers each target, None where there is none, as before a run.
+        colour_weight: of the score; with 0 it does not matter where the colour image lies.
     """
-    if any(i.T_cam_obj_gt is not None for i in problem.instances):
-        return ()
-    return depth_notes(problem) or plane_notes(problem, poses)
+    true = [i.T_cam_obj_gt for i in problem.instances]
+    has_truth = any(T is not None for T in true)
+    doubts = () if has_truth else depth_notes(problem) or plane_notes(problem, poses)
+    if doubts or colour_weight == 0:
+        return doubts
+    return registration_notes(problem, true if has_truth else poses)
 
 
 def plane_notes(problem: Problem, poses: Sequence[Float | None]) -> tuple[str, ...]:

@@ -13,12 +13,23 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from verefine_viz.core.palette import ANGLE, CLASS_PALETTE, FIT, Image, Scale, difference_scale, rgb
-from verefine_viz.core.scores import MapName, ScoreMaps
+from verefine_viz.core.palette import (
+    ANGLE,
+    CLASS_PALETTE,
+    CORRELATION,
+    CUBE_PALETTE,
+    FIT,
+    Image,
+    Scale,
+    cube_indices,
+    difference_scale,
+    rgb,
+)
+from verefine_viz.core.scores import COLOUR_MAPS, MapName, ScoreMaps
 
 
 def scales_of(depth: Scale, tau_m: float) -> dict[MapName, Scale]:
-    """The scale of each map; classes have none.
+    """The scale of each map; classes and colours have none.
 
     Args:
         depth: of observed and rendered depth, which depends on the frame.
@@ -31,11 +42,14 @@ def scales_of(depth: Scale, tau_m: float) -> dict[MapName, Scale]:
         "angle": ANGLE,
         "f_d": FIT,
         "f_n": FIT,
+        "correlation": CORRELATION,
     }
 
 
 def palette_of(name: MapName, scales: Mapping[MapName, Scale]) -> bytes:
     """768 bytes RGB, the colour of index 0 (no value) first."""
+    if name in ("observed_colour", "rendered_colour"):
+        return CUBE_PALETTE
     return CLASS_PALETTE if name == "classes" else scales[name].palette
 
 
@@ -54,6 +68,8 @@ class MapImages:
         maps = self.maps
         if name == "classes":
             return maps.classes
+        if name in COLOUR_MAPS:
+            return self._colour_indices(name)
         scale = self.scales[name]
         if name in ("observed", "rendered"):
             return depth_indices(self.observed_m if name == "observed" else maps.rendered_m, scale)
@@ -63,6 +79,16 @@ class MapImages:
             return scaled_indices(maps.angle_rad, math.degrees(1), scale.low, scale.high)
         fit = np.where(maps.counted, maps.f_d if name == "f_d" else maps.f_n, np.nan)
         return scaled_indices(fit, 1.0, scale.low, scale.high)
+
+    def _colour_indices(self, name: MapName) -> NDArray[np.uint8]:
+        maps, nothing = self.maps, np.zeros(self.maps.classes.shape, np.uint8)
+        if maps.observed_rgb is None or maps.rendered_rgb is None or maps.correlation is None:
+            return nothing
+        if name == "correlation":
+            return scaled_indices(maps.correlation, 1.0, CORRELATION.low, CORRELATION.high)
+        if name == "observed_colour":
+            return cube_indices(maps.observed_rgb)
+        return np.where(maps.rendered_m > 0, cube_indices(maps.rendered_rgb), nothing)
 
     def rgb(self, name: MapName) -> Image:
         """(H, W, 3) colours."""

@@ -19,6 +19,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.palette import ARM_COLORS, OBJECT_COLORS, RGB, STAGE_COLORS
 from verefine_viz.core.problem import Problem, Target
+from verefine_viz.pictures.skin import skin_of
 from verefine_viz.recording import entities
 from verefine_viz.recording.recorded_layout import Layout, world_from_camera
 from verefine_viz.recording.recording_file import RecordingFile
@@ -34,6 +35,8 @@ DRAWN_FACES, DRAWN_FACES_IN_SCENE = 1200, 500
 GHOST_FACES = 300
 STAGE_ALPHA = {"current": 110, "simulated": 150, "mixed": 90, "refined": 170, "best": 230, "placed": 200}
 STAGE_ALPHA |= {"incumbent": 255}
+TEXTURED, TEXTURE_PX = ("best", "incumbent"), 128
+"""Stages that show an object's texture, if it has one, and the size of its image: it is stored uncompressed."""
 GHOST_ALPHA = 35
 GROUND_TRUTH_ALPHA = 60
 
@@ -78,7 +81,8 @@ def _log_object(file: RecordingFile, target: Target, branch: str, own: RGB | Non
     if own is not None:
         colors |= {"placed": own, "incumbent": own}
     for stage, color in colors.items():
-        mesh = _mesh(target.model, n_faces, color, STAGE_ALPHA[stage])
+        mesh = _textured(target.model) if stage in TEXTURED else None
+        mesh = mesh or _mesh(target.model, n_faces, color, STAGE_ALPHA[stage])
         file.log(entities.stage(branch, stage), mesh, rr.CoordinateFrame(entities.stage_frame(branch, stage)))
     if target.instance.hypotheses:
         file.log(entities.hypotheses(branch), _ghosts(target))
@@ -113,6 +117,20 @@ def _mesh(model: ObjectModel, n_faces: int, color: RGB, alpha: int) -> rr.Mesh3D
     vertices, faces, normals = _simplified(model, n_faces)
     return rr.Mesh3D(
         vertex_positions=vertices, triangle_indices=faces, vertex_normals=normals, albedo_factor=(*color, alpha)
+    )
+
+
+@lru_cache(maxsize=64)
+def _textured(model: ObjectModel) -> rr.Mesh3D | None:
+    skin = skin_of(model, TEXTURE_PX)
+    if skin is None:
+        return None
+    # rerun has v down.
+    return rr.Mesh3D(
+        vertex_positions=skin.vertices.astype(np.float32),
+        triangle_indices=skin.faces.astype(np.uint32),
+        vertex_texcoords=np.column_stack([skin.uv[:, 0], 1 - skin.uv[:, 1]]),
+        albedo_texture=skin.image,
     )
 
 

@@ -47,12 +47,16 @@ def describe(entry: Entry, layout: Layout, moved_mm: Sequence[float], turned_deg
 
 def _stages(iteration: Iteration, moved_mm: Sequence[float], turned_deg: Sequence[float]) -> str:
     """The table of the stages."""
+    has_colour = any(s.score is not None and s.score.colour_fit is not None for s in iteration.stages)
     lines = ["| stage | score | f_d | f_n | N | moved | turned |\n|-|-:|-:|-:|-:|-:|-:|"]
+    if has_colour:
+        lines = ["| stage | score | f_d | f_n | f_c | N | moved | turned |\n|-|-:|-:|-:|-:|-:|-:|-:|"]
     for stage, mm, deg in zip(iteration.stages, moved_mm, turned_deg, strict=True):
         s = stage.score
-        scores = "– | – | – | –"
+        scores = "– | – | – | – | –" if has_colour else "– | – | – | –"
         if s is not None:
-            scores = f"{s.score:.3f} | {s.depth_fit:.3f} | {s.normal_fit:.3f} | {s.n_pixels}"
+            f_c = f" | {s.colour_fit:.3f}" if s.colour_fit is not None else ""
+            scores = f"{s.score:.3f} | {s.depth_fit:.3f} | {s.normal_fit:.3f}{f_c} | {s.n_pixels}"
         name = f"**{stage.name} ✔**" if stage.name == iteration.accepted else stage.name
         lines.append(f"| {name} | {scores} | {mm:.1f} mm | {deg:.1f}° |")
     return "\n".join(lines)

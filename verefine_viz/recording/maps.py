@@ -18,7 +18,7 @@ from verefine_viz.core.palette import EMPTY, depth_scale, rgb
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Iteration, Stage
-from verefine_viz.core.scores import MapName, PixelGrid, ScoreMaps
+from verefine_viz.core.scores import COLOUR_MAPS, MapName, PixelGrid, ScoreMaps
 from verefine_viz.pictures.map_images import MapImages, depth_indices, palette_of, scales_of
 from verefine_viz.recording import entities
 from verefine_viz.recording.recording_file import RecordingFile
@@ -33,13 +33,18 @@ SCENE_TILE_PX = 224
 MAP_NAMES: tuple[MapName, ...] = ("rendered", "difference", "angle", "f_d", "f_n", "classes")
 SCENE_MAP_NAMES: tuple[MapName, ...] = ("rendered", "difference", "classes")
 OBSERVED = "observed"
+SCENE_COLOUR_MAPS: tuple[MapName, ...] = ("rendered_colour", "correlation")
 
 
-def log_colors(file: RecordingFile) -> None:
-    """The colours of all maps."""
+def log_colors(file: RecordingFile, colour: bool) -> None:
+    """The palettes of all maps, those of the colour term if it counts."""
     scales = scales_of(depth_scale(0.0, 1.0), 1.0)
     opaque = rr.SegmentationImage.from_fields(opacity=1.0)
-    for root, names in ((entities.MAPS, MAP_NAMES), (entities.SCENE_MAPS, SCENE_MAP_NAMES)):
+    scene = (*SCENE_MAP_NAMES, *SCENE_COLOUR_MAPS) if colour else SCENE_MAP_NAMES
+    for root, names in (
+        (entities.MAPS, (*MAP_NAMES, *COLOUR_MAPS) if colour else MAP_NAMES),
+        (entities.SCENE_MAPS, scene),
+    ):
         for name in names:
             file.log(f"{root}/{name}", _annotations(palette_of(name, scales)), opaque)
 
@@ -107,14 +112,16 @@ class Maps:
         (target,) = self._targets
         pair = [self._verifier.maps(target, s.T_cam_obj, placed, self._at) for s in compared(iteration)]
         gap = np.zeros((TILE_PX, GAP_PX), np.uint8)
-        for name in MAP_NAMES:
+        names = MAP_NAMES if pair[0].correlation is None else (*MAP_NAMES, *COLOUR_MAPS)
+        for name in names:
             left, right = (self._indices(name, maps) for maps in pair)
             pending.add(f"{entities.MAPS}/{name}", iteration.index, np.concatenate([left, gap, right], axis=1))
 
     def add_scene(self, pending: PendingMaps, iteration: int, Ts_cam_obj: Float, placed: Sequence[Placed]) -> None:
         """The maps of all objects together, at the poses (m, 4, 4)."""
         maps = self._verifier.scene_maps(self._targets, Ts_cam_obj, placed, at=self._at)
-        for name in SCENE_MAP_NAMES:
+        names = SCENE_MAP_NAMES if maps.correlation is None else (*SCENE_MAP_NAMES, *SCENE_COLOUR_MAPS)
+        for name in names:
             pending.add(f"{entities.SCENE_MAPS}/{name}", iteration, self._indices(name, maps))
 
     def _indices(self, name: MapName, maps: ScoreMaps) -> NDArray[np.uint8]:

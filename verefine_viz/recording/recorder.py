@@ -107,7 +107,7 @@ class Recorder:
             log_dependencies(file, self._problem.dependencies, self._layout)
         log_background(file, self._problem, self._layout, pictures=has_maps)
         if has_maps:
-            log_colors(file)
+            log_colors(file, self._has_colour)
         file.flush()
 
     def on_iteration(self, state: RunState, iteration: Iteration) -> None:
@@ -150,7 +150,7 @@ class Recorder:
         try:
             self._draw(file)
             # Last: where a file is truncated, its iterations matter more.
-            file.send_blueprint(blueprint_of(self._layout, self._verifier_of is not None))
+            file.send_blueprint(blueprint_of(self._layout, self._verifier_of is not None, self._has_colour))
             file.close(self._n_drawn)
             # The journal is not needed any more.
             part_path(self._path).replace(self._path)
@@ -159,6 +159,11 @@ class Recorder:
             raise InputError(f"cannot write the recording {self._path}: {error.strerror}") from None
         finally:
             self._journal.close()
+
+    @property
+    def _has_colour(self) -> bool:
+        """Whether the colour term counts when the recording begins."""
+        return self._verifier_of is not None and self._session.score.colour_weight > 0
 
     def _draw(self, file: RecordingFile) -> None:
         """Draws the iterations that wait for their block."""

@@ -69,7 +69,7 @@ def completed(recorded: Recorded, folder: Path) -> Path:
     file = RecordingFile(target)
     about = {name: text for name, text in recorded.properties.items() if name != COMPLETE}
     file.send_properties(about, f"{recorded.title} {recorded.frame} {recorded.session.method.name}")
-    file.send_blueprint(blueprint_of(recorded.layout, bool(maps)))
+    file.send_blueprint(blueprint_of(recorded.layout, bool(maps), recorded.session.score.colour_weight > 0))
     drawing = Drawing(recorded.layout)
     drawing.start(file)
     # What was drawn may end anywhere in a block of iterations, so all of them are drawn again.

@@ -23,6 +23,11 @@ MAP_TITLES = {
     "f_n": "f_n, normal fit 0…1",
     "rendered": "Rendered depth",
 }
+COLOUR_TITLES = {
+    "correlation": "Correlation of colours ±2",
+    "rendered_colour": "Model colour",
+    "observed_colour": "Image colour",
+}
 SCENE_MAP_TITLES = {name: MAP_TITLES[name] for name in ("classes", "difference", "rendered")}
 CURVE_TITLES = {
     "score": "Score of each hypothesis",
@@ -41,13 +46,13 @@ PER_OBJECT = ("score", "ucb", "error", "physics")
 DARK = (24, 26, 30)
 
 
-def blueprint_of(layout: Layout, has_maps: bool) -> rrb.Blueprint:
+def blueprint_of(layout: Layout, has_maps: bool, has_colour: bool = False) -> rrb.Blueprint:
     """The whole window: an overview, and a tab for each thing that only several objects have."""
     below = _curves(layout)
     overview = rrb.Vertical(
         rrb.Horizontal(
             _pictures(layout, has_maps),
-            *([_maps(layout)] if has_maps else []),
+            *([_maps(layout, has_colour)] if has_maps else []),
             _why(layout),
             column_shares=[5, 4, 3] if has_maps else [6, 3],
         ),
@@ -150,16 +155,22 @@ def _eye(layout: Layout) -> rrb.EyeControls3D:
     return rrb.EyeControls3D(position=layout.eye_world, look_target=layout.center_world, eye_up=(0.0, 0.0, 1.0))
 
 
-def _maps(layout: Layout) -> rrb.Container:
-    views = [rrb.Spatial2DView(origin=f"{entities.MAPS}/{name}", name=title) for name, title in MAP_TITLES.items()]
+def _maps(layout: Layout, has_colour: bool) -> rrb.Container:
+    def view(name: str, title: str) -> rrb.View:
+        return rrb.Spatial2DView(origin=f"{entities.MAPS}/{name}", name=title)
+
+    views = [view(*one) for one in MAP_TITLES.items()]
     tabs: list[rrb.Container | rrb.View] = [
         rrb.Grid(*views[:6], grid_columns=2, name="Maps: simulated | refined"),
         *views[6:],
     ]
+    if has_colour:
+        tabs.append(rrb.Grid(*(view(*one) for one in COLOUR_TITLES.items()), grid_columns=1, name="Colour"))
     if layout.has_passes:
         scene = [
             rrb.Spatial2DView(origin=f"{entities.SCENE_MAPS}/{name}", name=title)
-            for name, title in SCENE_MAP_TITLES.items()
+            for name, title in (SCENE_MAP_TITLES | (COLOUR_TITLES if has_colour else {})).items()
+            if name != "observed_colour"
         ]
         tabs.append(rrb.Grid(*scene, grid_columns=2, name="Scene of the last pass"))
     return rrb.Tabs(*tabs)

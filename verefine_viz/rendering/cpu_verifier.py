@@ -18,6 +18,7 @@ from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
+from verefine_viz.rendering.colour import N_COLOUR_SUMS, NO_COLOURS, SceneColours
 from verefine_viz.rendering.prepared import PreparedTarget, far_m, intrinsics
 from verefine_viz.rendering.rasterizer import draw_depth
 from verefine_viz.rendering.score_kernels import N_SUMS, draw_at, score_every
@@ -28,6 +29,7 @@ from verefine_viz.rendering.verifier import (
     rule_of,
     score_maps,
     scores_from_sums,
+    with_colours,
 )
 
 FACES_PER_THREAD = 2500
@@ -74,29 +76,31 @@ class CpuVerifier(RenderingVerifier):
         """Scores in another thread what :meth:`score` would, until the answer is called for; None if there is none."""
         if self._n_threads < 2:
             return None
-        arguments = self._arguments((target,), as_poses(Ts_cam_obj)[:, None], placed, True)
+        arguments, colours = self._arguments((target,), as_poses(Ts_cam_obj)[:, None], placed, True)
         working = _pool().submit(score_every, 0, 1, *arguments)
 
         def answer() -> Scores:
             working.result()
-            return scores_from_sums(arguments[-1], self.settings)
+            return scores_from_sums(arguments[-2], arguments[-1], colours, self.settings)
 
         return answer
 
     def _score(self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool) -> Scores:
-        arguments = self._arguments(targets, Ts, placed, whole_frame)
+        arguments, colours = self._arguments(targets, Ts, placed, whole_frame)
         n_faces = len(Ts) * sum(len(self._meshes.get(target.model).faces) for target in targets)
         n = max(1, min(len(Ts), self._n_threads, n_faces // FACES_PER_THREAD))
         others = [_pool().submit(score_every, k, n, *arguments) for k in range(1, n)]
         score_every(0, n, *arguments)
         for other in others:
             other.result()
-        return scores_from_sums(arguments[-1], self.settings)
+        return scores_from_sums(arguments[-2], arguments[-1], colours, self.settings)
 
     def _arguments(
         self, targets: Sequence[Target], Ts: Float, placed: Sequence[Placed], whole_frame: bool
-    ) -> tuple[Any, ...]:
-        """What the kernel takes after its first two arguments; the last one is where it leaves the sums."""
+    ) -> tuple[tuple[Any, ...], SceneColours | None]:
+        """What the kernel takes after its first two arguments, the last two being where it leaves its sums; and the
+        colours, if they count.
+        """
         scene, settings = self._scene, self.settings
         if scene is None or scene.whole_frame != whole_frame or scene.targets != tuple(targets):
             meshes = self._meshes.together([target.model for target in targets])
@@ -104,7 +108,10 @@ class CpuVerifier(RenderingVerifier):
             scene = _Scene(tuple(targets), whole_frame, drawing, self._targets.scene(targets, whole_frame))
             self._scene = scene
         seen = scene.prepared.arrays(self._placed_depth(targets, placed))
-        return (Ts, *scene.drawing, seen, rule_of(settings), np.empty((len(Ts), N_SUMS)))
+        colours = self._colours.scene(targets)
+        arrays, n = NO_COLOURS if colours is None else colours.arrays, len(Ts)
+        sums = np.empty((n, N_SUMS)), np.zeros((n, len(targets), N_COLOUR_SUMS))
+        return (Ts, *scene.drawing, seen, rule_of(settings), arrays, *sums), colours
 
     def _maps(
         self,
@@ -122,7 +129,12 @@ class CpuVerifier(RenderingVerifier):
         Ts = np.ascontiguousarray(Ts)
         draw_at(Ts, meshes.arrays, pinhole, camera.shape, far_m(self.settings), at.rows, at.columns, depth_m, faces)
         prepared, placed_m = self._targets.scene(targets, whole_frame), self._placed_depth(targets, placed)
-        return score_maps(meshes, Ts, at, depth_m, faces, pinhole, prepared, placed_m, self.settings)
+        maps = score_maps(meshes, Ts, at, depth_m, faces, pinhole, prepared, placed_m, self.settings)
+        arguments, colours = self._arguments(targets, Ts[None], placed, whole_frame)
+        if colours is None:
+            return maps
+        score_every(0, 1, *arguments)
+        return with_colours(maps, colours, arguments[-1][0], Ts, at, meshes.model_of(faces), pinhole)
 
     def _placed_depth(self, targets: Sequence[Target], placed: Sequence[Placed]) -> NDArray[np.float32]:
         """(H, W) z of the other objects [m]; drawn once as long as they stay where they are."""

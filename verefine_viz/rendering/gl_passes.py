@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.rendering.colour import N_COLOUR_SUMS, ColourGrid, SceneColours
 from verefine_viz.rendering.mesh import RenderMesh, RenderMeshes
 from verefine_viz.rendering.prepared import PreparedTarget
 from verefine_viz.rendering.rasterizer import NEAR_M
@@ -23,6 +24,8 @@ from verefine_viz.rendering.score_kernels import OWN
 Intrinsics = tuple[float, float, float, float]
 Windows = NDArray[np.int64]
 """(N, m, 4) the window x0, y0, columns, rows of each model of N combinations of poses [px]; 0 columns for none."""
+
+AnyTexture = moderngl.Texture | moderngl.TextureArray | moderngl.Texture3D
 
 ATLAS_PIXELS = 1 << 23
 """Largest atlas [px]; more poses are scored in several batches."""
@@ -74,10 +77,14 @@ class GlPasses:
         self._reduce = context.program(_shader("whole.vert"), _shader("reduce.frag"))
         self._score_all = context.vertex_array(self._score, [])
         self._reduce_all = context.vertex_array(self._reduce, [])
+        self._colour = context.program(_shader("whole.vert"), _shader("colour.frag"))
+        self._colour_all = context.vertex_array(self._colour, [])
         self._meshes: WeakKeyDictionary[RenderMesh, moderngl.VertexArray] = WeakKeyDictionary()
         self._normals: WeakKeyDictionary[RenderMeshes, moderngl.Texture] = WeakKeyDictionary()
         self._targets: WeakKeyDictionary[PreparedTarget, dict[str, moderngl.Texture | moderngl.TextureArray]]
         self._targets = WeakKeyDictionary()
+        self._grids: WeakKeyDictionary[ColourGrid, moderngl.Texture3D] = WeakKeyDictionary()
+        self._images: WeakKeyDictionary[SceneColours, moderngl.Texture] = WeakKeyDictionary()
         self._max_side = int(context.info["GL_MAX_TEXTURE_SIZE"])
 
     def collect(self) -> None:
@@ -137,27 +144,67 @@ class GlPasses:
             has_placed: whether ``placed`` holds objects that may hide others.
             rule: (pixels, τ, α).
         """
-        joint = _joint(windows)
-        context, n, m, (columns, rows) = self.context, *Ts.shape[:2], _tile(joint)
+        inputs, values = self._tiles(meshes, Ts, windows, camera)
+        placed = self.placed.texture if has_placed else self.atlas.texture
+        inputs = {**inputs, **self._target(prepared), "placed": placed}
+        of_rule = dict(zip(("pixels", "tau_m", "alpha"), rule, strict=True))
+        _bind(self._score, inputs, {**values, **of_rule, "has_placed": has_placed})
+        return self._summed(self._score_all, len(Ts), _tile(_joint(windows))[1])
+
+    def colour_sums(
+        self,
+        prepared: PreparedTarget,
+        colours: SceneColours,
+        meshes: RenderMeshes,
+        Ts: Float,
+        windows: Windows,
+        camera: Intrinsics,
+        tau_m: float,
+    ) -> Float:
+        """Passes 2 and 3 of the colour term: what f_c of each model is made of, (N, m, ``N_COLOUR_SUMS``).
+
+        Args:
+            prepared: what was observed.
+            colours: of the models and of the image.
+            meshes: as in :meth:`draw_tiles`.
+            Ts: as there.
+            windows: as there.
+            camera: (fx, fy, cx, cy) [px].
+            tau_m: depth tolerance [m].
+        """
+        out = np.zeros((*Ts.shape[:2], N_COLOUR_SUMS))
+        inputs, values = self._tiles(meshes, Ts, windows, camera)
+        seen = self._target(prepared)
+        inputs = {**inputs, "observed": seen["observed"], "own": seen["own"], "image": self._image(colours)}
+        for k, grid in enumerate(colours.grids):
+            if grid is not None:
+                own = {"model": k, "origin_m": tuple(grid.origin_m), "per_metre": 1 / grid.cell_m, "tau_m": tau_m}
+                _bind(self._colour, {**inputs, "cells": self._cells(grid)}, {**values, **own})
+                sums = self._summed(self._colour_all, len(Ts), _tile(_joint(windows))[1])
+                out[:, k] = sums.reshape(len(Ts), 12)[:, :N_COLOUR_SUMS]
+        return out
+
+    def _tiles(
+        self, meshes: RenderMeshes, Ts: Float, windows: Windows, camera: Intrinsics
+    ) -> tuple[Mapping[str, AnyTexture], Mapping[str, object]]:
+        """What pass 2 is given of the drawn tiles: textures and values."""
+        joint, (n, m) = _joint(windows), Ts.shape[:2]
         # What is not drawn may hold numbers that no texture can.
         drawn = np.where(windows[:, :, 2, None, None] > 0, Ts, np.eye(4))
         pose_rows = np.concatenate([drawn[:, :, :3].reshape(n, 3 * m, 4), joint[:, None]], axis=1).astype("f4")
-        poses = context.texture((3 * m + 1, n), 4, pose_rows.tobytes(), dtype="f4")
+        poses = self.context.texture((3 * m + 1, n), 4, pose_rows.tobytes(), dtype="f4")
+        inputs = {"atlas": self.atlas.texture, "poses": poses, "face_normals": self._face_normals(meshes)}
+        per_row = self._tiles_per_row(joint)
+        return inputs, {"camera": camera, "tile": _tile(joint), "tiles_per_row": per_row, "n_models": m}
+
+    def _summed(self, everywhere: moderngl.VertexArray, n: int, rows: int) -> NDArray[np.float32]:
+        """Pass 2, for whose program all is bound, and pass 3: its three outputs (n, 3, 4) summed over each tile."""
+        context = self.context
         by_row = [context.texture((rows, n), 4, dtype="f4") for _ in range(3)]
         by_pose = context.texture((n, 3), 4, dtype="f4")
-        inputs = {
-            "atlas": self.atlas.texture,
-            "poses": poses,
-            "face_normals": self._face_normals(meshes),
-            **self._target(prepared),
-            "placed": self.placed.texture if has_placed else self.atlas.texture,
-        }
-        values = {"camera": camera, "tile": (columns, rows), "tiles_per_row": self._tiles_per_row(joint), "n_models": m}
-        values |= dict(zip(("pixels", "tau_m", "alpha"), rule, strict=True))
-        _bind(self._score, inputs, {**values, "has_placed": has_placed})
         row_target = context.framebuffer(by_row)
         row_target.use()
-        self._score_all.render(vertices=3)
+        everywhere.render(vertices=3)
         _bind(self._reduce, {f"rows_{k}": texture for k, texture in enumerate(by_row)}, {"n_rows": rows})
         pose_target = context.framebuffer([by_pose])
         pose_target.use()
@@ -217,6 +264,18 @@ class GlPasses:
             self._normals[meshes] = texture
         return self._normals[meshes]
 
+    def _cells(self, grid: ColourGrid) -> moderngl.Texture3D:
+        if grid not in self._grids:
+            x, y, z, _ = grid.cells.shape
+            self._grids[grid] = self.context.texture3d((z, y, x), 3, grid.cells.tobytes(), dtype="f4")
+        return self._grids[grid]
+
+    def _image(self, colours: SceneColours) -> moderngl.Texture:
+        if colours not in self._images:
+            height, width, _ = colours.observed.shape
+            self._images[colours] = self.context.texture((width, height), 3, colours.observed.tobytes(), dtype="f4")
+        return self._images[colours]
+
     def _target(self, prepared: PreparedTarget) -> dict[str, moderngl.Texture | moderngl.TextureArray]:
         if prepared not in self._targets:
             m, height, width = prepared.own.shape
@@ -263,7 +322,7 @@ def _projection(camera: Intrinsics, window: tuple[int, int, int, int], nearest: 
 
 def _bind(
     program: moderngl.Program,
-    textures: Mapping[str, moderngl.Texture | moderngl.TextureArray],
+    textures: Mapping[str, AnyTexture],
     values: Mapping[str, object],
 ) -> None:
     for unit, (name, texture) in enumerate(textures.items()):

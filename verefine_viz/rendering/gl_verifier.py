@@ -15,11 +15,19 @@ from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
+from verefine_viz.rendering.colour import N_COLOUR_SUMS
 from verefine_viz.rendering.gl_context import create_context
 from verefine_viz.rendering.gl_passes import GlPasses
 from verefine_viz.rendering.prepared import far_m, intrinsics
 from verefine_viz.rendering.score_kernels import windows
-from verefine_viz.rendering.verifier import NOTHING_PLACED, RenderingVerifier, rule_of, score_maps, scores_from_sums
+from verefine_viz.rendering.verifier import (
+    NOTHING_PLACED,
+    RenderingVerifier,
+    rule_of,
+    score_maps,
+    scores_from_sums,
+    with_colours,
+)
 
 
 class GlVerifier(RenderingVerifier):
@@ -48,12 +56,16 @@ class GlVerifier(RenderingVerifier):
         camera = intrinsics(frame, settings)
         has_placed = self._draw_placed(passes, targets, placed)
         shown = windows(Ts, meshes.arrays, camera, frame.height, frame.width)
-        raw = np.zeros((len(Ts), 3, 4))
+        raw, colours = np.zeros((len(Ts), 3, 4)), self._colours.scene(targets)
+        colour_sums = np.zeros((len(Ts), len(targets), N_COLOUR_SUMS))
         for first, last in passes.batches(shown):
             part = Ts[first:last], shown[first:last], camera
             passes.draw_tiles(meshes, *part, far_m(settings))
             raw[first:last] = passes.sums(prepared, meshes, *part, has_placed, rule_of(settings))
-        return scores_from_sums(_columns(raw, prepared.n_own, prepared.n_objects, settings.pixels), settings)
+            if colours is not None:
+                colour_sums[first:last] = passes.colour_sums(prepared, colours, meshes, *part, settings.tau_m)
+        sums = _columns(raw, prepared.n_own, prepared.n_objects, settings.pixels)
+        return scores_from_sums(sums, colour_sums, colours, settings)
 
     def _maps(
         self,
@@ -70,15 +82,21 @@ class GlVerifier(RenderingVerifier):
         has_placed = self._draw_placed(passes, targets, placed)
         placed_m = passes.placed.read(frame.width, frame.height)[0] if has_placed else NOTHING_PLACED
         shows = windows(Ts[None], meshes.arrays, camera, frame.height, frame.width)[0, :, 2] > 0
+        whole = np.where(shows[:, None], [0, 0, frame.width, frame.height], 0)
         depth, face_of = np.zeros(frame.shape, np.float32), np.zeros(frame.shape, np.int64)
         if shows.any():
-            whole = np.where(shows[:, None], [0, 0, frame.width, frame.height], 0)
             passes.draw_tiles(meshes, Ts[None], whole[None], camera, far_m(settings))
             depth, face_of = passes.atlas.read(frame.width, frame.height)
         at = at or PixelGrid.whole(frame.shape)
         seen = np.ix_(at.rows, at.columns)
-        prepared = self._targets.scene(targets, whole_frame)
-        return score_maps(meshes, Ts, at, depth[seen], face_of[seen], camera, prepared, placed_m, settings)
+        prepared, colours = self._targets.scene(targets, whole_frame), self._colours.scene(targets)
+        maps = score_maps(meshes, Ts, at, depth[seen], face_of[seen], camera, prepared, placed_m, settings)
+        if colours is None:
+            return maps
+        sums = np.zeros((len(targets), N_COLOUR_SUMS))
+        if shows.any():
+            sums = passes.colour_sums(prepared, colours, meshes, Ts[None], whole[None], camera, settings.tau_m)[0]
+        return with_colours(maps, colours, sums, Ts, at, meshes.model_of(face_of[seen]), camera)
 
     def close(self) -> None:
         """Gives the context back; the next call makes a new one."""

@@ -84,9 +84,7 @@ def render_mesh(vertices: Float, faces: NDArray[np.int32], closed: NDArray[np.bo
 
     ``closed`` (F,) comes from :func:`~verefine_viz.rendering.simplify.closed_faces`; without it all backs are drawn.
     """
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
-    length = np.linalg.norm(normals, axis=1)
+    normals, length = _across(vertices, faces)
     solid = length > 0
     faces = np.ascontiguousarray(faces[solid], dtype=np.int32)
     normals = np.ascontiguousarray(normals[solid] / length[solid, None])
@@ -98,3 +96,14 @@ def render_mesh(vertices: Float, faces: NDArray[np.int32], closed: NDArray[np.bo
         closed=np.zeros(len(faces), np.bool_) if closed is None else closed[solid],
         radius_m=float(np.linalg.norm(vertices, axis=1).max()),
     )
+
+
+def drawn_faces(vertices: Float, faces: NDArray[np.int32]) -> NDArray[np.intp]:
+    """Which faces :func:`render_mesh` draws, in its order."""
+    return np.flatnonzero(_across(vertices, faces)[1] > 0)
+
+
+def _across(vertices: Float, faces: NDArray[np.int32]) -> tuple[Float, Float]:
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    return normals, np.linalg.norm(normals, axis=1)

@@ -13,7 +13,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.problem import Placed
-from verefine_viz.rendering.mesh import RenderMesh, render_mesh
+from verefine_viz.rendering.mesh import RenderMesh, drawn_faces, render_mesh
 from verefine_viz.rendering.rasterizer import draw_frame
 
 GREY = np.array([176, 176, 176], np.uint8)
@@ -81,10 +81,10 @@ def _shade(item: Placed, mesh: RenderMesh, face: NDArray, points_cam: Float, fla
     shading /= np.linalg.norm(shading, axis=1, keepdims=True)
     view = points_cam / np.linalg.norm(points_cam, axis=1, keepdims=True)
     light = AMBIENT + (1.0 - AMBIENT) * np.abs(np.einsum("ij,ij->i", shading, view))
-    if item.model.vertex_colors is None:
-        colors = np.broadcast_to(GREY, (len(face), 3)).astype(np.float64)
+    if item.model.has_colors:
+        colors = item.model.colors(drawn_faces(item.model.vertices, item.model.faces)[face], weights)
     else:
-        colors = np.einsum("ik,ikj->ij", weights, item.model.vertex_colors[corners].astype(np.float64))
+        colors = np.broadcast_to(GREY, (len(face), 3)).astype(np.float64)
     return np.clip(np.rint(colors * light[:, None]), 0, 255).astype(np.uint8)
 
 

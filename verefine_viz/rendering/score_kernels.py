@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numba import config, njit
 
-from verefine_viz.rendering.rasterizer import draw, eye_in_object, window
+from verefine_viz.rendering.rasterizer import clamped, draw, eye_in_object, window
 
 # numba tries TBB first and warns where open3d has brought along an older one.
 config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]  # pyright: ignore[reportAttributeAccessIssue]
@@ -61,7 +61,7 @@ def classify(observed, rendered, other, is_own, any_own, tau):
 
 
 @njit(cache=True)
-def score_scene(Ts, meshes, camera, far, seen, rule, sums):
+def score_scene(Ts, meshes, camera, far, seen, rule, colours, sums, colour_sums):
     """Fills ``sums`` (``N_SUMS``,) for one combination of poses.
 
     Args:
@@ -71,10 +71,14 @@ def score_scene(Ts, meshes, camera, far, seen, rule, sums):
         far: farthest surface that is drawn [m].
         seen: ``PreparedTarget.arrays``: what was observed.
         rule: (pixels, τ, α): ``PUBLISHED``, ``OBSERVED`` or ``CLASSES``, depth tolerance [m], tolerance of 1 − n·n̂.
+        colours: ``SceneColours.arrays``, or ``NO_COLOURS``.
         sums: (9,) result.
+        colour_sums: (m, ``N_COLOUR_SUMS``) result, so far 0; with ``NO_COLOURS`` it is not touched.
     """
     x0, y0, inv_z, face_of = draw_window(Ts, meshes, camera, seen[1].shape[0], seen[1].shape[1])
     _sum(inv_z, face_of, x0, y0, _facing(Ts, meshes), meshes[6], far, seen, rule, sums)
+    if len(colours[0]) > 0:
+        _sum_colours(inv_z, face_of, x0, y0, Ts, meshes[6], camera, far, seen, rule[1], colours, colour_sums)
 
 
 @njit(cache=True)
@@ -158,6 +162,68 @@ def _sum(inv_z, face_of, x0, y0, facing, face_starts, far, seen, rule, sums):
 
 
 @njit(cache=True)
+def _sum_colours(inv_z, face_of, x0, y0, Ts, face_starts, camera, far, seen, tau, colours, sums):
+    """What f_c is made of (``colour.correlations``): fills ``sums`` (m, ``N_COLOUR_SUMS``) over explained pixels.
+
+    Those with u + v even, as on a chessboard: the smoothed image says nothing new in between.
+    """
+    observed, own = seen[0], seen[2]
+    cells, starts, shapes, origins, per_metre, image = colours
+    rays = _cell_rays(Ts, camera, origins, per_metre)
+    for k in range(len(Ts)):  # Model by model, so that its sums stay in registers.
+        if starts[k] == starts[k + 1]:
+            continue
+        first, last = face_starts[k], face_starts[k + 1]
+        n, sa0, sa1, sa2, sb0, sb1, sb2, saa, sbb, sab = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for y in range(inv_z.shape[0]):
+            v = y + y0
+            for x in range((v + x0) % 2, inv_z.shape[1], 2):
+                u = x + x0
+                if inv_z[y, x] == 0.0 or (own[k, v, u] & OWN) == 0 or not first <= face_of[y, x] < last:
+                    continue
+                z, d = 1.0 / np.float64(inv_z[y, x]), np.float64(observed[v, u, 3])
+                if z > far or d == 0.0 or abs(d - z) >= tau:
+                    continue
+                at = starts[k] + _cell(rays[k], shapes[k], u, v, z)
+                a0, a1, a2 = np.float64(cells[at, 0]), np.float64(cells[at, 1]), np.float64(cells[at, 2])
+                b0, b1, b2 = np.float64(image[v, u, 0]), np.float64(image[v, u, 1]), np.float64(image[v, u, 2])
+                n += 1.0
+                sa0, sa1, sa2 = sa0 + a0, sa1 + a1, sa2 + a2
+                sb0, sb1, sb2 = sb0 + b0, sb1 + b1, sb2 + b2
+                saa += a0 * a0 + a1 * a1 + a2 * a2
+                sbb += b0 * b0 + b1 * b1 + b2 * b2
+                sab += a0 * b0 + a1 * b1 + a2 * b2
+        sums[k, 0], sums[k, 1], sums[k, 2], sums[k, 3], sums[k, 4] = n, sa0, sa1, sa2, sb0
+        sums[k, 5], sums[k, 6], sums[k, 7], sums[k, 8], sums[k, 9] = sb1, sb2, saa, sbb, sab
+
+
+@njit(cache=True)
+def _cell_rays(Ts, camera, origins, per_metre):
+    """(m, 3, 4) A, B, C, D of each model: pixel (u, v) at depth z shows the point z (A u + B v + C) + D, in cells."""
+    fx, fy, cx, cy = camera
+    out = np.empty((len(Ts), 3, 4))
+    for k in range(len(Ts)):
+        T = Ts[k]
+        for i in range(3):
+            a, b = T[0, i] / fx, T[1, i] / fy
+            back = T[0, i] * T[0, 3] + T[1, i] * T[1, 3] + T[2, i] * T[2, 3]
+            out[k, i, 0], out[k, i, 1] = a * per_metre[k], b * per_metre[k]
+            out[k, i, 2] = (T[2, i] - a * cx - b * cy) * per_metre[k]
+            out[k, i, 3] = -(back + origins[k, i]) * per_metre[k]
+    return out
+
+
+@njit(cache=True)
+def _cell(rays, shape, u, v, z):
+    """Which of a model's cells, counted through, the point of a pixel lies in, or the nearest one."""
+    at = 0
+    for i in range(3):
+        along = z * (rays[i, 0] * u + rays[i, 1] * v + rays[i, 2]) + rays[i, 3]
+        at = at * shape[i] + clamped(along, 0, shape[i] - 1)
+    return at
+
+
+@njit(cache=True)
 def draw_window(Ts, meshes, camera, height, width):
     """Draws the models into the window of the image that holds them all.
 
@@ -189,10 +255,10 @@ def draw_window(Ts, meshes, camera, height, width):
 
 
 @njit(cache=True, nogil=True)
-def score_every(first, step, Ts, meshes, camera, far, seen, rule, out):
+def score_every(first, step, Ts, meshes, camera, far, seen, rule, colours, out, colours_out):
     """:func:`score_scene` of combinations first, first + step, …; several threads may each take their share."""
     for i in range(first, len(Ts), step):
-        score_scene(Ts[i], meshes, camera, far, seen, rule, out[i])
+        score_scene(Ts[i], meshes, camera, far, seen, rule, colours, out[i], colours_out[i])
 
 
 @njit(cache=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,19 @@ from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
+from verefine_viz.rendering.colour import ColourStore, SceneColours, local_correlation, rgb_of
 from verefine_viz.rendering.mesh import RenderMeshes
 from verefine_viz.rendering.prepared import MeshStore, PreparedTarget, TargetStore
-from verefine_viz.rendering.score_kernels import CLASSES, HIDDEN, N_SUMS, OBSERVED, PUBLISHED, UNKNOWN, fill_maps
+from verefine_viz.rendering.score_kernels import (
+    CLASSES,
+    EXPLAINED,
+    HIDDEN,
+    N_SUMS,
+    OBSERVED,
+    PUBLISHED,
+    UNKNOWN,
+    fill_maps,
+)
 
 _PIXELS = {"published": PUBLISHED, "observed": OBSERVED, "classes": CLASSES}
 
@@ -65,6 +76,7 @@ class RenderingVerifier(ABC):
         self.settings = settings
         self._targets = TargetStore()
         self._meshes = MeshStore(settings.simplify_mm, cache_folder, progress)
+        self._colours = ColourStore(settings.colour_weight)
         self._placed_key: tuple[object, ...] | None = None
         """Of the placed objects that are drawn."""
 
@@ -169,10 +181,21 @@ def _in_order(targets: Sequence[Target], Ts_cam_obj: Float) -> tuple[tuple[Targe
     return tuple(targets[k] for k in order), np.ascontiguousarray(Ts[:, order])
 
 
-def scores_from_sums(sums: Float, settings: ScoreSettings) -> Scores:
-    """Scores of N poses from their sums (N, ``N_SUMS``): the averages of Eq. 1."""
+def scores_from_sums(sums: Float, colour_sums: Float, colours: SceneColours | None, settings: ScoreSettings) -> Scores:
+    """Scores of N combinations of poses from their sums: the averages of Eq. 1, and the colour term.
+
+    Args:
+        sums: (N, ``N_SUMS``).
+        colour_sums: (N, m, ``N_COLOUR_SUMS``).
+        colours: of the m targets; None = no colour term.
+        settings: of the score.
+    """
     fits, whole = _means(sums, settings.pixels == "classes")
-    return Scores(fits[0], fits[1], fits[2], whole[:, 0], whole[:, 1], whole[:, 2:])
+    if colours is None:
+        return Scores(fits[0], fits[1], fits[2], whole[:, 0], whole[:, 1], whole[:, 2:])
+    f_c, w = colours.fits(colour_sums), colours.weight
+    score = (1 - w) * fits[0] + w * np.maximum(f_c, 0)
+    return Scores(score, fits[1], fits[2], whole[:, 0], whole[:, 1], whole[:, 2:], colour_fit=f_c, colour_weight=w)
 
 
 @njit(cache=True)
@@ -227,3 +250,35 @@ def score_maps(
     Ts, seen, rule = np.ascontiguousarray(Ts_cam_obj), prepared.arrays(placed_m), rule_of(settings)
     fill_maps(Ts, meshes.arrays, at.rows, at.columns, depth_m, faces, camera, seen, rule, maps)
     return ScoreMaps(depth_m, *maps)
+
+
+def with_colours(
+    maps: ScoreMaps,
+    colours: SceneColours,
+    sums: Float,
+    Ts_cam_obj: Float,
+    at: PixelGrid,
+    model_of: NDArray[np.integer],
+    camera: tuple[float, float, float, float],
+) -> ScoreMaps:
+    """The same maps with those of the colour term.
+
+    Args:
+        maps: of m models.
+        colours: of the models and of the image.
+        sums: (m, ``N_COLOUR_SUMS``) over the whole image.
+        Ts_cam_obj: (m, 4, 4).
+        at: the pixels of the maps.
+        model_of: (h, w) which model is seen there.
+        camera: (fx, fy, cx, cy) [px].
+    """
+    rendered = colours.rendered(Ts_cam_obj, at, maps.rendered_m, model_of, camera)
+    observed = colours.observed[at.rows[:, None], at.columns]
+    explained = np.where(maps.classes == EXPLAINED + 1, model_of, -1)
+    known = np.isfinite(rendered[..., :1])
+    return replace(
+        maps,
+        observed_rgb=rgb_of(observed),
+        rendered_rgb=np.where(known, rgb_of(np.where(known, rendered, 0)), 0).astype(np.uint8),
+        correlation=local_correlation(rendered, observed, explained, sums),
+    )

@@ -227,6 +227,18 @@ def _tall_box() -> Mesh:
     return painted(mesh, lambda v: np.where(v[:, 2:] > 0.055, (64, 150, 130), (236, 236, 228)))
 
 
+def _pack() -> Mesh:
+    """A box whose ends, and whose front and back, differ in colour alone."""
+    mesh = cuboid((0.060, 0.045, 0.140), 0.010)
+
+    def colors(v: Float) -> NDArray:
+        band = (np.abs(v[:, 2:] + 0.035) < 0.012) & (v[:, 1:2] < 0.0)
+        upper = v[:, 2:] > 0.025
+        return np.where(band, (244, 238, 220), np.where(upper, (206, 62, 48), (46, 96, 168)))
+
+    return painted(mesh, colors)
+
+
 def _jug(with_handle: bool = True) -> Mesh:
     outer = [(0, 0), (0.044, 0), (0.047, 0.004), (0.045, 0.125), (0.041, 0.125)]
     body = lathe([*outer, (0.042, 0.006), (0, 0.006)], 48, centred=False)
@@ -262,6 +274,7 @@ KINDS: dict[str, _Kind] = {
         10, lambda: _plain_box((0.075, 0.045, 0.030), 0.075, (210, 176, 124)), _halves((1, 0, 0), (0, 1, 0), (0, 0, 1))
     ),
     "tall box": _Kind(11, _tall_box, _halves((0, 0, 1))),
+    "pack": _Kind(15, _pack),
     "board": _Kind(
         13, lambda: _plain_box((0.34, 0.26, 0.030), 0.13, (222, 200, 160)), _halves((0, 0, 1), (1, 0, 0), (0, 1, 0))
     ),

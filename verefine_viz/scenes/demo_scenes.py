@@ -128,6 +128,13 @@ def _late_bloomer(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generat
     return (*wrong, right)
 
 
+def _mostly_upside_down(T_world_obj: Float, T_world_cam: Float, rng: np.random.Generator) -> tuple[Float, ...]:
+    """Two poses upside down that fit well, and one the right way up that is off by more."""
+    across, flips = T_world_obj[:3, 0], ((180.0, (2, -1, 0)), (177.0, (-2, 2, 1)))
+    right = _turned(T_world_obj, np.array([0.3, 0.2, 1.0]), 14.0, (6, -5, 4))
+    return (*(_turned(T_world_obj, across, angle_deg, shift) for angle_deg, shift in flips), right)
+
+
 def _glossy_table(labels: NDArray[np.int32], points_world: Float) -> Mask:
     """The table mirrors: no depth on it but for blots a few centimetres wide."""
     x, y = points_world[..., 0], points_world[..., 1]
@@ -163,6 +170,13 @@ FAILURES: dict[str, DemoScene] = {
         (Item("jug", yaw_deg=-40, seen_as="jug without handle"),),
         (Viewpoint(elevation_deg=38, distance_m=0.55),),
         initial_poses=_handle_anywhere,
+    ),
+    # The ends of the pack differ in colour alone.
+    "failure_score_prefers_flip": DemoScene(
+        "What went wrong? A pack",
+        (Item("pack", yaw_deg=25),),
+        (Viewpoint(elevation_deg=35, distance_m=0.55, look_at_m=(0, 0, 0.06)),),
+        initial_poses=_mostly_upside_down,
     ),
     # Four initial poses fit well and are a quarter turn off; the fifth is right but for 7° and 8 mm.
     "failure_arm_starved": DemoScene(

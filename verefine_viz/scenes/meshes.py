@@ -1,4 +1,4 @@
-"""Mesh files (PLY, OBJ, GLB, STL): geometry in metres, outward faces, colours at the vertices."""
+"""Mesh files (PLY, OBJ, GLB, STL): geometry in metres, outward faces, colours at the vertices and textures."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from trimesh.visual import TextureVisuals
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, in_one_line
 from verefine_viz.core.json_files import id_of
+from verefine_viz.core.model import Texture
 from verefine_viz.core.paths import open_input, read_input
 
 FORMATS = (".ply", ".obj", ".glb", ".gltf", ".stl")
@@ -42,6 +43,8 @@ LARGEST_COORDINATE = 1e9
 """Of a vertex, in the unit of its file."""
 LONGEST_SHOWN = 80
 """Of a texture's name, in a note [characters]."""
+LARGEST_TEXTURE_PX = 1024
+"""A texture is made smaller until no side is longer: a camera sees fewer pixels of an object."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +56,10 @@ class Mesh:
     faces: NDArray[np.int32]
     """(F, 3), counter-clockwise seen from outside."""
     vertex_colors: NDArray[np.uint8] | None
-    """(V, 3) RGB, or None where the file has no colours."""
+    """(V, 3) RGB, or None where the file has no colours; where it has a texture, the texture's colours there."""
     notes: tuple[str, ...] = ()
     """Texture missing, …"""
+    texture: Texture | None = None
 
     @property
     def diameter_m(self) -> float:
@@ -88,7 +92,7 @@ def unit_of_format(path: Path) -> float:
 
 
 def read_mesh(path: Path, unit_m: float) -> Mesh:
-    """The mesh of a file; textures are sampled at the vertices.
+    """The mesh of a file, with its colours and its texture.
 
     Coincident vertices of open meshes are merged (texture seams, STL), faces are turned outwards.
 
@@ -105,10 +109,17 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
     loaded = _loaded(path, skip_materials=bool(notes))
     bare = path.suffix.lower() == ".ply" and texture is None and isinstance(loaded.visual, TextureVisuals)
     colors = None if notes or bare else _baked_colors(loaded)
+    image = None if notes or bare else _texture_image(loaded)
     vertices, faces = np.asarray(loaded.vertices, dtype=np.float64), np.asarray(loaded.faces)
+    uv = None if image is None else np.asarray(loaded.visual.uv, dtype=np.float32)[faces]  # pyright: ignore
     if not (np.unique(_edges(faces), return_counts=True)[1] == 2).all():
-        vertices, faces, colors = _merged(vertices, faces, colors)
-    faces = _outward(vertices, faces)
+        vertices, faces, colors, is_whole = _merged(vertices, faces, colors)
+        uv = None if uv is None else uv[is_whole]
+    turned = _turned_outward(vertices, faces)
+    faces = np.where(turned[:, None], faces[:, ::-1], faces)
+    if image is not None and uv is not None:
+        skin = Texture(image, np.where(turned[:, None, None], uv[:, ::-1], uv))
+        return Mesh(vertices * unit_m, faces.astype(np.int32), colors, notes, skin)
     return Mesh(vertices * unit_m, faces.astype(np.int32), colors, notes)
 
 
@@ -228,6 +239,21 @@ def _baked_colors(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
     return colors[:, :3] if len(colors) == len(mesh.vertices) else None
 
 
+def _texture_image(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
+    """(h, w, 3) the texture of a mesh as trimesh reads it; None where there is none that covers it."""
+    visual: Any = mesh.visual
+    if not isinstance(visual, TextureVisuals) or visual.uv is None or len(visual.uv) != len(mesh.vertices):
+        return None
+    material: Any = visual.material
+    image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
+    if not isinstance(image, Image.Image) or not np.isfinite(visual.uv).all():
+        return None
+    image = image.convert("RGB")
+    if max(image.size) > LARGEST_TEXTURE_PX:
+        image.thumbnail((LARGEST_TEXTURE_PX, LARGEST_TEXTURE_PX))
+    return np.asarray(image)
+
+
 class _Beside(FilePathResolver):
     """The files that a mesh file names (materials, textures, buffers), opened like every other input."""
 
@@ -238,10 +264,13 @@ class _Beside(FilePathResolver):
 def _texture(path: Path) -> tuple[str | None, tuple[str, ...]]:
     """The texture that a mesh file names, None without one, and why it cannot be used (empty = it can)."""
     try:
-        name = _texture_name(path)
+        names = _texture_names(path)
+        name = names[0] if names else None
         why = None if name is None else _unusable(path.parent / name)
     except InputError as error:
         return None, (f"{error}; {path.name} is drawn in one colour",)
+    if path.suffix.lower() == ".ply" and len(names) > 1:
+        return None, (f"{path.name} names {len(names)} textures, of which one is read; it is drawn in one colour",)
     if name is None or why is None:
         return name, ()
     shown = in_one_line(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}…")
@@ -264,19 +293,17 @@ def _unusable(texture: Path) -> str | None:
     return None
 
 
-def _texture_name(path: Path) -> str | None:
-    """The image that a PLY header, or an OBJ's material file, names."""
+def _texture_names(path: Path) -> list[str]:
+    """The images that a PLY header, or an OBJ's material file, names."""
     if path.suffix.lower() == ".ply":
-        comment = re.search(r"^comment\s+TextureFile\s+(.+?)\s*$", _ply_header(path), re.IGNORECASE | re.MULTILINE)
-        return comment.group(1) if comment else None
+        return re.findall(r"^comment\s+TextureFile\s+(.+?)\s*$", _ply_header(path), re.IGNORECASE | re.MULTILINE)
     if path.suffix.lower() == ".obj":
         library = re.search(rb"^mtllib\s+(.+?)\s*$", read_input(path), re.MULTILINE)
         materials = path.parent / os.fsdecode(library.group(1)) if library else path
         if library and os.path.lexists(materials):
             material = read_input(materials).decode("latin-1")
-            texture = re.search(r"^\s*map_Kd\s+(?:-\S+\s+\S+\s+)*(.+?)\s*$", material, re.MULTILINE)
-            return texture.group(1) if texture else None
-    return None
+            return re.findall(r"^\s*map_Kd\s+(?:-\S+\s+\S+\s+)*(.+?)\s*$", material, re.MULTILINE)
+    return []
 
 
 def _promised_faces(path: Path) -> int:
@@ -294,8 +321,11 @@ def _ply_header(path: Path) -> str:
 
 def _merged(
     vertices: Float, faces: NDArray[np.integer], colors: NDArray[np.uint8] | None
-) -> tuple[Float, NDArray[np.integer], NDArray[np.uint8] | None]:
-    """The same surface with vertices at exactly the same place joined, in order of first appearance."""
+) -> tuple[Float, NDArray[np.integer], NDArray[np.uint8] | None, NDArray[np.bool_]]:
+    """The same surface with vertices at exactly the same place joined, in order of first appearance.
+
+    Faces that collapse are dropped; the last result (F,) is which remain.
+    """
     _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
     rank = np.empty_like(order)
@@ -303,7 +333,7 @@ def _merged(
     faces = rank[inverse.ravel()][faces]
     collapsed = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
     chosen = first[order]
-    return vertices[chosen], faces[~collapsed], None if colors is None else colors[chosen]
+    return vertices[chosen], faces[~collapsed], None if colors is None else colors[chosen], ~collapsed
 
 
 def _edges(faces: NDArray[np.integer]) -> NDArray[np.int64]:
@@ -312,10 +342,10 @@ def _edges(faces: NDArray[np.integer]) -> NDArray[np.int64]:
     return np.minimum(start, end).astype(np.int64) * (int(faces.max()) + 1) + np.maximum(start, end)
 
 
-def _turned_alike(faces: NDArray[np.integer]) -> NDArray[np.integer]:
-    """The faces, those turned round that are wound against the first face they hang together with by edges.
+def _against_first(faces: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """(F,) which faces are wound against the first face they hang together with by edges.
 
-    Faces of a surface with one side only, which can not all be wound alike, stay as they are.
+    None of a surface with one side only, whose faces can not all be wound alike.
     """
     n, edge, start = len(faces), _edges(faces), faces.ravel()
     order = np.argsort(edge, kind="stable")
@@ -325,7 +355,7 @@ def _turned_alike(faces: NDArray[np.integer]) -> NDArray[np.integer]:
     # Neighbours wound alike go along their common edge in opposite directions.
     is_against = start[one] == start[other]
     if not is_against.any():
-        return faces
+        return np.zeros(n, np.bool_)
     # Each face stands for two nodes, as it is (k) and turned round (n + k); edges join what is wound alike.
     a = np.concatenate([face, n + face])
     b = np.concatenate([neighbour + n * is_against, neighbour + n * ~is_against])
@@ -333,17 +363,17 @@ def _turned_alike(faces: NDArray[np.integer]) -> NDArray[np.integer]:
     group = connected_components(graph, directed=False)[1]
     as_is, turned = group[:n], group[n:]
     # The group of the first face of each part is that of the lowest number: groups are numbered in order of faces.
-    is_turned = turned < as_is
-    return np.where(is_turned[:, None], faces[:, ::-1], faces)
+    return turned < as_is
 
 
-def _outward(vertices: Float, faces: NDArray[np.integer]) -> NDArray[np.integer]:
-    """The faces, neighbours turned alike and the enclosed volume positive."""
-    faces = _turned_alike(faces)
+def _turned_outward(vertices: Float, faces: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """(F,) which faces must be turned round so that neighbours are wound alike and the enclosed volume is positive."""
+    is_turned = _against_first(faces)
+    faces = np.where(is_turned[:, None], faces[:, ::-1], faces)
     # Volume seen from the middle of the box: right for closed meshes, and a fair guess for open ones.
     a, b, c = np.moveaxis((vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2)[faces], 1, 0)
     volume = float(np.einsum("ij,ij->", a, np.cross(b, c)))
-    return faces[:, ::-1] if volume < 0 else faces
+    return ~is_turned if volume < 0 else is_turned
 
 
 # Models as BOP has them: binary PLY files in millimetres, and their entries in models_info.json.

@@ -186,6 +186,7 @@ def model_of_mesh(
         mesh.diameter_m if diameter_m is None else diameter_m,
         np.eye(4)[None] if symmetries is None else symmetries,
         mesh.vertex_colors,
+        mesh.texture,
     )
 
 

@@ -21,6 +21,7 @@ from verefine_viz.observation.dependency_graph import dependency_graph
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.registry import REFINERS, make_refiner
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
+from verefine_viz.rendering.colour import ColourStore
 from verefine_viz.rendering.explained import ExplainedPixels
 from verefine_viz.rendering.simplify import scoring_mesh
 from verefine_viz.rendering.verifier import make_verifier
@@ -110,8 +111,18 @@ class Toolbox:
             problem = self._solvable(problem)
         problem = self._with_estimates(problem)
         notes = check_edits(self.session.edits, problem, len(self.frames) == 1, not self.session.scene.objects)
+        notes += self._without_colour(problem)
         problem = replace(problem, notes=(*problem.notes, *notes)) if notes else problem
         return self.ordered(_within_reach(problem))
+
+    def _without_colour(self, problem: Problem) -> tuple[str, ...]:
+        """Which objects have no colour term though one is asked for, and why; each model once."""
+        weight = self.session.score.colour_weight
+        if weight == 0:
+            return ()
+        colours = ColourStore(weight)
+        why = {f"{t.model.name} ({t.model.obj_id})": colours.why_off(t) for t in problem.targets}
+        return tuple(f"{name} is scored without colour: {reason}" for name, reason in why.items() if reason)
 
     def ordered(self, problem: Problem) -> Problem:
         """The same with the order that this session's settings lead to."""

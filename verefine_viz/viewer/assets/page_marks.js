@@ -25,6 +25,7 @@
       if (dataset.enlarged) root.dataset.enlarged = dataset.enlarged;
       else delete root.dataset.enlarged;
     }
+    for (const maps of all(added, ".vz .maps")) root.toggleAttribute("data-coloured", maps.classList.contains("coloured"));
     const told = all(added, ".vz [data-empty]").pop();
     if (told) empty = JSON.parse(told.dataset.empty);
     for (const tab of told ? document.querySelectorAll("[data-dock-tab]") : all(added, "[data-dock-tab]")) {

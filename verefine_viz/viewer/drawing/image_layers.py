@@ -22,12 +22,12 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.palette import RGB, SIDE_COLORS, STAGE_COLORS
-from verefine_viz.core.problem import Target
+from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.scores import ScoreMaps
 from verefine_viz.pictures.answer_pictures import camera_image
 from verefine_viz.pictures.contours import model_contours, svg_path
 from verefine_viz.pictures.map_images import palette_of
-from verefine_viz.rendering.rendered_scene import AMBIENT
+from verefine_viz.rendering.rendered_scene import AMBIENT, render_scene
 from verefine_viz.viewer.drawing.markup import text
 from verefine_viz.viewer.drawing.score_maps import Crop, bounds, crop_around, data_uri, scales_for
 from verefine_viz.viewer.snapshot.snapshot import ComparedPose, Snapshot
@@ -161,8 +161,11 @@ def shown_side(snapshot: Snapshot) -> ComparedPose | None:
 
 
 def model_html(snapshot: Snapshot, side: ComparedPose) -> str:
-    """The posed model, as if lit from the camera, in the colour of its stage."""
+    """The posed model, as if lit from the camera: with its texture, or without one in the colour of its stage."""
     assert side.maps is not None
+    posed = posed_objects(snapshot, side)
+    if any(target.model.texture is not None for target, _ in posed):
+        return _textured(posed, snapshot.problem.observation.camera)
     is_model = side.maps.rendered_m > 0
     part = bounds(is_model)
     if part.height == 0:
@@ -173,6 +176,18 @@ def model_html(snapshot: Snapshot, side: ComparedPose) -> str:
     ramp = np.linspace(0, 1, 255)[:, None] * (0.35 * 255 + 0.65 * color)
     palette = bytes(3) + ramp.round().astype(np.uint8).tobytes()
     return _picture(indices, palette, part)
+
+
+def _textured(posed: Sequence[tuple[Target, Float]], camera: Camera) -> str:
+    placed = [Placed(k, target.model, T) for k, (target, T) in enumerate(posed)]
+    rendering = render_scene(placed, camera)
+    part = bounds(rendering.labels >= 0)
+    if part.height == 0:
+        return ""
+    opaque = np.where(part.of(rendering.labels, -1) >= 0, 255, 0).astype(np.uint8)
+    out = io.BytesIO()
+    PilImage.fromarray(np.dstack([part.of(rendering.rgb), opaque])).save(out, "png", compress_level=1)
+    return _image(data_uri(out.getvalue()), part)
 
 
 def _facing(maps: ScoreMaps, part: Crop, camera: Camera) -> NDArray[np.floating]:

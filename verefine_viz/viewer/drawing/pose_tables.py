@@ -52,14 +52,22 @@ def score_table(
             cells.append(f"{pick(known[1]) - pick(known[0]):+{spec}}".replace("-", "−"))
         return Row([f'<span title="{text(tip)}">{label}</span>', *cells], marked=marked)
 
+    colour = max((s.colour_weight for s in known), default=0.0)
+    formula = "mean of depth fit and normal fit: (f_d + f_n) / 2"
+    if colour:
+        formula = f"{1 - colour:.2g} × {formula}, and {colour:.2g} × colour fit f_c where it is positive"
     rows = [
-        row("score f̄", f"mean of depth fit and normal fit: (f_d + f_n) / 2{by}", lambda s: s.score,
+        row("score f̄", f"{formula}{by}", lambda s: s.score,
             f".{score_digits(scores)}f", marked=True),
         row("depth f_d", f"depth fit, mean over the counted pixels; 1 = same depth, 0 = off by τ or more{by}",
             lambda s: s.depth_fit, ".3f"),
         row("normal f_n", f"normal fit, mean over the counted pixels; 1 = same direction{by}",
             lambda s: s.normal_fit, ".3f"),
     ]  # fmt: skip
+    if colour:
+        rows.append(row("colour f_c", "correlation of the model's and the image's colours over the explained pixels",
+                        lambda s: s.colour_fit or 0.0, ".3f"))  # fmt: skip
+        rows.append(row("adds", "what colour adds to the score: w max(f_c, 0)", lambda s: s.colour_part, ".3f"))
     if not short:
         rows.append(row("pixels N", "how many pixels count", lambda s: s.n_pixels, ".0f"))
         for name in PIXEL_CLASSES:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +15,7 @@ from PIL import ImageDraw, ImageFont
 
 from verefine_viz.core.palette import CLASS_COLORS, Image, Scale, depth_scale
 from verefine_viz.core.problem import Target
-from verefine_viz.core.scores import MAP_NAMES, MapName, ScoreMaps
+from verefine_viz.core.scores import COLOUR_MAPS, MAP_NAMES, MapName, ScoreMaps
 from verefine_viz.pictures.map_images import MapImages, scales_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.display_names import method_name
@@ -27,6 +28,9 @@ LABELS: dict[MapName, tuple[str, str]] = {
     "f_d": ("f_d", "depth fit of Eq. 1: 1 = same depth, 0 = off by τ or more"),
     "f_n": ("f_n", "normal fit of Eq. 1: 1 = same direction, 0 = beyond the cut-off angle"),
     "classes": ("classes", "why each pixel counts as it does"),
+    "observed_colour": ("image colour", "the camera's image as the colour term sees it, smoothed"),
+    "rendered_colour": ("model colour", "the model's colours under this pose, without light"),
+    "correlation": ("correlation", "what each explained pixel adds to f_c: blue = for this pose, red = against it"),
 }
 ASPECT = 1.0
 """Width / height of a map on the page."""
@@ -60,9 +64,16 @@ class Crop:
 
     def images(self, maps: ScoreMaps, target: Target, tau_m: float) -> MapImages:
         """The cut-out of the maps of a pose (H, W)."""
-        without_value = {"depth_difference_m": np.nan, "angle_rad": np.nan}
-        part = ScoreMaps(**{name: self.of(image, without_value.get(name, 0)) for name, image in vars(maps).items()})
+        without_value = {"depth_difference_m": np.nan, "angle_rad": np.nan, "correlation": np.nan}
+        there = {name: image for name, image in vars(maps).items() if image is not None}
+        part = ScoreMaps(**{name: self.of(image, without_value.get(name, 0)) for name, image in there.items()})
         return MapImages(part, self.of(target.observation.depth_m), scales_for(target, tau_m))
+
+
+def map_names(maps: Sequence[ScoreMaps | None]) -> tuple[MapName, ...]:
+    """The maps that have values: those of the colour term only where it counts."""
+    has_colour = any(one is not None and one.correlation is not None for one in maps)
+    return tuple(name for name in MAP_NAMES if has_colour or name not in COLOUR_MAPS)
 
 
 def bounds(mask: NDArray[np.bool_]) -> Crop:
@@ -103,7 +114,7 @@ def shared_crop(view: Snapshot) -> Crop:
 
 
 def scales_for(target: Target, tau_m: float) -> dict[MapName, Scale]:
-    """The scales of the maps of one object in one frame, the same for every pose; classes have none."""
+    """The scales of the maps of one object in one frame, the same for every pose; classes and colours have none."""
     depth = target.observation.depth_m[target.instance.mask]
     depth = depth[depth > 0]
     centre = float(np.median(depth)) if len(depth) else 1.0
@@ -149,7 +160,8 @@ _TOP = _TITLE + _HEAD
 def maps_sheet(view: Snapshot) -> Image:
     """(H, W, 3) RGB: what it is of, then a row per stage, a column per map, cut to the object."""
     sides = [s for s in (view.a, view.b) if s is not None and s.maps is not None]
-    width = _LEFT + len(MAP_NAMES) * (_TILE_W + _GAP)
+    names = map_names([side.maps for side in sides])
+    width = _LEFT + len(names) * (_TILE_W + _GAP)
     height = _TOP + max(len(sides), 1) * (_TILE_H + _GAP) + _BAR
     sheet = PilImage.new("RGB", (width, height), (250, 250, 250))
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
@@ -162,18 +174,19 @@ def maps_sheet(view: Snapshot) -> Image:
         score = f"\nscore {side.pose.score.score:.3f}" if side.pose.score else ""
         draw.text((8, top + 8), f"{side.pose.label}{score}", (20, 20, 20), font=font)
         images = crop.images(side.maps, view.map_target, tau_m)
-        for column, name in enumerate(MAP_NAMES):
+        for column, name in enumerate(names):
             tile = PilImage.fromarray(images.rgb(name)).resize((_TILE_W, _TILE_H), PilImage.Resampling.NEAREST)
             sheet.paste(tile, (_LEFT + column * (_TILE_W + _GAP), top))
     if not sides:
         draw.text((8, _TOP + 8), "no pose to show here", (20, 20, 20), font=font)
     bottom = height - _BAR
-    for column, name in enumerate(MAP_NAMES):
+    for column, name in enumerate(names):
         left = _LEFT + column * (_TILE_W + _GAP)
         draw.text((left, _TITLE + 8), _heading(name), (20, 20, 20), font=font)
         scale = scales.get(name)
-        if scale is None:
+        if name == "classes":
             _legend(draw, left, bottom)
+        if scale is None:
             continue
         ramp = np.linspace(scale.low, scale.high, _TILE_W)
         bar = np.repeat(scale.colors(ramp)[None], 10, axis=0)

@@ -11,7 +11,7 @@ import json
 import viser
 
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.scores import PIXEL_CLASSES, MapName
+from verefine_viz.core.scores import COLOUR_MAPS, PIXEL_CLASSES, MapName
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.assets import asset
 from verefine_viz.viewer.command_json import to_json
@@ -33,7 +33,7 @@ from verefine_viz.viewer.panels.score_panel import color_bar
 from verefine_viz.viewer.panels.widgets import Block, add_style
 from verefine_viz.viewer.snapshot.snapshot import ComparedPose, Snapshot
 
-OVER_PHOTO: tuple[MapName, ...] = ("difference", "angle", "f_d", "f_n", "classes")
+OVER_PHOTO: tuple[MapName, ...] = ("difference", "angle", "f_d", "f_n", "classes", "correlation")
 """Score maps that can be laid over the photo."""
 _ICON = '<svg viewBox="0 0 16 16"><path d="{}"/></svg>'
 WHOLE = _ICON.format("M1 5V1h4M11 1h4v4M15 11v4h-4M5 15H1v-4M6 6h4v4H6z")
@@ -116,6 +116,7 @@ def _bar(snapshot: Snapshot) -> str:
         f'<option value="{text(to_json(c.ShowMap(name)))}"{" data-chosen" if name == chosen else ""}>'
         f"{text(LABELS[name][0])}</option>"
         for name in OVER_PHOTO
+        if name not in COLOUR_MAPS or snapshot.session.score.colour_weight > 0
     )
     return (
         f'<button data-image="whole" title="object or whole frame; wheel: zoom, double click: back">{WHOLE}</button>'

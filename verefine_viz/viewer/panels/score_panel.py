@@ -16,7 +16,16 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.bandit_tables import passes_table
 from verefine_viz.viewer.drawing.markup import Row, carries, focus_label, number, sentence, swatch, table, text
 from verefine_viz.viewer.drawing.pose_tables import CLASS_MEANING, score_table
-from verefine_viz.viewer.drawing.score_maps import LABELS, Crop, data_uri, indexed_png, png, scales_for, shared_crop
+from verefine_viz.viewer.drawing.score_maps import (
+    LABELS,
+    Crop,
+    data_uri,
+    indexed_png,
+    map_names,
+    png,
+    scales_for,
+    shared_crop,
+)
 from verefine_viz.viewer.panels.widgets import Block, Send, add_style, by_user
 from verefine_viz.viewer.snapshot.snapshot import ComparedPose, Probe, Snapshot
 from verefine_viz.viewer.state.view_options import STAGES, stage_label
@@ -40,9 +49,9 @@ class ScorePanel:
         self.b.on_update(by_user(lambda v: send(c.Compare(a=stages[self.a.value], b=stages[v]))))
         self._probe = Block(gui)
         self._numbers = Block(gui)
-        labels = {LABELS[m][0]: m for m in MAP_NAMES}
-        self.map = gui.add_dropdown("Map", tuple(labels), hint="the map of B that lies on the camera image in 3D")
-        self.map.on_update(by_user(lambda v: send(c.ShowMap(labels[v]))))
+        names = {LABELS[m][0]: m for m in MAP_NAMES}
+        self.map = gui.add_dropdown("Map", tuple(names), hint="the map of B that lies on the camera image in 3D")
+        self.map.on_update(by_user(lambda v: send(c.ShowMap(names[v]))))
         add_style(
             gui, *(compact(row, ROW_PX) for row in (self.a, self.b, self.map)),
             side_by_side(self.a, self.b, ROW_PX, SECOND_FROM_PX, LETTER_PX),
@@ -102,6 +111,11 @@ def probe_table(a: tuple[str, Probe | None], b: tuple[str, Probe | None]) -> str
         row("Δ depth, angle", "observed − rendered; between the normals",
             lambda p: f"{number(p.difference_mm, 1, ' mm')}, {number(p.angle_deg, 1, '°')}"),
         row("f_d, f_n", "depth and normal fit", lambda p: f"{p.f_d:.2f}, {p.f_n:.2f}"),
+        *([row("f_c", "what this pixel adds to the correlation of colours, times their number",
+               lambda p: number(p.correlation, 2)),
+           row("colour", "of the model and of the image",
+               lambda p: f"{_hex(p.rendered_rgb)}, {_hex(p.observed_rgb)}")]
+          if any(p.observed_rgb for _, p in sides) else []),
         row("class", "why it counts as it does", lambda p: p.pixel_class),
         row("adds", "what this pixel adds to the score", lambda p: f"{p.contribution:.5f}"),
     ]  # fmt: skip
@@ -109,12 +123,17 @@ def probe_table(a: tuple[str, Probe | None], b: tuple[str, Probe | None]) -> str
     return table(head, rows)
 
 
+def _hex(rgb: tuple[int, int, int] | None) -> str:
+    return "–" if rgb is None else "#{:02x}{:02x}{:02x}".format(*rgb)
+
+
 # The strip of score maps: both stages, every quantity, cut to the object, with colour bars.
 
 
-PER_POSE: tuple[MapName, ...] = ("rendered", "difference", "angle", "f_d", "f_n", "classes")
-"""What differs from pose to pose."""
-WORDS_ON_BAR: dict[MapName, tuple[str, str]] = {"difference": ("behind", "in front")}
+WORDS_ON_BAR: dict[MapName, tuple[str, str]] = {
+    "difference": ("behind", "in front"),
+    "correlation": ("against", "for"),
+}
 """At the ends of a colour bar: where the model lies, against what was observed."""
 
 
@@ -152,13 +171,15 @@ def maps_html(snapshot: Snapshot) -> str:
     names = [_name(snapshot, side, letter) for side, letter in zip(sides, "AB", strict=False)]
     observed = _tile(snapshot, sides[0], "observed", images[0], crop)
     columns = [_column("observed", [observed], scales)]
-    for name in PER_POSE:
+    shown = map_names([side.maps for side in sides])
+    for name in shown[1:]:
         tiles = [_tile(snapshot, side, name, of_side, crop) for side, of_side in zip(sides, images, strict=True)]
         columns.append(_column(name, tiles, scales))
     name = f"<span>{text(in_focus(snapshot).label)}</span>" if focus_label(snapshot) else ""
     whose = f'<b class="whose">{focus_label(snapshot)}{name}</b>'
     who = f'<div class="who">{whose}{names[0]}{observed}{"".join(names[1:])}<span class="maps-readout"></span></div>'
-    return f'<div class="maps">{who}{"".join(columns)}</div>'
+    kind = "maps coloured" if "correlation" in shown else "maps"
+    return f'<div class="{kind}">{who}{"".join(columns)}</div>'
 
 
 def _column(name: MapName, tiles: Sequence[str], scales: Mapping[MapName, Scale]) -> str:
@@ -203,7 +224,9 @@ def _with_cross(image: np.ndarray, u: int, v: int) -> np.ndarray:
 
 
 def color_bar(name: MapName, scale: Scale | None) -> str:
-    """The colour bar of a scale; of the classes, which have none, their colours with their names."""
+    """The colour bar of a scale; of the classes, which have none, their colours with their names; none of colours."""
+    if scale is None and name != "classes":
+        return "<div></div>"
     if scale is None:
         return (
             '<div class="key">'

@@ -14,7 +14,7 @@ from verefine_viz.core.geometry import apply
 from verefine_viz.core.palette import RGB, SIDE_COLORS
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.viewer.commands import Command, Focus
-from verefine_viz.viewer.scene3d.pose_nodes import add_mesh, add_wireframe, display_mesh, outline_of, place
+from verefine_viz.viewer.scene3d.pose_nodes import add_mesh, add_skin, add_wireframe, display_mesh, outline_of, place
 from verefine_viz.viewer.snapshot.scene_state import ObjectState, Phase
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.display_names import verdict_mark
@@ -48,6 +48,8 @@ class _Nodes:
     mesh: viser.MeshHandle
     marker: viser.IcosphereHandle
     label: viser.LabelHandle
+    skin: viser.GlbHandle | None
+    """With its texture, instead of ``mesh`` once it is placed; None without one."""
     points: Float
     """(n, 3) of the model: its highest point carries the label."""
     look: tuple[float, RGB] | None = None
@@ -75,12 +77,15 @@ class ObjectNodes:
         own = target.instance.instance_id
         name = f"/cam/objects/{own}"
         mesh = add_mesh(self._scene, name, display_mesh(target.model), color, OPACITY["waiting"])
-        mesh.on_click(lambda _: send(Focus(own)))
+        skin = add_skin(self._scene, f"{name}_skin", target.model)
+        for node in (mesh, skin):
+            if node is not None:
+                node.on_click(lambda _: send(Focus(own)))
         marker = self._scene.add_icosphere(f"{name}_marker", MARKER_M, color, visible=False, cast_shadow=False)
         text = self._scene.add_label(
             f"{name}_name", label, font_screen_scale=LABEL, anchor="bottom-center", visible=False
         )
-        return _Nodes(mesh, marker, text, target.model.points[::4])
+        return _Nodes(mesh, marker, text, skin, target.model.points[::4])
 
     def show(self, snapshot: Snapshot) -> None:
         """Poses and looks at the cursor."""
@@ -93,6 +98,9 @@ class ObjectNodes:
             T_cam_obj = self._pose(snapshot, o, in_focus)
             nodes.marker.visible = nodes.label.visible = drawn and T_cam_obj is not None
             nodes.mesh.visible = drawn and T_cam_obj is not None and (snapshot.is_answer or not in_focus)
+            if nodes.skin is not None:
+                nodes.skin.visible = nodes.mesh.visible and o.phase in ("placed", "done")
+                nodes.mesh.visible = nodes.mesh.visible and not nodes.skin.visible
             if T_cam_obj is not None:
                 self._move(nodes, T_cam_obj)
                 self._dress(nodes, o)
@@ -135,6 +143,8 @@ class ObjectNodes:
             return
         nodes.pose = pose
         place(nodes.mesh, T_cam_obj)
+        if nodes.skin is not None:
+            place(nodes.skin, T_cam_obj)
         points = apply(T_cam_obj, nodes.points)
         heights = points @ self._up_cam
         middle = points.mean(axis=0)

@@ -8,14 +8,19 @@ from itertools import pairwise
 
 import fast_simplification
 import numpy as np
+import trimesh
 import viser
 from numpy.typing import NDArray
+from PIL import Image as PilImage
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import quat_wxyz, rotation_of_quat_wxyz, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.palette import RGB, STAGE_COLORS
 from verefine_viz.core.records import Iteration
+from verefine_viz.pictures.skin import skin_of
 from verefine_viz.rendering.simplify import scoring_mesh
 from verefine_viz.viewer.commands import Command, SelectArm
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
@@ -30,6 +35,7 @@ _BEND_RAD = np.deg2rad(28)
 _FEWEST_EDGES = 12
 _DISPLAY_MM = 0.2
 _SIMPLIFY_FROM = 3000
+_TEXTURE_PX = 512
 
 
 Mesh = tuple[Float, NDArray[np.int32]]
@@ -59,6 +65,7 @@ class PoseNodes:
                 self._nodes[name] = add_mesh(scene, node, mesh, color, OPACITY[name])
         self._mover = add_mesh(scene, f"/cam/stages/{key}/moving", mesh)
         self._path = add_mesh(scene, f"/cam/stages/{key}/path", mesh, (255, 190, 90), 0.85)
+        self._skin = add_skin(scene, f"/cam/stages/{key}/skin", model)
         self._ghosts = None
         if n_arms:
             colors = np.array([arm_color(j) for j in range(n_arms)], np.uint8)
@@ -89,19 +96,25 @@ class PoseNodes:
 
     def hide(self) -> None:
         """Takes the object from the screen; another one is in focus."""
-        for node in (*self._nodes.values(), self._mover, self._path):
-            node.visible = False
+        for node in (*self._nodes.values(), self._mover, self._path, self._skin):
+            if node is not None:
+                node.visible = False
         if self._ghosts is not None:
             self._ghosts.visible = False
 
     def _show_answer(self, snapshot: Snapshot) -> None:
-        """The answer of a finished run; among several objects it is drawn in their own colour, as the others are."""
+        """The answer of a finished run, with its texture; among several objects it is drawn as the others are."""
         best = snapshot.poses.get("best")
         alone = len(snapshot.scene.objects) == 1
         self._mover.visible = snapshot.is_answer and alone and best is not None and "best" in snapshot.options.layers
         if self._mover.visible and best is not None:
             place(self._mover, best.T_cam_obj)
             self._mover.color = STAGE_COLORS["best"]
+        if self._skin is not None:
+            self._skin.visible = self._mover.visible
+            if self._skin.visible and best is not None:
+                self._mover.visible = False
+                place(self._skin, best.T_cam_obj)
 
     def _show_ghosts(self, snapshot: Snapshot) -> None:
         if self._ghosts is None or snapshot.state is None:
@@ -132,6 +145,8 @@ class PoseNodes:
         for name in order:
             self._nodes[name].visible = False
         self._mover.visible = True
+        if self._skin is not None:
+            self._skin.visible = False
         for T_cam_obj, stage in way(iteration):
             place(self._mover, T_cam_obj)
             self._mover.color = STAGE_COLORS[stage]
@@ -172,6 +187,18 @@ def add_mesh(
         name, *mesh, color=color, opacity=opacity, flat_shading=True, side="double", visible=False, cast_shadow=False,
         receive_shadow=False,
     )  # fmt: skip
+
+
+def add_skin(scene: viser.SceneApi, name: str, model: ObjectModel) -> viser.GlbHandle | None:
+    """A model with its texture, not visible yet; None where it has none."""
+    skin = skin_of(model, _TEXTURE_PX)
+    if skin is None:
+        return None
+    # trimesh writes its material as rough and not metallic only where that is said.
+    material = PBRMaterial(baseColorTexture=PilImage.fromarray(skin.image), metallicFactor=0.0, roughnessFactor=1.0)
+    looks = TextureVisuals(uv=skin.uv, material=material)
+    mesh = trimesh.Trimesh(skin.vertices, skin.faces, visual=looks, process=False)
+    return scene.add_mesh_trimesh(name, mesh, visible=False, cast_shadow=False, receive_shadow=False)
 
 
 def add_wireframe(

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Target
@@ -96,11 +97,12 @@ def compared_scenes(
 def _with_probe(pose: EvaluatedPose, maps: ScoreMaps | None, target: Target, options: ViewOptions) -> ComparedPose:
     if maps is None or options.pixel is None:
         return ComparedPose(pose, maps)
-    return ComparedPose(pose, maps, probe(maps, target, *options.pixel))
+    weight = pose.score.colour_weight if pose.score is not None else 0.0
+    return ComparedPose(pose, maps, probe(maps, target, *options.pixel, weight))
 
 
-def probe(maps: ScoreMaps, target: Target, u: int, v: int) -> Probe:
-    """The numbers of pixel (row v, column u)."""
+def probe(maps: ScoreMaps, target: Target, u: int, v: int, colour_weight: float = 0.0) -> Probe:
+    """The numbers of pixel (row v, column u); ``colour_weight`` is that of the pose's score."""
     observed, rendered = float(target.observation.depth_m[v, u]), float(maps.rendered_m[v, u])
     angle = float(np.rad2deg(maps.angle_rad[v, u]))
     counted = bool(maps.counted[v, u])
@@ -117,6 +119,17 @@ def probe(maps: ScoreMaps, target: Target, u: int, v: int) -> Probe:
         f_d=f_d,
         f_n=f_n,
         pixel_class=PIXEL_CLASSES[value - 1] if value else "not scored",
-        contribution=(f_d + f_n) / 2 / int(maps.counted.sum()) if counted else 0.0,
+        contribution=(1 - colour_weight) * (f_d + f_n) / 2 / int(maps.counted.sum()) if counted else 0.0,
         counted=counted,
+        correlation=_number(maps.correlation, u, v),
+        rendered_rgb=_rgb(maps.rendered_rgb, u, v) if rendered > 0 else None,
+        observed_rgb=_rgb(maps.observed_rgb, u, v),
     )
+
+
+def _number(image: NDArray[np.float32] | None, u: int, v: int) -> float | None:
+    return None if image is None or not np.isfinite(image[v, u]) else float(image[v, u])
+
+
+def _rgb(image: NDArray[np.uint8] | None, u: int, v: int) -> tuple[int, int, int] | None:
+    return None if image is None else (int(image[v, u, 0]), int(image[v, u, 1]), int(image[v, u, 2]))

@@ -271,8 +271,13 @@ class Probe:
     f_n: float
     pixel_class: str
     contribution: float
-    """What this pixel adds to the score: (f_d + f_n) / 2N; 0 where it is not counted."""
+    """What depth and normal of this pixel add to the score: (1 − w) (f_d + f_n) / 2N; 0 where it is not counted."""
     counted: bool
+    correlation: float | None = None
+    """What it adds to f_c, times the number of explained pixels; None where the colour term does not count it."""
+    rendered_rgb: tuple[int, int, int] | None = None
+    observed_rgb: tuple[int, int, int] | None = None
+    """Of the smoothed image; None where the colour term is off."""
 
 
 def visit(snapshot: Snapshot, iteration: Iteration) -> c.Command:

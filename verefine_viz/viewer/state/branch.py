@@ -175,7 +175,8 @@ class Branch:
             from verefine_viz.diagnosis.data_doubts import answer_doubts  # Loads what draws models.
 
             answers = run.final_state.best if run.is_done else [None] * len(problem.targets)
-            self._doubts[run.is_done] = answer_doubts(problem, [best and best.T_cam_obj for best in answers])
+            poses = [best and best.T_cam_obj for best in answers]
+            self._doubts[run.is_done] = answer_doubts(problem, poses, self.settings.score.colour_weight)
         return self._doubts[run.is_done]
 
 

@@ -244,7 +244,7 @@ def _policy(page: bytes) -> str:
             "worker-src blob:",
             "style-src 'unsafe-inline'",
             "img-src data: blob:",
-            "connect-src 'self' data:",
+            "connect-src 'self' data: blob:",  # blob: textures of models
             "base-uri 'none'",
             "form-action 'none'",
             "frame-ancestors 'none'",

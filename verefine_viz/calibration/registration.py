@@ -1,0 +1,88 @@
+"""Whether the colour image lies on the depth image: where the print of models in their poses is in the picture.
+
+The colours of a model under its pose agree best with the image where both are registered. The correlation's peak may be
+a pixel off, as poses are; further off in the same direction for all objects, the colour image is displaced.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Placed, Problem, Target
+from verefine_viz.rendering.colour import SIGMA_PX, opponent
+from verefine_viz.rendering.rendered_scene import render_scene
+
+REACH_PX = 10
+"""How far a displacement is sought [px]."""
+OFF_PX, BETTER = 2.0, 0.05
+"""Least displacement that is reported [px], and how much more the colours correlate with it than without."""
+SURE, FEWEST = 0.4, 2
+"""Least correlation of an object whose colours are evidence, and how many such objects it takes: the print of a single
+one may lie elsewhere on its model, or its pose be off."""
+NEAR_M = 0.02
+"""Depth within this of the model's is the model's [m]."""
+FEWEST_PX = 400
+"""Fewer pixels of an object are no evidence."""
+
+
+def registration_notes(problem: Problem, poses: Sequence[Float | None]) -> tuple[str, ...]:
+    """A note where the colours of all objects together lie beside the objects, by more than ``OFF_PX``.
+
+    Args:
+        problem: the frame.
+        poses: T_cam_obj (4, 4) of each target, None where there is none.
+    """
+    fits = [_fits(t, T) for t, T in zip(problem.targets, poses, strict=True) if T is not None]
+    sure = [one for one in fits if one is not None and one.max() >= SURE]
+    if len(sure) < FEWEST:
+        return ()
+    together = np.mean(sure, axis=0)
+    v, u = np.unravel_index(int(together.argmax()), together.shape)
+    right, down = int(u) - REACH_PX, int(v) - REACH_PX
+    gain = float(together[v, u] - together[REACH_PX, REACH_PX])
+    if np.hypot(right, down) <= OFF_PX or gain < BETTER:
+        return ()
+    where = f"{abs(right)} px {'right' if right > 0 else 'left'} and {abs(down)} px {'down' if down > 0 else 'up'}"
+    return (
+        f"the colours of {len(sure)} objects lie {where} of where depth has them: the colour image is not registered "
+        "to the depth image; register it, or score without colour (score.colour_weight = 0)",
+    )
+
+
+def _fits(target: Target, T_cam_obj: Float) -> NDArray[np.float64] | None:
+    """(2 R + 1, 2 R + 1) correlation of an object's colours with the image displaced down and right by −R … R =
+    ``REACH_PX`` [px]; None where too few pixels show it.
+    """
+    observation = target.observation
+    if observation.rgb is None or not target.model.has_colors:
+        return None
+    drawn = render_scene([Placed(0, target.model, T_cam_obj)], observation.camera)
+    depth_m = observation.depth_m
+    seen = (drawn.depth_m > 0) & (depth_m > 0) & (np.abs(drawn.depth_m - depth_m) < NEAR_M) & target.instance.mask
+    rows, columns = np.nonzero(seen)
+    h, w = seen.shape
+    inner = (rows >= REACH_PX) & (rows < h - REACH_PX) & (columns >= REACH_PX) & (columns < w - REACH_PX)
+    rows, columns = rows[inner], columns[inner]
+    if len(rows) < FEWEST_PX:
+        return None
+    image = _smooth(observation.rgb)
+    model = _smooth(drawn.rgb)[rows, columns]
+    model -= model.mean(axis=0)
+    shifts = range(-REACH_PX, REACH_PX + 1)
+    return np.array([[_correlation(model, image[rows + v, columns + u]) for u in shifts] for v in shifts])
+
+
+def _smooth(rgb: NDArray[np.uint8]) -> NDArray[np.floating]:
+    return opponent(gaussian_filter(rgb.astype(np.float32) / 255, (SIGMA_PX, SIGMA_PX, 0)))
+
+
+def _correlation(centred: NDArray[np.floating], colours: NDArray[np.floating]) -> float:
+    """Of colours (N, 3), the first with zero mean."""
+    other = colours - colours.mean(axis=0)
+    squares = float((centred**2).sum() * (other**2).sum())
+    return float((centred * other).sum()) / squares**0.5 if squares > 0 else 0.0
