@@ -34,12 +34,12 @@ def answer_doubts(problem: Problem, poses: Sequence[Float | None], colour_weight
         poses: T_cam_obj (4, 4) that answers each target, None where there is none, as before a run.
         colour_weight: of the score; with 0 it does not matter where the colour image lies.
     """
-    true = [i.T_cam_obj_gt for i in problem.instances]
-    has_truth = any(T is not None for T in true)
-    doubts = () if has_truth else depth_notes(problem) or plane_notes(problem, poses)
+    at_gt = [i.T_cam_obj_gt for i in problem.instances]
+    has_gt = any(T is not None for T in at_gt)
+    doubts = () if has_gt else depth_notes(problem) or plane_notes(problem, poses)
     if doubts or colour_weight == 0:
         return doubts
-    return registration_notes(problem, true if has_truth else poses)
+    return registration_notes(problem, at_gt if has_gt else poses)
 
 
 def plane_notes(problem: Problem, poses: Sequence[Float | None]) -> tuple[str, ...]:

@@ -26,9 +26,9 @@
       else delete root.dataset.enlarged;
     }
     for (const maps of all(added, ".vz .maps")) root.toggleAttribute("data-coloured", maps.classList.contains("coloured"));
-    const told = all(added, ".vz [data-empty]").pop();
-    if (told) empty = JSON.parse(told.dataset.empty);
-    for (const tab of told ? document.querySelectorAll("[data-dock-tab]") : all(added, "[data-dock-tab]")) {
+    const last = all(added, ".vz [data-empty]").pop();
+    if (last) empty = JSON.parse(last.dataset.empty);
+    for (const tab of last ? document.querySelectorAll("[data-dock-tab]") : all(added, "[data-dock-tab]")) {
       const name = tab.textContent;
       tab.toggleAttribute("data-empty", name in empty);
       tab.title = empty[name] ?? name;
