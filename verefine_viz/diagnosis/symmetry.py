@@ -8,10 +8,11 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import angle_between, apply, axis_angle, inverse, transform
+from verefine_viz.core.geometry import angle_between, apply, inverse
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.diagnosis.case import ErrorOf
 from verefine_viz.diagnosis.causes import instead
+from verefine_viz.evaluation.near_symmetry import Surface
 from verefine_viz.evaluation.pose_errors import adds_mm
 
 SAME_SHARE, NOISE_M = 0.02, 0.0015
@@ -21,13 +22,8 @@ NEARLY_ALL = 0.98
 LEAST_TURN_RAD = np.radians(5.0)
 """Less of a turn is no symmetry but an error."""
 STEPS = 30
-SLIDES = 0.03
-"""A motion is not made along which the surface changes less than this share of what it does along the others: about its
-axis a can that is nearly round would be turned back to where it came from."""
 TEXTURE = 0.05
 """Colours that differ by more in the mean can tell a turn."""
-NORMAL_WEIGHT = 0.1
-"""A normal turned by 1 rad counts as this share of the diameter in the look-up."""
 
 
 @dataclass(frozen=True)
@@ -100,52 +96,8 @@ def nearby_symmetry(model: ObjectModel, T: Float) -> Float | None:
 
     ``T`` is a transform of the object's frame, such as what lies between an estimate and ground truth.
     """
-    surface = _Surface(model)
-    S = np.array(T)
-    for _ in range(STEPS):
-        moved, to, n = surface.matched(S)
-        step = _step(moved, to, n, surface.middle, surface.size_m)
-        S = step @ S
-        if np.abs(step - np.eye(4)).max() < 1e-6:
-            break
-    moved, to, n = surface.matched(S)
-    aside_m = np.abs(np.einsum("ij,ij->i", moved - to, n))
-    apart_m = np.maximum(aside_m, np.linalg.norm(moved - to, axis=1) - surface.spacing_m)
-    same = np.quantile(apart_m, NEARLY_ALL) < SAME_SHARE * model.diameter_m + NOISE_M
-    turned = angle_between(np.eye(3), S[:3, :3]) > LEAST_TURN_RAD
-    return S if same and turned else None
-
-
-class _Surface:
-    """Points of a model that are looked up by place and normal, so that the sides of a thin wall stay apart."""
-
-    def __init__(self, model: ObjectModel) -> None:
-        self.points, self.normals = model.points, model.point_normals
-        self.middle = self.points.mean(axis=0)
-        self.size_m = float(np.linalg.norm(self.points - self.middle, axis=1).mean())
-        """Mean distance of the surface from its middle [m]."""
-        self._weight_m = NORMAL_WEIGHT * model.diameter_m
-        self._tree = KDTree(np.hstack([self.points, self._weight_m * self.normals]))
-        nearest_m = KDTree(self.points).query(self.points, k=2)[0][:, 1]
-        self.spacing_m = 2 * float(np.quantile(nearest_m, 0.99))
-        """How far a point of the surface can be from the nearest sample [m]."""
-
-    def matched(self, S: Float) -> tuple[Float, Float, Float]:
-        """The points moved by ``S``, and the points and normals that they fall upon."""
-        moved, turned = apply(S, self.points), self.normals @ S[:3, :3].T
-        nearest = self._tree.query(np.hstack([moved, self._weight_m * turned]))[1]
-        return moved, self.points[nearest], self.normals[nearest]
-
-
-def _step(moved: Float, to: Float, n: Float, pivot: Float, size_m: float) -> Float:
-    """The small motion (4, 4) that brings points closer to the planes through others: point-to-plane ICP.
-
-    Turns are about ``pivot`` and measured by how far they move a point at ``size_m`` from it.
-    """
-    A = np.concatenate([np.cross((moved - pivot) / size_m, n), n], axis=1)
-    b = np.einsum("ij,ij->i", to - moved, n)
-    x = np.linalg.pinv(A.T @ A, rcond=SLIDES, hermitian=True) @ (A.T @ b)
-    rotation = x[:3] / size_m
-    angle = float(np.linalg.norm(rotation))
-    R = axis_angle(rotation, angle) if angle > 1e-12 else np.eye(3)
-    return transform(R, pivot + x[3:] - R @ pivot)
+    surface = Surface(model.points, model.point_normals, model.diameter_m)
+    S = surface.aligned(T[None], len(model.points), STEPS)
+    same = np.quantile(surface.apart_m(S, len(model.points)), NEARLY_ALL) < SAME_SHARE * model.diameter_m + NOISE_M
+    turned = angle_between(np.eye(3), S[0, :3, :3]) > LEAST_TURN_RAD
+    return S[0] if same and turned else None
