@@ -71,7 +71,7 @@ class HypothesesSettings(Settings):
     flips: bool = False
     """Whether a promising pose's flips, at which the shape looks nearly the same (a box turned over, a can turned about
     its axis), compete with it: scored, without a call of the refiner. Only where colour counts, for depth alone often
-    chooses the wrong one (docs/methods.md 1.10)."""
+    chooses the wrong one (docs/methods.md 1.11)."""
     estimate: tuple[tuple[str, Index, Literal["ppf", "pcs"]], ...] = ()
     """Instances whose initial poses come from an estimator instead, each with its frame, as [["50/1", 4, "ppf"]]."""
 

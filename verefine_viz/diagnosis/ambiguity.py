@@ -18,12 +18,11 @@ from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts
 from verefine_viz.diagnosis.score_causes import discarded
 from verefine_viz.evaluation.depth_noise import ScoreNoise
 from verefine_viz.evaluation.landscape import CANNOT_TELL, Curve, Landscape, undetermined
+from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
 from verefine_viz.evaluation.pose_errors import add_s_mm
 
 APART = 0.1
 """Poses closer to each other than this share of the diameter (ADD(-S)) count as one."""
-TURNS_DEG = np.arange(-175.0, 180.0, 5.0)
-"""Turns of a wrong answer among which the one that is nearest to ground truth is sought."""
 MORE = 20
 """Offsets between the ends of what is undetermined along an axis that are looked at as well."""
 MOST_POSES = 150
@@ -118,7 +117,9 @@ def ambiguous(case: Case) -> Finding | None:
     placed = case.placed if case.lab.method(None).placed_may_hide else ()
     verifier, target = case.lab.verifier, case.target
     around = undetermined(verifier, target, case.answer.T_cam_obj, placed)
-    poses = [case.T_gt, *_turned_towards_gt(case, around), *run_poses(target, case.own)]
+    # Ground truth, or the answer but for a turn after which the shape nearly looks the same.
+    turned = case.answer.T_cam_obj @ flips(near_symmetries(target.model))
+    poses = [case.T_gt, *turned, *run_poses(target, case.own)]
 
     def is_right(T_cam_obj: Float) -> bool:
         return case.error_of(T_cam_obj) < case.threshold
@@ -136,13 +137,3 @@ def ambiguous(case: Case) -> Finding | None:
         "error": case.error,
     }
     return Finding(Cause.AMBIGUOUS, in_words(case.name, around, other, "a correct pose"), evidence, True)
-
-
-def _turned_towards_gt(case: Case, around: Landscape) -> list[Float]:
-    """The answer turned about each axis of its landscape as near to ground truth as that brings it."""
-    best: list[Float] = []
-    for curve in around.curves:
-        if curve.axis.kind == "turn":
-            turned = [curve.axis.moved(around.T_cam_obj, float(angle)) for angle in TURNS_DEG]
-            best.append(min(turned, key=case.error_of))
-    return best

@@ -2,7 +2,7 @@
 
 They are searched for on the mesh: a grid of all rotations is compared in a distance field, the best are aligned with
 the surface (point-to-plane ICP of the surface onto itself), and what stays apart by little in the mean is listed.
-Nothing that a data set declares is used (docs/methods.md 1.10). Cached on disk by the hash of the mesh.
+Nothing that a data set declares is used (docs/methods.md 1.11). Cached on disk by the hash of the mesh.
 """
 
 from __future__ import annotations

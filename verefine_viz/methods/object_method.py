@@ -43,7 +43,7 @@ class ObjectMethod:
     placed_may_hide: bool = True
     """Whether objects placed before are rendered as what may hide the one being scored (docs/methods.md 1.8.2)."""
     flips: Flips | None = None
-    """Of which models a promising pose's flips compete with it; None = of none (docs/methods.md 1.10)."""
+    """Of which models a promising pose's flips compete with it; None = of none (docs/methods.md 1.11)."""
 
     def start(self, target: Target, fixed: Sequence[Placed] = ()) -> ObjectState | None:
         """The state before the first iteration; None where the pool is empty."""
