@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from tests.fakes import BOX_M, FakeRefiner, FakeSimulator, FakeVerifier, box_problem
+from tests.methods.test_flips import run_of as flipping
+from tests.methods.test_flips import turned
 from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle, transform
@@ -94,6 +96,12 @@ def scene() -> Run:
     return finished(name="vf_depth", problem=both)
 
 
+def turned_over() -> Run:
+    made = flipping("sir", turned(box_problem(2, seed=3), (0, 2)))
+    made.finish()
+    return made
+
+
 def toppling(tmp_path: Path) -> Run:
     return finished(problem=leaning(20), simulator=BulletSimulator(PhysicsSettings(), tmp_path))
 
@@ -127,6 +135,7 @@ UNEVENTFUL: Made = lambda _: finished(refiner=Moves(np.eye(4)), name="refine")  
 EVENTS: dict[str, Made] = {
     "kept_refined": lambda _: finished(),
     "kept_simulated": lambda _: finished(refiner=Moves(LEFT)),
+    "flipped": lambda _: turned_over(),
     "score_fell": lambda _: finished(refiner=Moves(LEFT)),
     "new_best": lambda _: finished(),
     "arm_switched": lambda _: finished(name="rir", exploration=5.0),

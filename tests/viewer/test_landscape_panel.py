@@ -40,7 +40,8 @@ def test_it_is_worked_out_at_the_end_of_a_run_and_not_before() -> None:
     assert d.view().wants_landscape
     assert "Scoring" in landscape_html(d.view())
     html = landscape_html(worked_out(d).view())
-    assert html.count("<svg") == 7
+    assert html.count("<svg") == 8
+    assert "180° about 3 axes: 0.0 mm apart" in html  # The box.
     assert "undetermined within ±" in html
 
 

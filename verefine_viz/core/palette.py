@@ -18,6 +18,7 @@ STAGE_COLORS: dict[str, RGB] = {
     "simulated": (255, 140, 0),
     "mixed": (240, 210, 40),
     "refined": (50, 110, 255),
+    "flipped": (235, 60, 200),
     "accepted": (40, 200, 80),
     "best": (0, 170, 120),
     "runner-up": (255, 105, 180),
@@ -68,6 +69,7 @@ SIDE_COLORS: dict[str, RGB] = {"A": (0, 190, 205), "B": (205, 255, 70)}
 EVENT_COLORS: dict[str, RGB] = {
     "kept_simulated": (255, 140, 0),
     "kept_refined": (50, 110, 255),
+    "flipped": (235, 60, 200),
     "score_fell": (220, 50, 47),
     "new_best": (40, 200, 80),
     "arm_switched": (50, 110, 255),

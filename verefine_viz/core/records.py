@@ -84,11 +84,12 @@ class SimulatedPath:
 TIMING = {"timing": True}
 """Metadata of fields that differ from run to run and are left out of comparisons."""
 
-StageName = Literal["initial", "current", "simulated", "mixed", "refined", "edited"]
+StageName = Literal["initial", "current", "simulated", "mixed", "refined", "flipped", "edited"]
 
 EventKind = Literal[
     "kept_simulated",
     "kept_refined",
+    "flipped",
     "score_fell",
     "new_best",
     "arm_switched",

@@ -68,6 +68,10 @@ class HypothesesSettings(Settings):
     """perturb: length of the disturbance in a random direction [mm]. Paper Sec. V-A."""
     seed: Seed = 0
     """perturb: seed."""
+    flips: bool = False
+    """Whether a promising pose's flips, at which the shape looks nearly the same (a box turned over, a can turned about
+    its axis), compete with it: scored, without a call of the refiner. Only where colour counts, for depth alone often
+    chooses the wrong one (docs/methods.md 1.11)."""
     estimate: tuple[tuple[str, Index, Literal["ppf", "pcs"]], ...] = ()
     """Instances whose initial poses come from an estimator instead, each with its frame, as [["50/1", 4, "ppf"]]."""
 
@@ -238,6 +242,7 @@ PUBLISHED: dict[str, dict[str, Any]] = {
         "colour_weight": 0.0,
     },
     "icp": {"metric": "point", "stop": "published", "gate": "published", "matches": "all", "max_iterations": 10},
+    "hypotheses": {"flips": False},
     "tricp": {"trim": 1.0},
     "pcs": {"part_share": 0.0, "spacing_m": 0.0, "keep_share": 0.2},
     "dependency": {"rule": "published"},

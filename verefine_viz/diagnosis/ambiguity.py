@@ -18,6 +18,7 @@ from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts
 from verefine_viz.diagnosis.score_causes import discarded, poses_at_gt
 from verefine_viz.evaluation.depth_noise import ScoreNoise
 from verefine_viz.evaluation.landscape import CANNOT_TELL, Curve, Landscape, undetermined
+from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.evaluation.score_ascent import highest_near
 
@@ -142,7 +143,9 @@ def ambiguous(case: Case) -> Finding | None:
         return None  # The run had a correct pose: that it was given up says more.
     placed = case.placed if case.lab.method(None).placed_may_hide else ()
     around = undetermined(case.lab.verifier, case.target, case.answer.T_cam_obj, placed)
-    poses = [*poses_at_gt(case), *run_poses(case.target, case.trace.iterations)]
+    # Ground truth, or the answer but for a turn after which the shape nearly looks the same.
+    turned = case.answer.T_cam_obj @ flips(near_symmetries(case.target.model))
+    poses = [*poses_at_gt(case), *turned, *run_poses(case.target, case.trace.iterations)]
 
     def is_right(T_cam_obj: Float) -> bool:
         return case.error_of(T_cam_obj) < case.threshold

@@ -181,7 +181,12 @@ class Lab:
     ) -> ObjectMethod:
         """The run's method for one object, with other parts or another budget per hypothesis."""
         made = make_method(
-            self.method_settings, simulator, refiner or self.refiner, self.verifier, self.physics.steps
+            self.method_settings,
+            simulator,
+            refiner or self.refiner,
+            self.verifier,
+            self.physics.steps,
+            self.toolbox.flips,
         ).method
         return replace(made, iterations=iterations or made.iterations)
 

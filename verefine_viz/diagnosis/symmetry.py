@@ -9,10 +9,11 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import angle_between, apply, axis_angle, inverse, transform
+from verefine_viz.core.geometry import angle_between, apply, inverse, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.diagnosis.case import ErrorOf
 from verefine_viz.diagnosis.causes import instead
+from verefine_viz.evaluation.near_symmetry import Surface
 from verefine_viz.evaluation.pose_errors import adds_mm
 
 SAME_SHARE, NOISE_M = 0.02, 0.0015
@@ -23,13 +24,8 @@ NEARLY_ALL = 0.98
 LEAST_TURN_RAD = np.radians(5.0)
 """Less of a turn is no symmetry but an error."""
 STEPS = 30
-SLIDES = 0.03
-"""A motion is not made along which the surface changes less than this share of what it does along the others: about its
-axis a can that is nearly round would be turned back to where it came from."""
 TEXTURE = 0.05
 """Colours that differ by more in the mean can tell a turn."""
-NORMAL_WEIGHT = 0.1
-"""A normal turned by 1 rad counts as this share of the diameter in the look-up."""
 
 
 @dataclass(frozen=True)
@@ -102,66 +98,22 @@ def nearby_symmetry(model: ObjectModel, T: Float) -> Float | None:
 
     ``T`` is a transform of the object's frame, such as what lies between an estimate and ground truth.
     """
-    surface = _Surface(model)
-    S = np.array(T)
-    for _ in range(STEPS):
-        moved, to, n = surface.matched(S)
-        step = _step(moved, to, n, surface.middle, surface.size_m)
-        S = step @ S
-        if np.abs(step - np.eye(4)).max() < 1e-6:
-            break
+    surface, n = Surface(model.points, model.point_normals, model.diameter_m), len(model.points)
+
+    def apart_m(S: Float) -> float:
+        """How far nearly all of the surface moved by ``S`` lies from the surface at most [m]."""
+        return float(np.quantile(surface.apart_m(S[None], n), NEARLY_ALL))
+
+    S = surface.aligned(T[None], n, STEPS)[0]
     if angle_between(np.eye(3), S[:3, :3]) <= LEAST_TURN_RAD:
         return None
-    apart_m, limit_m = surface.apart_m(S), SAME_SHARE * model.diameter_m
-    if apart_m < limit_m:
+    far_m, limit_m = apart_m(S), SAME_SHARE * model.diameter_m
+    if far_m < limit_m:
         return S
-    is_nearly = apart_m < limit_m + NOISE_M
-    return S if is_nearly and surface.apart_m(_half(S)) < limit_m + NOISE_M else None
+    return S if far_m < limit_m + NOISE_M and apart_m(_half(S)) < limit_m + NOISE_M else None
 
 
 def _half(S: Float) -> Float:
     """The motion (4, 4) that makes ``S`` when it is made twice, by half of its angle about the same axis."""
     R = Rotation.from_rotvec(0.5 * Rotation.from_matrix(S[:3, :3]).as_rotvec()).as_matrix()
     return transform(R, np.linalg.solve(R + np.eye(3), S[:3, 3]))
-
-
-class _Surface:
-    """Points of a model that are looked up by place and normal, so that the sides of a thin wall stay apart."""
-
-    def __init__(self, model: ObjectModel) -> None:
-        self.points, self.normals = model.points, model.point_normals
-        self.middle = self.points.mean(axis=0)
-        self.size_m = float(np.linalg.norm(self.points - self.middle, axis=1).mean())
-        """Mean distance of the surface from its middle [m]."""
-        self._weight_m = NORMAL_WEIGHT * model.diameter_m
-        self._tree = KDTree(np.hstack([self.points, self._weight_m * self.normals]))
-        nearest_m = KDTree(self.points).query(self.points, k=2)[0][:, 1]
-        self.spacing_m = 2 * float(np.quantile(nearest_m, 0.99))
-        """How far a point of the surface can be from the nearest sample [m]."""
-
-    def apart_m(self, S: Float) -> float:
-        """How far nearly all of the surface moved by ``S`` lies from the surface at most [m]."""
-        moved, to, n = self.matched(S)
-        aside_m = np.abs(np.einsum("ij,ij->i", moved - to, n))
-        apart_m = np.maximum(aside_m, np.linalg.norm(moved - to, axis=1) - self.spacing_m)
-        return float(np.quantile(apart_m, NEARLY_ALL))
-
-    def matched(self, S: Float) -> tuple[Float, Float, Float]:
-        """The points moved by ``S``, and the points and normals that they fall upon."""
-        moved, turned = apply(S, self.points), self.normals @ S[:3, :3].T
-        nearest = self._tree.query(np.hstack([moved, self._weight_m * turned]))[1]
-        return moved, self.points[nearest], self.normals[nearest]
-
-
-def _step(moved: Float, to: Float, n: Float, pivot: Float, size_m: float) -> Float:
-    """The small motion (4, 4) that brings points closer to the planes through others: point-to-plane ICP.
-
-    Turns are about ``pivot`` and measured by how far they move a point at ``size_m`` from it.
-    """
-    A = np.concatenate([np.cross((moved - pivot) / size_m, n), n], axis=1)
-    b = np.einsum("ij,ij->i", to - moved, n)
-    x = np.linalg.pinv(A.T @ A, rcond=SLIDES, hermitian=True) @ (A.T @ b)
-    rotation = x[:3] / size_m
-    angle = float(np.linalg.norm(rotation))
-    R = axis_angle(rotation, angle) if angle > 1e-12 else np.eye(3)
-    return transform(R, pivot + x[3:] - R @ pivot)

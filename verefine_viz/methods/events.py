@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 from verefine_viz.core.geometry import angle_between
@@ -53,7 +54,9 @@ def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[
             events.append(Event("nan_score", f"The score of the {stage.name} pose is not a number: it counts as 0."))
         if stage.score is not None and stage.score.n_rendered == 0:
             events.append(Event("empty_render", f"The {stage.name} pose renders to nothing: outside of the image."))
-    if len(draft.candidates) > 1 and simulated is not None and refined is not None:
+    if accepted.name == "flipped":
+        events.append(_flipped(accepted, [s for s in iteration.stages if s.name in draft.candidates]))
+    elif len(draft.candidates) > 1 and simulated is not None and refined is not None:
         events.append(_accepted(accepted, simulated, refined))
     if current.score and accepted.score:
         was, now = current.score.score, accepted.score.score
@@ -83,6 +86,15 @@ def _worse_by_physics(iteration: Iteration) -> list[Event]:
                 text = f"Physics made it worse: the simulated pose scores {now:.2f}, the {before.name} one {was:.2f}."
                 return [Event("physics_worse", text)]
     return []
+
+
+def _flipped(flipped: Stage, candidates: Sequence[Stage]) -> Event:
+    scores = {s.name: s.score.score for s in (flipped, *candidates) if s.score is not None}
+    other = max(candidates, key=lambda s: scores[s.name])
+    digits = max(3, distinguishing_digits(scores["flipped"] - scores[other.name]))
+    one, two = (f"{scores[s.name]:.{digits}f}" for s in (flipped, other))
+    turn_deg = math.degrees(angle_between(other.T_cam_obj[:3, :3], flipped.T_cam_obj[:3, :3]))
+    return Event("flipped", f"Flip accepted: turned by {turn_deg:.0f}° it scores {one}, the {other.name} pose {two}.")
 
 
 def _accepted(accepted: Stage, simulated: Stage, refined: Stage) -> Event:

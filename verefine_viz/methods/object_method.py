@@ -12,6 +12,7 @@ from time import perf_counter
 import numpy as np
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Best, Iteration, PlacedPose, Stage, StageName
@@ -20,6 +21,9 @@ from verefine_viz.methods.arms import Arm, Entry, ObjectState, initial_arms
 from verefine_viz.methods.bandit import Policy, next_choice
 from verefine_viz.methods.events import events_of
 from verefine_viz.methods.single_object import Chain, Draft
+
+Flips = Callable[[ObjectModel], Float]
+"""Turns (N, 4, 4) of a model's frame after which its shape looks nearly the same."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,8 @@ class ObjectMethod:
     """Whether the current pose stays when every candidate scores lower than it."""
     placed_may_hide: bool = True
     """Whether objects placed before are rendered as what may hide the one being scored (docs/methods.md 1.8.2)."""
+    flips: Flips | None = None
+    """Of which models a promising pose's flips compete with it; None = of none (docs/methods.md 1.11)."""
 
     def start(self, target: Target, fixed: Sequence[Placed] = ()) -> ObjectState | None:
         """The state before the first iteration; None where the pool is empty."""
@@ -88,6 +94,10 @@ class ObjectMethod:
         current = Stage("current", arm.current.T_cam_obj, arm.current.score)
         candidates = [s for s in stages if s.name in draft.candidates]
         accepted = self._accepted(current, candidates)
+        flipped = self._flipped(state, accepted, k, fixed)
+        if flipped is not None:
+            stages, candidates = (*stages, flipped), [*candidates, flipped]
+            accepted = max(accepted, flipped, key=lambda s: _score_of(s).score)
         entry = Entry(accepted.T_cam_obj, _score_of(accepted), accepted.name, index)
         reward = max(_score_of(s).score for s in candidates)
         # Sec. III-B, III-C: the answer is the best of all poses on the way, the initial ones included.
@@ -153,6 +163,22 @@ class ObjectMethod:
         j = int(np.argmax([arm.entries[0].score.score for arm in arms])) if self.answer_is_best_scored else 0
         return arms[j].entries[0].as_best(j)
 
+    def _flipped(self, state: ObjectState, accepted: Stage, k: int, fixed: Sequence[Placed]) -> Stage | None:
+        """The best flip of a promising pose: of a hypothesis' first one, and of any that is the best so far. None where
+        there is no flip, or where depth alone would choose.
+        """
+        score = _score_of(accepted)
+        is_promising = k == 1 or score.score > state.best.score.score
+        if self.flips is None or not (is_promising and has_colour(score)):
+            return None
+        started = perf_counter()
+        Ts_cam_obj = accepted.T_cam_obj @ self.flips(state.target.model)
+        if len(Ts_cam_obj) == 0:
+            return None
+        scores = self._score(state.target, Ts_cam_obj, fixed)
+        j = int(np.argmax(scores.score))
+        return Stage("flipped", Ts_cam_obj[j], scores[j], (perf_counter() - started) * 1e3)
+
     def _accepted(self, current: Stage, candidates: list[Stage]) -> Stage:
         """The candidate with the highest score; the later of the two on ties (docs/methods.md 1.3)."""
         better = max(reversed(candidates), key=lambda s: _score_of(s).score)
@@ -193,6 +219,11 @@ class _IterationScores:
         of_stage = {s.name: scores[i] for i, s in enumerate(others)}
         of_stage |= {name: begun()[0] for name, begun in self._begun.items()}
         return tuple(s.with_score(of_stage.get(s.name)) for s in draft.stages)
+
+
+def has_colour(score: PoseScore) -> bool:
+    """Whether colour is part of a score: not where its weight is 0, or where model or image have no contrast."""
+    return getattr(score, "colour_weight", 0.0) > 0.0
 
 
 def _score_of(stage: Stage) -> PoseScore:

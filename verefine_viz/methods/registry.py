@@ -9,7 +9,7 @@ from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.protocols import Refiner, Simulator, Verifier
 from verefine_viz.core.settings import MethodSettings
 from verefine_viz.methods.bandit import BestInitial, Policy, Turns, Ucb
-from verefine_viz.methods.object_method import ObjectMethod
+from verefine_viz.methods.object_method import Flips, ObjectMethod
 from verefine_viz.methods.per_object import PerObject, VfBreadth
 from verefine_viz.methods.single_object import Chain, PhysAfter, PhysBefore, Pir, Refine, Sir
 from verefine_viz.methods.vf_depth import VfDepth
@@ -19,9 +19,16 @@ class _Parts:
     """What the methods of one session are composed from."""
 
     def __init__(
-        self, s: MethodSettings, simulator: Simulator | None, refiner: Refiner, verifier: Verifier, n_steps: int
+        self,
+        s: MethodSettings,
+        simulator: Simulator | None,
+        refiner: Refiner,
+        verifier: Verifier,
+        n_steps: int,
+        flips: Flips | None,
     ) -> None:
         self.s, self.simulator, self.refiner, self.verifier, self.n_steps = s, simulator, refiner, verifier, n_steps
+        self.flips = flips
         self.pir = Pir(simulator, refiner, n_steps)
         self.sir = Sir(self.pir, s.sim_candidate)
         self.never_worse = s.accept == "never_worse"
@@ -32,10 +39,10 @@ class _Parts:
 
     def pir_by(self, policy: Policy) -> PerObject:
         """PIR of the hypothesis that a policy of the ablation chooses."""
-        return PerObject(ObjectMethod(self.pir, self.verifier, self.s.iterations, policy))
+        return PerObject(ObjectMethod(self.pir, self.verifier, self.s.iterations, policy, flips=self.flips))
 
     def sir_alone(self) -> ObjectMethod:
-        return ObjectMethod(self.sir, self.verifier, self.s.iterations, never_worse=self.never_worse)
+        return ObjectMethod(self.sir, self.verifier, self.s.iterations, never_worse=self.never_worse, flips=self.flips)
 
     def rir(self) -> ObjectMethod:
         """SIR of the hypothesis that UCB chooses (paper Sec. III-C)."""
@@ -131,9 +138,15 @@ def method_of(name: str) -> Method:
 
 
 def make_method(
-    settings: MethodSettings, simulator: Simulator | None, refiner: Refiner, verifier: Verifier, n_steps: int
+    settings: MethodSettings,
+    simulator: Simulator | None,
+    refiner: Refiner,
+    verifier: Verifier,
+    n_steps: int,
+    flips: Flips | None = None,
 ) -> PerObject:
-    """The method of that name over all instances of a frame. ``simulator`` None switches physics off.
+    """The method of that name over all instances of a frame. ``simulator`` None switches physics off, ``flips`` None
+    has none of them compete.
 
     Raises:
         SettingsError: there is no such method.
@@ -141,4 +154,4 @@ def make_method(
     make = method_of(settings.name).make
     if make is None:
         raise SettingsError(unknown("method", settings.name, ALL_METHOD_NAMES))
-    return make(_Parts(settings, simulator, refiner, verifier, n_steps))
+    return make(_Parts(settings, simulator, refiner, verifier, n_steps, flips))

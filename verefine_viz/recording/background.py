@@ -34,7 +34,7 @@ PLANE_COLOR, GRAVITY_COLOR = 0x5A8CA02D, 0x78BEDCFF
 DRAWN_FACES, DRAWN_FACES_IN_SCENE = 1200, 500
 GHOST_FACES = 300
 STAGE_ALPHA = {"current": 110, "simulated": 150, "mixed": 90, "refined": 170, "best": 230, "placed": 200}
-STAGE_ALPHA |= {"incumbent": 255}
+STAGE_ALPHA |= {"flipped": 170, "incumbent": 255}
 TEXTURED, TEXTURE_PX = ("best", "incumbent"), 128
 """Stages that show an object's texture, if it has one, and the size of its image: it is stored uncompressed."""
 GHOST_ALPHA = 35
@@ -58,7 +58,7 @@ def log_background(file: RecordingFile, problem: Problem, layout: Layout, pictur
         _log_support(file, observation.support, layout)
     for k, target in enumerate(problem.targets):
         own = OBJECT_COLORS[k % len(OBJECT_COLORS)] if len(problem.targets) > 1 else None
-        _log_object(file, target, entities.branch(target.instance, problem), own)
+        _log_object(file, target, layout, own)
     near_m = _depth_m(T_world_cam, layout.center_world)
     camera = observation.camera
     pinhole = rr.Pinhole(
@@ -74,10 +74,11 @@ def log_background(file: RecordingFile, problem: Problem, layout: Layout, pictur
         _log_images(file, problem)
 
 
-def _log_object(file: RecordingFile, target: Target, branch: str, own: RGB | None) -> None:
+def _log_object(file: RecordingFile, target: Target, layout: Layout, own: RGB | None) -> None:
     """An object's meshes; ``own`` is its colour in a scene of several."""
+    branch = layout.branch(target.instance.instance_id).name
     n_faces = DRAWN_FACES if own is None else DRAWN_FACES_IN_SCENE
-    colors = {stage: STAGE_COLORS[stage] for stage in entities.DRAWN_STAGES}
+    colors = {stage: STAGE_COLORS[stage] for stage in (*layout.worked_on, "best")}
     if own is not None:
         colors |= {"placed": own, "incumbent": own}
     for stage, color in colors.items():

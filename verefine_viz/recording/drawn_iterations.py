@@ -187,6 +187,7 @@ _NOTABLE = {
     "physics_worse": "worse",
     "refiner_stuck": "stuck",
     "score_fell": "fell",
+    "flipped": "flip",
     "edited": "edited",
     "new_best_scene": "scene",
     "new_best": "best",
@@ -213,4 +214,5 @@ def _lane_style(layout: Layout) -> rr.StateConfiguration:
     return rr.StateConfiguration(values=list(colors), labels=list(labels.values()), colors=list(colors.values()))
 
 
-_SHORT_STAGES = {"current": "cur", "simulated": "sim", "mixed": "mix", "refined": "ref", "edited": "edit"}
+_SHORT_STAGES = {"current": "cur", "simulated": "sim", "mixed": "mix", "refined": "ref", "flipped": "flip"}
+_SHORT_STAGES |= {"edited": "edit"}

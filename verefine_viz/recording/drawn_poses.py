@@ -25,7 +25,8 @@ class Poses:
 
     def __init__(self, layout: Layout) -> None:
         self._branches = {b.instance_id: b for b in layout.branches}
-        self._stages = entities.DRAWN_STAGES + (entities.IN_SCENE if layout.is_scene else ())
+        self._worked_on_stages = layout.worked_on
+        self._stages = (*layout.worked_on, "best", *(entities.IN_SCENE if layout.is_scene else ()))
         self._moves: dict[int, Moves] = {i: [] for i in self._branches}
         self._shown: dict[tuple[int, str], Float] = {}
         self._worked_on: int | None = None
@@ -42,12 +43,12 @@ class Poses:
         k, own, before = iteration.index, iteration.instance_id, self._worked_on
         if before is not None and before != own:
             # Another object's turn: only the best pose of this one stays.
-            for stage in entities.WORKED_ON:
+            for stage in self._worked_on_stages:
                 self._move(k, before, stage, NOWHERE)
         self._worked_on = own
         self._place(iteration)
         shown = {stage.name: stage.T_cam_obj for stage in iteration.stages}
-        for stage in entities.WORKED_ON:
+        for stage in self._worked_on_stages:
             self._move(k, own, stage, shown.get(stage, NOWHERE))
         self._move(k, own, "best", iteration.best.T_cam_obj)
         self._best[own] = iteration.best.T_cam_obj

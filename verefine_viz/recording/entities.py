@@ -42,9 +42,7 @@ TREE = "/tree"
 LANDSCAPE = "/landscape"
 
 WORKED_ON = ("current", "simulated", "mixed", "refined")
-"""Poses of the object being worked on that are drawn, in this order."""
-DRAWN_STAGES = (*WORKED_ON, "best")
-"""Poses of an object that are drawn where no other plays a part."""
+"""Poses of the object being worked on that are drawn, in this order; where flips compete, "flipped" as well."""
 IN_SCENE = ("placed", "incumbent")
 """More in a scene: where it stands while others are worked on, and its pose in the best scene so far."""
 

@@ -17,8 +17,9 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.scores import Scores
+from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import method_of
-from verefine_viz.recording.entities import branch
+from verefine_viz.recording.entities import WORKED_ON, branch
 
 SUBSAMPLE = 16
 """Every so many-th point gives the middle and the reach of the objects."""
@@ -73,6 +74,8 @@ class Layout:
     """Whether it has a dependency graph."""
     has_clusters: bool
     """Whether some objects are solved together."""
+    has_flips: bool = False
+    """Whether flips of promising poses may compete with them."""
 
     def __post_init__(self) -> None:
         if len({b.instance_id for b in self.branches}) < len(self.branches):
@@ -104,6 +107,11 @@ class Layout:
     def has_ground_truth(self) -> bool:
         """Whether that of any object is known."""
         return any(b.has_truth for b in self.branches)
+
+    @property
+    def worked_on(self) -> tuple[str, ...]:
+        """Poses of the object being worked on that are drawn, in this order."""
+        return (*WORKED_ON, "flipped") if self.has_flips else WORKED_ON
 
     @property
     def names(self) -> list[str]:
@@ -155,8 +163,8 @@ class Layout:
         return json.dumps({**vars(self), "branches": [vars(b) for b in self.branches]}, separators=(",", ":"))
 
 
-def layout_of(problem: Problem, state: RunState, method: str) -> Layout:
-    """The layout of a problem, given the state before the first iteration and the name of the method."""
+def layout_of(problem: Problem, state: RunState, session: Session) -> Layout:
+    """The layout of a problem, given the state before the first iteration and what is being run."""
     branches: list[Branch] = []
     for instance, scores in zip(problem.instances, state.initial, strict=True):
         sources = tuple(h.source for h in instance.hypotheses)
@@ -166,7 +174,8 @@ def layout_of(problem: Problem, state: RunState, method: str) -> Layout:
         branches.append(Branch(instance.instance_id, instance.obj_id, name, sources, tuple(initial), has_truth))
     solved = {b.instance_id for b in branches if b.n_arms}
     has_clusters = any(len(solved.intersection(cluster)) > 1 for cluster in problem.clusters)
-    return Layout(tuple(branches), *_view(problem), method, problem.dependencies is not None, has_clusters)
+    has_graph, has_flips = problem.dependencies is not None, session.hypotheses.flips
+    return Layout(tuple(branches), *_view(problem), session.method.name, has_graph, has_clusters, has_flips)
 
 
 def _other_instances(iteration: Iteration) -> Iterator[int]:

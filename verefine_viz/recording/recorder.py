@@ -88,7 +88,7 @@ class Recorder:
         """
         # A method may add hypotheses of its own to the problem it was given.
         self._problem = state.problem
-        self._layout = layout_of(self._problem, state, self._session.method.name)
+        self._layout = layout_of(self._problem, state, self._session)
         self._targets = {t.instance.instance_id: t for t in self._problem.targets}
         self._drawing = Drawing(self._layout)
         about = properties(self._session, self._problem, self._layout)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError, ShapeError, VerefineError, unknown
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
@@ -15,6 +16,8 @@ from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Estimator, Method, Refiner, Verifier, Watcher
 from verefine_viz.core.settings import PhysicsSettings, Session
 from verefine_viz.core.side_by_side import side_by_side
+from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
+from verefine_viz.methods.object_method import Flips
 from verefine_viz.methods.physim_mcts import make_physim_mcts, mcts_physics, mcts_tricp
 from verefine_viz.methods.registry import make_method, method_of
 from verefine_viz.observation.dependency_graph import dependency_graph
@@ -80,7 +83,21 @@ class Toolbox:
             return make_physim_mcts(
                 s.mcts, self._simulator(physics), TrimmedIcp(tricp), self.verifier, pixels, physics.steps
             )
-        return make_method(s.method, self.simulator, self.refiner, self.verifier, s.physics.steps)
+        return make_method(s.method, self.simulator, self.refiner, self.verifier, s.physics.steps, self.flips)
+
+    @cached_property
+    def flips(self) -> Flips | None:
+        """Of each model the turns after which it looks nearly the same; None where the session wants no flips."""
+        if not self.session.hypotheses.flips:
+            return None
+        known: dict[str, Float] = {}
+
+        def flips_of(model: ObjectModel) -> Float:
+            if model.mesh_hash not in known:
+                known[model.mesh_hash] = flips(near_symmetries(model, progress=self._progress))
+            return known[model.mesh_hash]
+
+        return flips_of
 
     def _simulator(self, physics: PhysicsSettings) -> BulletSimulator | None:
         return BulletSimulator(physics, progress=self._progress) if physics.enabled else None
@@ -159,7 +176,7 @@ class Toolbox:
 
     def _solids(self, problem: Problem) -> tuple[dict[int, str], tuple[str, ...]]:
         """Objects of which no collider can be built, with the reason, and notes on those that are built; building takes
-        seconds, once per model. Meshes to score, which take about as long, are made beside them.
+        seconds, once per model. Meshes to score and near-symmetries, which take about as long, are made beside them.
         """
         broken: dict[int, str] = {}
         notes: list[str] = []
@@ -167,7 +184,9 @@ class Toolbox:
             models = list(problem.models.values())
             solids = [partial(self.simulator.collider, model) for model in models]
             meshes = [partial(_score_mesh, model, self.session.score.simplify_mm) for model in models]
-            for model, solid in zip(models, side_by_side([*solids, *meshes], self._progress), strict=False):
+            turns = [partial(_near_symmetries, model) for model in models if self.flips is not None]
+            prepared = side_by_side([*solids, *meshes, *turns], self._progress)
+            for model, solid in zip(models, prepared, strict=False):
                 if isinstance(solid, ShapeError):
                     broken[model.obj_id] = str(solid)
                 elif isinstance(solid, VerefineError):
@@ -257,6 +276,11 @@ class Toolbox:
 def _score_mesh(model: ObjectModel, simplify_mm: float, progress: ProgressToken) -> None:
     """Has the mesh to score in the cache, where the verifier finds it."""
     scoring_mesh(model, simplify_mm, progress=progress)
+
+
+def _near_symmetries(model: ObjectModel, progress: ProgressToken) -> None:
+    """Has the model's near-symmetries in the cache."""
+    near_symmetries(model, progress=progress)
 
 
 def _within_reach(problem: Problem) -> Problem:

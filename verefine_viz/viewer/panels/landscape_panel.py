@@ -11,6 +11,7 @@ from verefine_viz.evaluation.landscape import Curve, Landscape, Slice
 from verefine_viz.pictures.landscape_picture import curve_svg, slice_svg
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import carries, choice, link, sentence, small, warning
+from verefine_viz.viewer.drawing.near_symmetry_picture import near_symmetries_html
 from verefine_viz.viewer.panels.widgets import Block
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.empty_tabs import no_landscape
@@ -47,7 +48,9 @@ def landscape_html(snapshot: Snapshot) -> str:
         return sentence(missing) + f"<p>{wanted}</p>" * bool(wanted)
     if around is None:
         return sentence("Scoring the poses around the answer …")
-    return verdict_html(snapshot, around) + curves_html(snapshot, around) + _slice_html(snapshot, around)
+    parts = verdict_html(snapshot, around), curves_html(snapshot, around), _slice_html(snapshot, around)
+    known = snapshot.near_symmetries
+    return "".join(parts) + (near_symmetries_html(snapshot.target.model, known) if known is not None else "")
 
 
 def verdict_html(snapshot: Snapshot, around: Landscape) -> str:

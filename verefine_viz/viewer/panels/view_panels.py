@@ -17,7 +17,7 @@ from verefine_viz.viewer.state.view_options import LAYERS, SHOWN_AT_FIRST, STAGE
 from verefine_viz.viewer.text.display_names import STAGE_MEANINGS
 from verefine_viz.viewer.web.viser_internals import beside_the_box, compact, label_of, side_by_side
 
-WITH_BOX = tuple(name for name in LAYERS if name not in ("path", "edited", "runner-up"))
+WITH_BOX = tuple(name for name in LAYERS if name not in ("path", "flipped", "edited", "runner-up"))
 ROWS = tuple(
     zip((n for n in WITH_BOX if n in STAGES), (n for n in WITH_BOX if n not in STAGES), strict=True),
 )

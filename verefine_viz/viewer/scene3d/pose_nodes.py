@@ -27,7 +27,8 @@ from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.view_options import STAGES
 from verefine_viz.viewer.text.display_names import arm_color
 
-OPACITY = {"initial": 0.25, "current": 0.3, "simulated": 0.6, "mixed": 0.4, "refined": 0.6, "edited": 0.7}
+OPACITY = {"initial": 0.25, "current": 0.3, "simulated": 0.6, "mixed": 0.4, "refined": 0.6, "flipped": 0.6}
+OPACITY |= {"edited": 0.7}
 OUTLINED = ("accepted", "best", "runner-up", "ground truth")
 """Drawn as a coarse wireframe around the others."""
 _OUTLINE_FACES = 300

@@ -284,12 +284,13 @@ def _landscape(
 ) -> dict[str, Any]:
     """What is known of the score around the best pose, as fields of the snapshot."""
     if "best" not in poses:
-        return {"landscape": None, "score_slice": None, "other_pose": None}
+        return {"landscape": None, "score_slice": None, "other_pose": None, "near_symmetries": None}
     T = poses["best"].T_cam_obj
     return {
         "landscape": evaluator.known_landscape(target, T),
         "score_slice": evaluator.known_slice(target, T, options.slice_axes),
         "other_pose": evaluator.known_other_pose(target, T, own)[1],
+        "near_symmetries": evaluator.known_near_symmetries(target.model),
     }
 
 
@@ -307,6 +308,8 @@ def deferred_landscape(snapshot: Snapshot, evaluator: CachedEvaluator) -> Iterat
     evaluator.landscape(target, T)
     yield
     evaluator.score_slice(target, T, snapshot.options.slice_axes)
+    yield
+    evaluator.near_symmetries(target.model)
     yield
     evaluator.other_pose(target, T, snapshot.own_iterations)
 

@@ -17,6 +17,7 @@ from verefine_viz.core.settings import Edit, Session
 from verefine_viz.diagnosis.ambiguity import OtherPose
 from verefine_viz.diagnosis.symmetry import UndeclaredTurn
 from verefine_viz.evaluation.landscape import Landscape, Slice
+from verefine_viz.evaluation.near_symmetry import NearSymmetry
 from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.session.edits import edits_of, never_reached
 from verefine_viz.viewer import commands as c
@@ -164,6 +165,8 @@ class Snapshot:
     """The same over the two axes that are chosen."""
     other_pose: OtherPose | None
     """A pose that the observation cannot tell from that answer; None also where that is not known."""
+    near_symmetries: tuple[NearSymmetry, ...] | None
+    """Of the model of the object in focus; None where they are not known by now."""
     scene: SceneState
     """All objects of the frame."""
     finished: tuple[FinishedObject, ...]

@@ -21,6 +21,7 @@ from verefine_viz.diagnosis.ambiguity import OtherPose, other_pose, run_poses
 from verefine_viz.diagnosis.symmetry import UndeclaredTurn, undeclared_turn
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.landscape import Landscape, Slice, landscape, score_slice
+from verefine_viz.evaluation.near_symmetry import NearSymmetry, flips, near_symmetries
 from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ class CachedEvaluator:
         """A pose of a run, or of the landscape, that the observation cannot tell from an answer; None = none is."""
         around = self.landscape(target, T_cam_obj)
         key = (*_key("other pose", target, T_cam_obj), len(iterations))
-        poses = run_poses(target, iterations)
+        poses = [*run_poses(target, iterations), *(T_cam_obj @ flips(self.near_symmetries(target.model)))]
         return self._remember(key, lambda: other_pose(self.verifier, target, around, poses))
 
     def known_other_pose(
@@ -130,6 +131,14 @@ class CachedEvaluator:
         """Whether :meth:`other_pose` was called before, and its result."""
         key = (*_key("other pose", target, T_cam_obj), len(iterations))
         return key in self._numbers, self._numbers.get(key)
+
+    def near_symmetries(self, model: ObjectModel) -> tuple[NearSymmetry, ...]:
+        """The turns after which a model's shape nearly looks the same; a second's work where they are not cached."""
+        return self._remember(("near-symmetries", model.mesh_hash), lambda: near_symmetries(model))
+
+    def known_near_symmetries(self, model: ObjectModel) -> tuple[NearSymmetry, ...] | None:
+        """What :meth:`near_symmetries` returned if it was called before, else None."""
+        return self._numbers.get(("near-symmetries", model.mesh_hash))
 
     def plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
         """Gap, penetration, support polygon and stability among ``others``; None where no support is known."""

@@ -68,6 +68,12 @@ MEANINGS: tuple[Meaning, ...] = (
         frozenset({"kept_simulated"}),
     ),
     Meaning(
+        "flip",
+        "A flip of the pose scored higher and was accepted: the shape looks nearly the same there, the colours do not.",
+        EVENT_COLORS["flipped"],
+        frozenset({"flipped"}),
+    ),
+    Meaning(
         "switched",
         "Another hypothesis was chosen than before.",
         EVENT_COLORS["arm_switched"],

@@ -15,7 +15,7 @@ from verefine_viz.session.engine import Run
 from verefine_viz.viewer import commands as c
 
 STAGES: tuple[str, ...] = (
-    "initial", "current", "simulated", "mixed", "refined", "accepted", "best", "runner-up", "edited",
+    "initial", "current", "simulated", "mixed", "refined", "flipped", "accepted", "best", "runner-up", "edited",
     "ground truth",
 )  # fmt: skip
 """Every pose of an object that can be drawn, compared and scored."""
@@ -31,7 +31,7 @@ LAYERS: tuple[str, ...] = (
     "path",
 )  # fmt: skip
 SHOWN_AT_FIRST = frozenset(
-    {"current", "simulated", "refined", "accepted", "edited", "ground truth"}
+    {"current", "simulated", "refined", "flipped", "accepted", "edited", "ground truth"}
     | {"hypotheses", "cloud", "camera image", "plane", "gravity", "contacts", "others", "overlaps"}
 )
 
@@ -149,7 +149,7 @@ def revealed(iteration: Iteration, stage: str | None) -> tuple[str, ...]:
 AGAINST: tuple[tuple[str, str], ...] = (("best", "ground truth"), ("best", "runner-up"))
 """What is compared by itself where the answer is wrong, and where nothing says whether it is."""
 
-OF_ITERATION = frozenset({"current", "simulated", "mixed", "refined", "accepted"})
+OF_ITERATION = frozenset({"current", "simulated", "mixed", "refined", "flipped", "accepted"})
 """Poses that an iteration goes through."""
 
 

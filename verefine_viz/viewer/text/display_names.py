@@ -26,6 +26,7 @@ STAGE_MEANINGS = {
     "simulated": "after physics",
     "mixed": "rotation of simulated, translation of current: where the refiner starts",
     "refined": "after the refiner",
+    "flipped": "turned to where the shape looks nearly the same: the best of these",
     "accepted": "what was accepted, outlined",
     "best": "the best of all so far, outlined; where a finished run shows its answer, solid",
     "runner-up": "the best of another hypothesis than the answer's, at the end of a run",

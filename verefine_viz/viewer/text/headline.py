@@ -213,7 +213,7 @@ def _chosen_because(iteration: Iteration, n_arms: int) -> str:
 def _is_unverified(iteration: Iteration) -> bool:
     """Whether there were two poses to choose from, and no choice was made."""
     both = iteration.stage("simulated") is not None and iteration.stage("refined") is not None
-    return both and not any(event.kind in ("kept_refined", "kept_simulated") for event in iteration.events)
+    return both and not any(event.kind in ("kept_refined", "kept_simulated", "flipped") for event in iteration.events)
 
 
 def _what_it_did(snapshot: Snapshot, iteration: Iteration, before: Stage, stage: Stage) -> str:
@@ -224,6 +224,8 @@ def _what_it_did(snapshot: Snapshot, iteration: Iteration, before: Stage, stage:
         who = "simulation"
     elif stage.name == "refined":
         who = refiner if before.name == "current" else f"then {refiner}"
+    elif stage.name == "flipped":
+        who = "its best flip"
     else:
         who = f"the {stage.name} stage"
     what = movement(before.T_cam_obj, stage.T_cam_obj, snapshot.target.model.points)

@@ -1,0 +1,236 @@
+"""Flips of promising poses: they win where colour says so, and change nothing elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import apply
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.problem import Placed, Problem, Target
+from verefine_viz.core.records import Iteration
+from verefine_viz.core.scores import PoseScore, Scores
+from verefine_viz.core.settings import HypothesesSettings, MethodSettings, RecordingSettings, Session
+from verefine_viz.evaluation.near_symmetry import flips, sought
+from verefine_viz.methods.object_method import Flips
+from verefine_viz.methods.registry import METHOD_NAMES, METHODS, make_method
+from verefine_viz.recording.playback import played
+from verefine_viz.recording.reader import read_recording
+from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.verify import first_difference
+from verefine_viz.session.engine import Run
+
+HALF_TURNS = np.array([np.diag([1.0, -1, -1, 1]), np.diag([-1.0, 1, -1, 1]), np.diag([-1.0, -1, 1, 1])])
+"""Of a box."""
+WEIGHT = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class ColouredScore(PoseScore):
+    colour_weight: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ColouredScores(Scores):
+    colour_weight: float = 0.0
+
+    def __getitem__(self, i: int) -> PoseScore:
+        return ColouredScore(**{**vars(super().__getitem__(i)), "colour_weight": self.colour_weight})
+
+
+def gap_m(target: Target, T_cam_obj: Float) -> float:
+    """Mean distance of the model's points to where ground truth has them."""
+    assert target.instance.T_cam_obj_gt is not None
+    points = target.model.points
+    difference = apply(T_cam_obj, points) - apply(target.instance.T_cam_obj_gt, points)
+    return float(np.linalg.norm(difference, axis=1).mean())
+
+
+@dataclass(frozen=True)
+class Looks(FakeVerifier):
+    """Depth scores a box alike after a half turn; colour, where it counts, tells the sides apart."""
+
+    weight: float = WEIGHT
+
+    def score(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Scores:
+        shape_m = [min(gap_m(target, T @ S) for S in (np.eye(4), *HALF_TURNS)) for T in Ts_cam_obj]
+        looks_m = [gap_m(target, T) for T in Ts_cam_obj]
+        value = (1 - self.weight) * np.exp(-np.array(shape_m) / 0.02) + self.weight * np.exp(-np.array(looks_m) / 0.02)
+        alike = super().score(target, Ts_cam_obj, placed)
+        rest = alike.depth_fit, alike.normal_fit, alike.n_pixels, alike.n_rendered, alike.counts
+        return ColouredScores(value, *rest, colour_weight=self.weight)
+
+
+@dataclass(frozen=True)
+class ToTheShape(FakeRefiner):
+    """Goes half of the way to the nearest pose that looks alike in depth, and counts its calls."""
+
+    calls: list[int] = field(default_factory=list)
+
+    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        self.calls.append(target.instance.instance_id)
+        T_gt = target.instance.T_cam_obj_gt
+        S = min((np.eye(4), *HALF_TURNS), key=lambda S: gap_m(target, T_cam_obj @ S))
+        return super().refine(replace(target, instance=replace(target.instance, T_cam_obj_gt=T_gt @ S)), T_cam_obj)
+
+
+def turned(problem: Problem, turns: Sequence[int | None]) -> Problem:
+    """The same with the j-th hypothesis of each object after a half turn, or as it is."""
+
+    def pool(hypotheses: Sequence[object]) -> tuple[object, ...]:
+        return tuple(
+            h if turns[j] is None else replace(h, T_cam_obj=h.T_cam_obj @ HALF_TURNS[turns[j]])  # pyright: ignore
+            for j, h in enumerate(hypotheses)
+        )
+
+    instances = tuple(replace(i, hypotheses=pool(i.hypotheses)) for i in problem.instances)
+    return replace(problem, instances=instances)
+
+
+def of_box(model: ObjectModel) -> Float:
+    return HALF_TURNS
+
+
+def run_of(
+    name: str,
+    problem: Problem,
+    flips: Flips | None = of_box,
+    weight: float = WEIGHT,
+    refiner: object = None,
+    simulator: object = None,
+) -> Run:
+    s = MethodSettings.model_validate({"name": name, "iterations": 3})
+    parts = simulator, refiner or ToTheShape(), Looks(weight=weight)
+    return Run(make_method(s, *parts, 3, flips), problem)  # pyright: ignore[reportArgumentType]
+
+
+def answer_gap_m(run: Run) -> float:
+    state = run.finish()
+    return max(gap_m(t, b.T_cam_obj) for t, b in zip(run.problem.targets, state.best, strict=True) if b)
+
+
+def without_flips(iterations: Sequence[Iteration]) -> list[Iteration]:
+    return [replace(i, stages=tuple(s for s in i.stages if s.name != "flipped")) for i in iterations]
+
+
+VERIFIED = [name for name in METHOD_NAMES if METHODS[name].verifies]
+
+
+@pytest.mark.parametrize("name", VERIFIED)
+def test_a_pool_that_is_turned_over_comes_right(name: str) -> None:
+    problem = turned(box_problem(2, 2, seed=3), (0, 2))
+    assert answer_gap_m(run_of(name, problem, None)) > 0.03
+    run = run_of(name, problem)
+    assert answer_gap_m(run) < 0.01
+    flipped = [i for i in run.iterations if i.accepted == "flipped"]
+    assert flipped
+    for i in flipped:
+        (event,) = [e for e in i.events if e.kind == "flipped"]
+        assert "180°" in event.text
+        assert not any(e.kind.startswith("kept") for e in i.events)
+
+
+@pytest.mark.parametrize("name", METHOD_NAMES)
+def test_where_colour_does_not_count_nothing_changes(name: str) -> None:
+    problem = turned(box_problem(3, 2, seed=1), (0, None, 1))
+    without, with_them = run_of(name, problem, None, weight=0.0), run_of(name, problem, weight=0.0)
+    without.finish()
+    with_them.finish()
+    assert first_difference(without.iterations, with_them.iterations) is None
+
+
+@pytest.mark.parametrize("name", [n for n in METHOD_NAMES if n not in VERIFIED])
+def test_methods_that_verify_nothing_have_no_flips(name: str) -> None:
+    problem = turned(box_problem(2), (0, 1))
+    without, with_them = run_of(name, problem, None), run_of(name, problem)
+    without.finish()
+    with_them.finish()
+    assert first_difference(without.iterations, with_them.iterations) is None
+
+
+@given(st.integers(1, 4), st.integers(0, 1000))
+def test_until_a_flip_wins_a_run_is_the_same(n: int, seed: int) -> None:
+    """The right sides are seen from the start: no flip wins."""
+    problem = box_problem(n, 1, seed)
+    without, with_them = run_of("rir", problem, None), run_of("rir", problem)
+    without.finish()
+    with_them.finish()
+    assert all(i.accepted != "flipped" for i in with_them.iterations)
+    assert any(i.stage("flipped") for i in with_them.iterations)
+    assert first_difference(list(without.iterations), without_flips(with_them.iterations)) is None
+
+
+@given(st.lists(st.sampled_from([None, 0, 1, 2]), min_size=1, max_size=4), st.integers(0, 1000))
+def test_flips_of_promising_poses_are_scored_and_the_budget_stays(turns: list[int | None], seed: int) -> None:
+    problem = turned(box_problem(len(turns), 1, seed), turns)
+    calls: list[list[int]] = []
+    for of in (None, of_box):
+        refiner = ToTheShape()
+        run = run_of("rir", problem, of, refiner=refiner)
+        run.finish()
+        calls.append(refiner.calls)
+    assert len(calls[0]) == len(calls[1]) == 3 * len(turns)
+    best = max(run.state_at(0).initial[0].score)
+    for i in run.iterations:
+        candidates = [s for s in (i.stage("simulated"), i.stage("refined")) if s is not None and s.score is not None]
+        start = max(candidates, key=lambda s: s.score.score if s.score else 0)
+        assert start.score is not None
+        flipped = i.stage("flipped")
+        assert (flipped is not None) == (i.arm_iteration == 1 or start.score.score > best)
+        if flipped is not None:
+            assert flipped.score is not None
+            others = Looks().score(problem.targets[0], start.T_cam_obj @ HALF_TURNS).score
+            assert flipped.score.score == others.max()
+            assert (i.accepted == "flipped") == (flipped.score.score > start.score.score)
+        best = max(best, i.best.score.score)
+        assert i.best.score.score == best
+
+
+@pytest.mark.parametrize("name", METHOD_NAMES)
+def test_stepping_rewinding_and_forks_agree(name: str) -> None:
+    problem = turned(box_problem(3, 2, seed=5), (0, None, 2))
+    headless, stepped = (run_of(name, problem, simulator=FakeSimulator()) for _ in range(2))
+    headless.finish()
+    while not stepped.at_end:
+        stepped.step()
+        fork = stepped.fork(stepped.cursor // 2)
+        fork.finish()
+        assert first_difference(headless.iterations, fork.iterations) is None
+    assert first_difference(headless.iterations, stepped.iterations) is None
+
+
+def test_the_flips_of_the_search_are_those_of_the_box() -> None:
+    """What the toolbox plugs in is as good as what is known here."""
+    problem = turned(box_problem(2, 1, seed=2), (1, 1))
+    found = flips(sought(problem.models[1]))
+    assert answer_gap_m(run_of("rir", problem, lambda model: found)) < 0.01
+
+
+def test_a_recording_has_them(tmp_path: Path, processes: None) -> None:
+    problem = turned(box_problem(2, 1, seed=3), (0, 2))
+    session = Session(
+        hypotheses=HypothesesSettings(flips=True),
+        method=MethodSettings(name="rir", iterations=3),
+        recording=RecordingSettings(maps=False),
+    )
+    file = tmp_path / "run.rrd"
+    run = Run(run_of("rir", problem).method, problem, (Recorder(file, session, problem),))
+    run.finish()
+    recorded = read_recording(file)
+    again = played(recorded, problem)
+    stages = [[s.name for s in i.stages] for i in run.iterations]
+    assert [[s.name for s in i.stages] for i in again.iterations] == stages
+    assert any("flipped" in names for names in stages)
+    for ours, theirs in zip(run.iterations, again.iterations, strict=True):
+        assert ours.accepted == theirs.accepted
+        assert [s.T_cam_obj.tobytes() for s in ours.stages] == [s.T_cam_obj.tobytes() for s in theirs.stages]
+        assert [e.text for e in ours.events] == [e.text for e in theirs.events]
+    assert again.final_state.best[0].T_cam_obj.tobytes() == run.final_state.best[0].T_cam_obj.tobytes()
