@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -30,8 +31,8 @@ Depth = NDArray[np.floating]
 class WithoutTruth(Toolbox):
     """A data set without ground truth, but for its initial poses."""
 
-    def problem(self, frame: str) -> Problem:
-        problem = super().problem(frame)
+    def problem(self, frame: str, preparing: Callable[[], AbstractContextManager[object]] = nullcontext) -> Problem:
+        problem = super().problem(frame, preparing)
         return replace(problem, instances=tuple(replace(i, T_cam_obj_gt=None) for i in problem.instances))
 
 
