@@ -21,7 +21,6 @@ from rich.console import Console
 from rich.table import Table
 
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
@@ -60,11 +59,9 @@ def answers(box: Toolbox, problem: Problem) -> list[Answer]:
 
 def variants(weight: float) -> dict[str, dict[str, Any]]:
     """Sections of a session by the name of what they add."""
-    depth: dict[str, dict[str, Any]] = {"depth and normals": {"score": {}, "hypotheses": {}}}
-    if "colour_weight" not in ScoreSettings.model_fields:
-        return depth
     colour = {"colour_weight": weight}
-    return depth | {
+    return {
+        "depth and normals": {"score": {}, "hypotheses": {}},
         "colour": {"score": colour, "hypotheses": {}},
         "colour and flips": {"score": colour, "hypotheses": {"flips": True}},
     }

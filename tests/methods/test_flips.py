@@ -17,7 +17,7 @@ from verefine_viz.core.geometry import apply
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.records import Iteration
-from verefine_viz.core.scores import PoseScore, Scores
+from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, RecordingSettings, Session
 from verefine_viz.evaluation.near_symmetry import flips, sought
 from verefine_viz.methods.object_method import Flips
@@ -31,19 +31,6 @@ from verefine_viz.session.engine import Run
 HALF_TURNS = np.array([np.diag([1.0, -1, -1, 1]), np.diag([-1.0, 1, -1, 1]), np.diag([-1.0, -1, 1, 1])])
 """Of a box."""
 WEIGHT = 0.2
-
-
-@dataclass(frozen=True, eq=False)
-class ColouredScore(PoseScore):
-    colour_weight: float = 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class ColouredScores(Scores):
-    colour_weight: float = 0.0
-
-    def __getitem__(self, i: int) -> PoseScore:
-        return ColouredScore(**{**vars(super().__getitem__(i)), "colour_weight": self.colour_weight})
 
 
 def gap_m(target: Target, T_cam_obj: Float) -> float:
@@ -66,7 +53,7 @@ class Looks(FakeVerifier):
         value = (1 - self.weight) * np.exp(-np.array(shape_m) / 0.02) + self.weight * np.exp(-np.array(looks_m) / 0.02)
         alike = super().score(target, Ts_cam_obj, placed)
         rest = alike.depth_fit, alike.normal_fit, alike.n_pixels, alike.n_rendered, alike.counts
-        return ColouredScores(value, *rest, colour_weight=self.weight)
+        return Scores(value, *rest, colour_fit=np.exp(-np.array(looks_m) / 0.02), colour_weight=self.weight)
 
 
 @dataclass(frozen=True)

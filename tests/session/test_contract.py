@@ -10,14 +10,17 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from functools import cache
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration
+from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
-from verefine_viz.recording.verify import first_difference
+from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.verify import first_difference, verify
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
@@ -100,3 +103,42 @@ def test_scoring_pixels_do_not_change_the_poses_of_pir() -> None:
         run.finish()
         poses.append([it.accepted_stage.T_cam_obj for it in run.iterations])
     assert np.array_equal(poses[0], poses[1])
+
+
+def upside_down(flips: bool, weight: float = 0.1) -> Toolbox:
+    """A pack whose ends differ in colour alone, of which every hypothesis is upside down."""
+    raw = {"demo": "failure_score_prefers_flip"}, {"max_per_object": 2, "flips": flips}
+    method, score = {"name": "rir", "iterations": 3}, {"colour_weight": weight}
+    return Toolbox(resolve({"scene": raw[0], "hypotheses": raw[1], "method": method, "score": score}))
+
+
+def test_with_flips_stepping_headless_and_rewinding_are_the_same(tmp_path: Path) -> None:
+    box = upside_down(flips=True)
+    problem = box.problem(box.frames[0])
+    file = tmp_path / "run.rrd"
+    headless = box.run(problem, (Recorder(file, box.session, problem),))
+    headless.finish()
+    assert any(it.accepted == "flipped" for it in headless.iterations)
+    stepped = box.run(problem)
+    while not stepped.at_end:
+        stepped.step()
+        fork = stepped.fork(stepped.cursor // 2)
+        if not fork.at_end:
+            fork.step()
+    assert first_difference(headless.iterations, stepped.iterations) is None
+    again = verify(file)
+    assert again.difference is None
+    assert again.n_compared == headless.length
+
+
+def test_flips_bring_the_pack_the_right_way_up_by_colour_and_by_nothing_else() -> None:
+    errors = {}
+    for flips, weight in product((False, True), (0.0, 0.1)):
+        box = upside_down(flips, weight)
+        (target,) = box.problem(box.frames[0]).targets
+        (best,) = box.run(box.problem(box.frames[0])).finish().best
+        assert best is not None
+        assert target.instance.T_cam_obj_gt is not None
+        errors[flips, weight] = pose_errors(target.model, best.T_cam_obj, target.instance.T_cam_obj_gt).relative
+    assert errors[True, 0.1] < 0.05
+    assert min(errors[True, 0.0], errors[False, 0.0], errors[False, 0.1]) > 0.3

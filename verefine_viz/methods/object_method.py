@@ -169,7 +169,7 @@ class ObjectMethod:
         """
         score = _score_of(accepted)
         is_promising = k == 1 or score.score > state.best.score.score
-        if self.flips is None or not (is_promising and has_colour(score)):
+        if self.flips is None or not (is_promising and score.colour_weight > 0):
             return None
         started = perf_counter()
         Ts_cam_obj = accepted.T_cam_obj @ self.flips(state.target.model)
@@ -219,11 +219,6 @@ class _IterationScores:
         of_stage = {s.name: scores[i] for i, s in enumerate(others)}
         of_stage |= {name: begun()[0] for name, begun in self._begun.items()}
         return tuple(s.with_score(of_stage.get(s.name)) for s in draft.stages)
-
-
-def has_colour(score: PoseScore) -> bool:
-    """Whether colour is part of a score: not where its weight is 0, or where model or image have no contrast."""
-    return getattr(score, "colour_weight", 0.0) > 0.0
 
 
 def _score_of(stage: Stage) -> PoseScore:
