@@ -17,7 +17,7 @@ def test_ten_hypotheses_are_all_in_the_legend(look: Look, tmp_path: Path) -> Non
     screen.curve("Score")
     legend = screen.page.locator(".vz .curves:visible").first
     names = legend.locator(".who>span")
-    assert names.all_inner_texts() == ["best", *(str(k) for k in range(1, 11))]
+    assert names.all_inner_texts() == ["answer", *(str(k) for k in range(1, 11))]
     assert all(is_seen(screen, name) for name in (names.first, names.last))
     caption = legend.locator(".what")
     assert caption.evaluate("e => e.scrollWidth <= e.clientWidth"), "there is room for the caption as well"

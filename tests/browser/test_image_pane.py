@@ -122,7 +122,7 @@ def test_a_map_lies_over_the_photo_until_none_is_chosen(screen: Screen) -> None:
     screen.until(lambda: screen.app.debugger.options.map == "angle")
     assert page.evaluate(shown)
     until_true(page, "document.querySelector('.image-map').selectedOptions[0].textContent === 'angle'")
-    until_true(page, "document.querySelector('.image-scale')?.textContent.startsWith('B best: angle')")
+    until_true(page, "document.querySelector('.image-scale')?.textContent.startsWith('B answer: angle')")
     page.locator(".image-map").select_option(label="no map")
     assert not page.evaluate(shown)
     assert screen.app.debugger.options.map == "angle"

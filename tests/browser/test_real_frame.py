@@ -59,7 +59,7 @@ def objects(screen: Screen) -> dict[str, float]:
 
 
 def score(screen: Screen) -> None:
-    rows = {row[0]: row[1:] for row in screen.table("initial", "best", "B − A")}
+    rows = {row[0]: row[1:] for row in screen.table("initial", "answer", "B − A")}
     for name in ("score f̄", "depth f_d", "normal f_n"):
         initial, best, more = (float(x) for x in rows[name])
         assert best - initial == pytest.approx(more, abs=0.0011)
@@ -100,7 +100,7 @@ def physics(screen: Screen) -> None:
 
 def errors(screen: Screen, of_drill_mm: float) -> None:
     rows = {row[0]: row for row in screen.table("stage", "ADD(-S)", "diam.")}
-    *angles, moved, add = (float(cell.rstrip("°")) for cell in rows["best"][1:6])
+    *angles, moved, add = (float(cell.rstrip("°")) for cell in rows["answer"][1:6])
     turned, tilt, turn = angles
     assert np.hypot(tilt, turn) == pytest.approx(turned, abs=0.1)
     run = screen.app.debugger.workspace.run
@@ -111,7 +111,7 @@ def errors(screen: Screen, of_drill_mm: float) -> None:
     apart_mm = 1e3 * np.linalg.norm(apply(best.T_cam_obj, vertices) - apply(T_true, vertices), axis=1).mean()
     assert add == pytest.approx(apart_mm, abs=0.3)
     assert add == of_drill_mm
-    assert rows["best"][6] == f"{100 * add / (1e3 * drill.model.diameter_m):.0f}%"
+    assert rows["answer"][6] == f"{100 * add / (1e3 * drill.model.diameter_m):.0f}%"
     assert moved == pytest.approx(1e3 * np.linalg.norm((best.T_cam_obj - T_true)[:3, 3]), abs=0.06)
     assert [row[1] for row in screen.table("hyp.", "from")] == ["cosypose", "posecnn-rss2018", "sundermeyer"]
 
