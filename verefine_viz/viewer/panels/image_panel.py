@@ -87,7 +87,7 @@ def pane_html(snapshot: Snapshot, contours: tuple[ShownContour, ...]) -> str:
     area = json.dumps([crop.u0, crop.v0, crop.width, crop.height])
     whose = "all" if snapshot.is_whole_scene else snapshot.target.instance.instance_id
     # Frames of two sessions may have one name.
-    key = f"{snapshot.session.title} {snapshot.frame} {whose}"
+    key = f"{snapshot.frame} {whose} {snapshot.session.title}".rstrip()
     marked = [pixel for pixel in (snapshot.options.pixel, snapshot.options.ruler) if pixel is not None]
     marks = "".join(f'<i class="image-cross probed" style="--u:{u + 0.5};--v:{v + 0.5}"></i>' for u, v in marked)
     ruler = ruler_of(snapshot.problem.observation, snapshot.options)

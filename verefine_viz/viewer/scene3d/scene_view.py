@@ -134,7 +134,10 @@ class SceneView:
 
         @server.on_client_connect
         def _(client: viser.ClientHandle) -> None:
-            client.camera.on_update(lambda camera: self._cut.show(camera))  # After every move of the camera.
+            @client.camera.on_update
+            def _(camera: viser.CameraHandle) -> None:
+                if self._cut.percent:  # The plane goes with the camera.
+                    self._cut.show(camera)
 
     def show(self, snapshot: Snapshot) -> None:
         """Draws a snapshot: new nodes for a new frame or object, otherwise poses, colours and visibility only."""
