@@ -17,10 +17,6 @@ from typing import BinaryIO
 
 from verefine_viz.core.errors import InputError, quoted
 
-NPZ_READING = threading.Lock()
-"""Held while an .npz file is read: numpy parses its headers with ``ast``, and in Python 3.11 two threads that do so at
-the same time can end in "SystemError: AST constructor recursion depth mismatch"."""
-
 LEVELS_BELOW = 3
 """How far below a folder, named by mistake, what was meant is searched for."""
 _ABOUT_PATHS = (

@@ -19,10 +19,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.algorithm_settings import PpfSettings
+from verefine_viz.core.array_cache import NPZ_READING
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.paths import NPZ_READING, atomic, read_input
+from verefine_viz.core.paths import atomic, read_input
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.estimators.clouds import Oriented, model_surface, thinned_surface
 from verefine_viz.estimators.ppf_agreement import SurfaceField, surface_field

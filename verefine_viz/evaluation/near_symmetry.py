@@ -7,9 +7,7 @@ Nothing that a data set declares is used (docs/methods.md 1.11). Cached on disk 
 
 from __future__ import annotations
 
-import logging
 import math
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,18 +15,16 @@ from pathlib import Path
 
 import numpy as np
 import platformdirs
+from numpy.typing import ArrayLike
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
+from verefine_viz.core.array_cache import Arrays, cached
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import axis_angle, inverse, rotation_vector, transform
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.paths import NPZ_READING, atomic, one_at_a_time
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
-
-log = logging.getLogger(__name__)
 
 FORMAT = 1
 """Part of the cache's file names; raise it when the same mesh would give another list."""
@@ -124,16 +120,15 @@ def near_symmetries(
     """
     folder = folder or Path(platformdirs.user_cache_dir("verefine-viz")) / "symmetries"
     file = folder / f"{model.mesh_hash}-{1e6 * model.diameter_m:.0f}um-v{FORMAT}.npz"
-    known = _read(file)
-    if known is None:
-        waiting = f"Waiting for the near-symmetries of {model.name}, which another process seeks."
-        with one_at_a_time(file.with_suffix(".lock"), progress.checkpoint, waiting):
-            known = _read(file)
-            if known is None:
-                progress.checkpoint(f"Seeking the near-symmetries of {model.name}; cached once they are known.")
-                known = sought(model, progress)
-                _write(file, known)
-    return known
+    return cached(
+        file,
+        lambda: sought(model, progress),
+        _unpacked,
+        _packed,
+        progress.checkpoint,
+        preparing=f"Seeking the near-symmetries of {model.name}; cached once they are known.",
+        waiting=f"Waiting for the near-symmetries of {model.name}, which another process seeks.",
+    )
 
 
 def flips(symmetries: Sequence[NearSymmetry]) -> Float:
@@ -325,31 +320,17 @@ def _rounded(T: Float) -> Float:
     return transform(axis_angle(vector, float(np.linalg.norm(vector))), np.round(T[:3, 3], DIGITS))
 
 
-def _read(file: Path) -> tuple[NearSymmetry, ...] | None:
-    try:
-        with NPZ_READING, file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
-            T, distance_m, is_continuous = data["T_obj_obj"], data["distance_m"], data["is_continuous"]
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, KeyError, EOFError, AttributeError, TypeError, zipfile.BadZipFile) as error:
-        log.warning("the cached near-symmetries %s are damaged and sought again (%s)", file, error)
-        return None
+def _unpacked(arrays: Arrays) -> tuple[NearSymmetry, ...]:
+    T, distance_m, is_continuous = arrays["T_obj_obj"], arrays["distance_m"], arrays["is_continuous"]
     n = len(distance_m) if distance_m.ndim == 1 else -1
     if T.shape != (n, 4, 4) or is_continuous.shape != (n,) or not (np.isfinite(T).all() and (distance_m >= 0).all()):
-        log.warning("the cached near-symmetries %s are damaged and sought again", file)
-        return None
+        raise ValueError("no list of near-symmetries")
     return tuple(NearSymmetry(T[k], float(distance_m[k]), bool(is_continuous[k])) for k in range(n))
 
 
-def _write(file: Path, known: Sequence[NearSymmetry]) -> None:
-    T = np.array([one.T_obj_obj for one in known]).reshape(-1, 4, 4)
-    try:
-        with atomic(file) as part, part.open("wb") as stream:
-            np.savez(
-                stream,
-                T_obj_obj=T,
-                distance_m=np.array([one.distance_m for one in known], np.float64),
-                is_continuous=np.array([one.is_continuous for one in known], bool),
-            )
-    except InputError as error:
-        log.warning("the near-symmetries are not cached: %s", error)
+def _packed(known: Sequence[NearSymmetry]) -> dict[str, ArrayLike]:
+    return {
+        "T_obj_obj": np.array([one.T_obj_obj for one in known]).reshape(-1, 4, 4),
+        "distance_m": np.array([one.distance_m for one in known], np.float64),
+        "is_continuous": np.array([one.is_continuous for one in known], bool),
+    }

@@ -8,9 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import io
-import logging
-import zipfile
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib.metadata import version
@@ -20,17 +17,16 @@ from typing import Literal
 import numpy as np
 import platformdirs
 import trimesh
+from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
+from verefine_viz.core.array_cache import Arrays, cached
 from verefine_viz.core.arrays import Float, finite
-from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import as_rigid, inverse, transform
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.paths import NPZ_READING, atomic, one_at_a_time
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.physics.decomposition import LIMIT_S, PARTS_OF, TookTooLong, decomposed
-
-log = logging.getLogger(__name__)
 
 ColliderKind = Literal["decomposition", "hull"]
 
@@ -113,16 +109,15 @@ def collider(
     """
     folder = platformdirs.user_cache_path("verefine-viz") / "colliders" if cache is None else cache
     path = folder / f"{model.mesh_hash}-{kind}-{FORMAT}-{_built_with()}.npz"
-    cached = _read(path)
-    if cached is None:
-        waiting = f"Waiting for {PARTS_OF} {model.name}, which another process is preparing."
-        with one_at_a_time(path.with_suffix(".lock"), progress.checkpoint, waiting):
-            cached = _read(path)
-            if cached is None:
-                progress.checkpoint(f"Preparing the collider of {model.name} for physics; cached once it is made.")
-                cached = build(model, kind, progress)
-                _write(path, cached)
-    return cached
+    return cached(
+        path,
+        lambda: build(model, kind, progress),
+        _unpacked,
+        _packed,
+        progress.checkpoint,
+        preparing=f"Preparing the collider of {model.name} for physics; cached once it is made.",
+        waiting=f"Waiting for {PARTS_OF} {model.name}, which another process is preparing.",
+    )
 
 
 @lru_cache(maxsize=1)
@@ -248,49 +243,24 @@ def _mass_properties(mesh: trimesh.Trimesh, parts: list[Float]) -> tuple[Float, 
     return transform(axes, com), moments, "mesh" if closed else "parts"
 
 
-def _read(path: Path) -> Collider | None:
-    """The collider in the file ``path``; None if there is none that can be used."""
-    try:
-        changed_ns = path.stat().st_mtime_ns
-    except OSError:  # Reading it gives the reason.
-        changed_ns = 0
-    return _read_as_of(path, changed_ns)
+def _unpacked(arrays: Arrays) -> Collider:
+    return Collider(
+        tuple(np.split(arrays["vertices"], arrays["splits"])),
+        arrays["T_obj_com"],
+        arrays["inertia_m2"],
+        float(arrays["deviation_m"]),
+        "mesh" if arrays["closed"] else "parts",
+        "took_too_long" in arrays and bool(arrays["took_too_long"]),
+    )
 
 
-@lru_cache(maxsize=64)
-def _read_as_of(path: Path, changed_ns: int) -> Collider | None:
-    """The same of a file that was last changed then, which is not read twice."""
-    try:
-        with NPZ_READING, np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as data:
-            parts = tuple(np.split(data["vertices"], data["splits"]))
-            return Collider(
-                parts,
-                data["T_obj_com"],
-                data["inertia_m2"],
-                float(data["deviation_m"]),
-                "mesh" if data["closed"] else "parts",
-                "took_too_long" in data and bool(data["took_too_long"]),
-            )
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, ShapeError) as error:
-        log.warning("rebuilding the collider cache %s: %s", path.name, error)
-        return None
-
-
-def _write(path: Path, built: Collider) -> None:
-    """Writes ``built`` to ``path``; a cache that cannot be written only costs time."""
-    try:
-        with atomic(path) as part, part.open("wb") as file:
-            np.savez(
-                file,
-                vertices=np.vstack(built.parts),
-                splits=np.cumsum([len(p) for p in built.parts])[:-1],
-                T_obj_com=built.T_obj_com,
-                inertia_m2=built.inertia_m2,
-                deviation_m=built.deviation_m,
-                closed=built.mass_from == "mesh",
-                took_too_long=built.took_too_long,
-            )
-    except InputError as error:
-        log.warning("the collider cache %s cannot be written: %s", path, error)
+def _packed(built: Collider) -> dict[str, ArrayLike]:
+    return {
+        "vertices": np.vstack(built.parts),
+        "splits": np.cumsum([len(p) for p in built.parts])[:-1],
+        "T_obj_com": built.T_obj_com,
+        "inertia_m2": built.inertia_m2,
+        "deviation_m": built.deviation_m,
+        "closed": built.mass_from == "mesh",
+        "took_too_long": built.took_too_long,
+    }

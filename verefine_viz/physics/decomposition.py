@@ -15,9 +15,9 @@ from tempfile import TemporaryFile
 import numpy as np
 from numpy.typing import NDArray
 
+from verefine_viz.core.array_cache import NPZ_READING
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import ShapeError
-from verefine_viz.core.paths import NPZ_READING
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 
 MAX_PARTS = 16

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +13,11 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from verefine_viz.core.array_cache import Arrays, cached
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.paths import NPZ_READING, atomic, one_at_a_time
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
-
-log = logging.getLogger(__name__)
 
 Faces = NDArray[np.int32]
 
@@ -64,17 +59,21 @@ def scoring_mesh(
     if simplify_mm == 0:
         return render_mesh(model.vertices, model.faces)
     file = (folder or cache_folder()) / f"{model.mesh_hash}-{simplify_mm * 1000:.0f}um-v{ALGORITHM}.npz"
-    cached = _read(file)
-    if cached is None:
-        waiting = f"Waiting for the mesh of {model.name} to score, which another process is preparing."
-        with one_at_a_time(file.with_suffix(".lock"), progress.checkpoint, waiting):
-            cached = _read(file)
-            if cached is None:
-                progress.checkpoint(f"Preparing the mesh of {model.name} to score; cached once it is made.")
-                vertices, faces = simplified(model.vertices, model.faces, simplify_mm / 1000, progress)
-                cached = vertices, faces, closed_faces(vertices, faces)
-                _write(file, *cached)
-    return render_mesh(*cached)
+
+    def make() -> tuple[Float, Faces, NDArray[np.bool_]]:
+        vertices, faces = simplified(model.vertices, model.faces, simplify_mm / 1000, progress)
+        return vertices, faces, closed_faces(vertices, faces)
+
+    mesh = cached(
+        file,
+        make,
+        _unpacked,
+        lambda mesh: dict(zip(("vertices", "faces", "closed"), mesh, strict=True)),
+        progress.checkpoint,
+        preparing=f"Preparing the mesh of {model.name} to score; cached once it is made.",
+        waiting=f"Waiting for the mesh of {model.name} to score, which another process is preparing.",
+    )
+    return render_mesh(*mesh)
 
 
 def simplified(
@@ -204,26 +203,10 @@ def _cuts_itself(vertices: Float, faces: NDArray[np.int32]) -> bool:
     return bool(mesh.is_self_intersecting())
 
 
-def _read(file: Path) -> tuple[Float, Faces, NDArray[np.bool_]] | None:
-    try:
-        with NPZ_READING, file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
-            vertices, faces, closed = data["vertices"], data["faces"], data["closed"]
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, KeyError, EOFError, AttributeError, TypeError, zipfile.BadZipFile) as error:
-        log.warning("the cached mesh %s is damaged and made again (%s)", file, error)
-        return None
+def _unpacked(arrays: Arrays) -> tuple[Float, Faces, NDArray[np.bool_]]:
+    vertices, faces, closed = arrays["vertices"], arrays["faces"], arrays["closed"]
     sound = vertices.ndim == faces.ndim == 2 and vertices.shape[1] == faces.shape[1] == 3 and len(faces) > 0
     sound = sound and closed.shape == (len(faces),)
     if not sound or not np.isfinite(vertices).all() or faces.min() < 0 or faces.max() >= len(vertices):
-        log.warning("the cached mesh %s is damaged and made again", file)
-        return None
+        raise ValueError("no mesh")
     return vertices.astype(np.float64), faces.astype(np.int32), closed.astype(np.bool_)
-
-
-def _write(file: Path, vertices: Float, faces: Faces, closed: NDArray[np.bool_]) -> None:
-    try:
-        with atomic(file) as part, part.open("wb") as stream:
-            np.savez(stream, vertices=vertices, faces=faces, closed=closed)
-    except InputError as error:
-        log.warning("the simplified mesh is not cached: %s", error)

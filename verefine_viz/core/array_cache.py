@@ -1,0 +1,93 @@
+"""Files of arrays that are slow to make: a cache on disk that, damaged or unwritable, costs time only."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import zipfile
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.core.paths import atomic, one_at_a_time
+
+log = logging.getLogger(__name__)
+
+NPZ_READING = threading.Lock()
+"""Held while an .npz file is read: numpy parses its headers with ``ast``, and in Python 3.11 two threads that do so at
+the same time can end in "SystemError: AST constructor recursion depth mismatch"."""
+
+DAMAGES = (OSError, ValueError, KeyError, EOFError, AttributeError, TypeError, zipfile.BadZipFile)
+"""What numpy raises where a file is not what was written."""
+
+T = TypeVar("T")
+Arrays = Mapping[str, NDArray[Any]]
+
+
+def cached(
+    file: Path,
+    make: Callable[[], T],
+    unpack: Callable[[Arrays], T],
+    pack: Callable[[T], Mapping[str, ArrayLike]],
+    report: Callable[[str], object],
+    preparing: str,
+    waiting: str,
+) -> T:
+    """What a file holds, or what is made now and written to it; by one process or thread at a time.
+
+    Args:
+        file: .npz; its folder is made.
+        make: makes it; what it raises is raised, and nothing is cached.
+        unpack: from the file's arrays by name; raises ``ValueError``, ``KeyError`` or a :class:`VerefineError` where
+            they are not what it needs.
+        pack: the arrays to write.
+        report: called with ``preparing`` before it is made, and while another process makes it with ``waiting``, then
+            with "" ten times a second; may raise.
+        preparing: what is made, in words.
+        waiting: what it waits for, in words.
+    """
+    known = read(file, unpack)
+    if known is None:
+        with one_at_a_time(file.with_suffix(".lock"), report, waiting):
+            known = read(file, unpack)
+            if known is None:
+                report(preparing)
+                known = make()
+                write(file, pack(known))
+    return known
+
+
+def read(file: Path, unpack: Callable[[Arrays], T]) -> T | None:
+    """What a file holds; None if there is none that can be used, with a warning if it is damaged."""
+    try:
+        changed_ns = file.stat().st_mtime_ns
+    except OSError:  # Reading it gives the reason.
+        changed_ns = 0
+    return _read_as_of(file, changed_ns, unpack)
+
+
+@lru_cache(maxsize=128)
+def _read_as_of(file: Path, changed_ns: int, unpack: Callable[[Arrays], T]) -> T | None:
+    """The same of a file that was last changed then, which is not read twice."""
+    try:
+        with NPZ_READING, file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
+            return unpack(arrays)
+    except FileNotFoundError:
+        return None
+    except (*DAMAGES, VerefineError) as error:
+        log.warning("the cached file %s is damaged and made again (%s)", file, error)
+        return None
+
+
+def write(file: Path, arrays: Mapping[str, ArrayLike]) -> None:
+    """Writes arrays to a file as a whole; where that cannot be, a warning."""
+    try:
+        with atomic(file) as part, part.open("wb") as stream:
+            np.savez(stream, **arrays)  # type: ignore[arg-type]
+    except InputError as error:
+        log.warning("it is not cached: %s", error)
