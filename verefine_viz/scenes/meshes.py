@@ -14,8 +14,6 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
 from trimesh.resolvers import FilePathResolver
@@ -26,6 +24,7 @@ from verefine_viz.core.errors import InputError, in_one_line
 from verefine_viz.core.json_files import id_of
 from verefine_viz.core.model import Texture
 from verefine_viz.core.paths import open_input, read_input
+from verefine_viz.scenes.mesh_surface import edges, merged, turned_outward
 
 FORMATS = (".ply", ".obj", ".glb", ".gltf", ".stl")
 """Looked for in this order."""
@@ -112,10 +111,10 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
     image = None if notes or bare else _texture_image(loaded)
     vertices, faces = np.asarray(loaded.vertices, dtype=np.float64), np.asarray(loaded.faces)
     uv = None if image is None else np.asarray(loaded.visual.uv, dtype=np.float32)[faces]  # pyright: ignore
-    if not (np.unique(_edges(faces), return_counts=True)[1] == 2).all():
-        vertices, faces, colors, is_whole = _merged(vertices, faces, colors)
+    if not (np.unique(edges(faces), return_counts=True)[1] == 2).all():
+        vertices, faces, colors, is_whole = merged(vertices, faces, colors)
         uv = None if uv is None else uv[is_whole]
-    turned = _turned_outward(vertices, faces)
+    turned = turned_outward(vertices, faces)
     faces = np.where(turned[:, None], faces[:, ::-1], faces)
     if image is not None and uv is not None:
         skin = Texture(image, np.where(turned[:, None, None], uv[:, ::-1], uv))
@@ -317,63 +316,6 @@ def _promised_faces(path: Path) -> int:
 def _ply_header(path: Path) -> str:
     with open_input(path) as file:
         return file.read(65536).split(b"end_header")[0].decode("latin-1")
-
-
-def _merged(
-    vertices: Float, faces: NDArray[np.integer], colors: NDArray[np.uint8] | None
-) -> tuple[Float, NDArray[np.integer], NDArray[np.uint8] | None, NDArray[np.bool_]]:
-    """The same surface with vertices at exactly the same place joined, in order of first appearance.
-
-    Faces that collapse are dropped; the last result (F,) is which remain.
-    """
-    _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    faces = rank[inverse.ravel()][faces]
-    collapsed = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
-    chosen = first[order]
-    return vertices[chosen], faces[~collapsed], None if colors is None else colors[chosen], ~collapsed
-
-
-def _edges(faces: NDArray[np.integer]) -> NDArray[np.int64]:
-    """(3 F,) a number for the edge from each corner to the next, whichever way it goes."""
-    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    return np.minimum(start, end).astype(np.int64) * (int(faces.max()) + 1) + np.maximum(start, end)
-
-
-def _against_first(faces: NDArray[np.integer]) -> NDArray[np.bool_]:
-    """(F,) which faces are wound against the first face they hang together with by edges.
-
-    None of a surface with one side only, whose faces can not all be wound alike.
-    """
-    n, edge, start = len(faces), _edges(faces), faces.ravel()
-    order = np.argsort(edge, kind="stable")
-    _, first, count = np.unique(edge[order], return_index=True, return_counts=True)
-    one, other = order[first[count == 2]], order[first[count == 2] + 1]
-    face, neighbour = one // 3, other // 3
-    # Neighbours wound alike go along their common edge in opposite directions.
-    is_against = start[one] == start[other]
-    if not is_against.any():
-        return np.zeros(n, np.bool_)
-    # Each face stands for two nodes, as it is (k) and turned round (n + k); edges join what is wound alike.
-    a = np.concatenate([face, n + face])
-    b = np.concatenate([neighbour + n * is_against, neighbour + n * ~is_against])
-    graph = coo_array((np.ones(len(a), np.bool_), (a, b)), shape=(2 * n, 2 * n))
-    group = connected_components(graph, directed=False)[1]
-    as_is, turned = group[:n], group[n:]
-    # The group of the first face of each part is that of the lowest number: groups are numbered in order of faces.
-    return turned < as_is
-
-
-def _turned_outward(vertices: Float, faces: NDArray[np.integer]) -> NDArray[np.bool_]:
-    """(F,) which faces must be turned round so that neighbours are wound alike and the enclosed volume is positive."""
-    is_turned = _against_first(faces)
-    faces = np.where(is_turned[:, None], faces[:, ::-1], faces)
-    # Volume seen from the middle of the box: right for closed meshes, and a fair guess for open ones.
-    a, b, c = np.moveaxis((vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2)[faces], 1, 0)
-    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)))
-    return ~is_turned if volume < 0 else is_turned
 
 
 # Models as BOP has them: binary PLY files in millimetres, and their entries in models_info.json.
