@@ -130,9 +130,10 @@ class CpuVerifier(RenderingVerifier):
         draw_at(Ts, meshes.arrays, pinhole, camera.shape, far_m(self.settings), at.rows, at.columns, depth_m, faces)
         prepared, placed_m = self._targets.scene(targets, whole_frame), self._placed_depth(targets, placed)
         maps = score_maps(meshes, Ts, at, depth_m, faces, pinhole, prepared, placed_m, self.settings)
-        arguments, colours = self._arguments(targets, Ts[None], placed, whole_frame)
+        colours = self._colours.scene(targets)
         if colours is None:
             return maps
+        arguments, _ = self._arguments(targets, Ts[None], placed, whole_frame)
         score_every(0, 1, *arguments)
         return with_colours(maps, colours, arguments[-1][0], Ts, at, meshes.model_of(faces), pinhole)
 
