@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import Any
 
-from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError, ShapeError, VerefineError, unknown
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
@@ -90,14 +89,7 @@ class Toolbox:
         """Of each model the turns after which it looks nearly the same; None where the session wants no flips."""
         if not self.session.hypotheses.flips:
             return None
-        known: dict[str, Float] = {}
-
-        def flips_of(model: ObjectModel) -> Float:
-            if model.mesh_hash not in known:
-                known[model.mesh_hash] = flips(near_symmetries(model, progress=self._progress))
-            return known[model.mesh_hash]
-
-        return flips_of
+        return cache(lambda model: flips(near_symmetries(model, progress=self._progress)))
 
     def _simulator(self, physics: PhysicsSettings) -> BulletSimulator | None:
         return BulletSimulator(physics, progress=self._progress) if physics.enabled else None
