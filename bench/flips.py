@@ -77,7 +77,7 @@ def main() -> None:
     parser.add_argument("--method", default="rir")
     given = parser.parse_args()
     for deg in DISTURBED_DEG:
-        found: dict[str, list[Answer]] = {}
+        by_variant: dict[str, list[Answer]] = {}
         seconds: dict[str, float] = {}
         n_frames = 0
         for seed in range(given.seeds):
@@ -89,20 +89,20 @@ def main() -> None:
                 problems = [box.problem(frame) for frame in box.frames]
                 answers(box, problems[0])  # Compiled, and read what is cached.
                 began = process_time()
-                found.setdefault(name, []).extend(a for p in problems for a in answers(box, p))
+                by_variant.setdefault(name, []).extend(a for p in problems for a in answers(box, p))
                 seconds[name] = seconds.get(name, 0.0) + process_time() - began
             n_frames += len(problems)
-        show(f"{given.method}, ground truth disturbed by {deg:g}° and 30 mm", found, seconds, n_frames)
+        show(f"{given.method}, ground truth disturbed by {deg:g}° and 30 mm", by_variant, seconds, n_frames)
 
 
-def show(title: str, found: dict[str, list[Answer]], seconds: dict[str, float], n_frames: int) -> None:
+def show(title: str, by_variant: dict[str, list[Answer]], seconds: dict[str, float], n_frames: int) -> None:
     """One table, and the objects whose answer flips mended or broke."""
     table = Table(title=title)
     for heading in ("", "n", "right %", "looks right %", "AUC 20 mm", "mean mm", "CPU ms/frame", "mended", "broken"):
         table.add_column(heading, justify="left" if not heading else "right")
     before: list[Answer] | None = None
     changed: list[str] = []
-    for name, now in found.items():
+    for name, now in by_variant.items():
         mm = np.array([a.add_s_mm for a in now])
         mended = [b.name for a, b in zip(before or now, now, strict=True) if b.looks_right and not a.looks_right]
         broken = [b.name for a, b in zip(before or now, now, strict=True) if a.looks_right and not b.looks_right]

@@ -25,7 +25,7 @@ from verefine_viz.viewer.state.batch_gallery import (
     x_of,
 )
 from verefine_viz.viewer.text.display_names import in_focus
-from verefine_viz.viewer.text.empty_tabs import NO_TRUTH
+from verefine_viz.viewer.text.empty_tabs import NO_GROUND_TRUTH
 from verefine_viz.viewer.text.pose_words import preference
 
 
@@ -54,7 +54,7 @@ class ErrorsPanel:
 def errors_words(snapshot: Snapshot) -> str:
     """What the table of errors does not say: of which hypotheses its poses are, and what the score makes of them."""
     if snapshot.ground_truth is None:
-        return NO_TRUTH
+        return NO_GROUND_TRUTH
     best = snapshot.poses.get("best")
     if best is None or best.errors is None or best.score is None or snapshot.ground_truth.score is None:
         return f"{snapshot.name} has no pose to measure."

@@ -5,7 +5,7 @@ from __future__ import annotations
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 
-NO_TRUTH = "No ground truth for this object."
+NO_GROUND_TRUTH = "No ground truth for this object."
 
 
 def empty_tabs(snapshot: Snapshot) -> dict[str, str]:
@@ -13,10 +13,10 @@ def empty_tabs(snapshot: Snapshot) -> dict[str, str]:
     why = {
         "Bandit": _no_bandit(snapshot),
         "Landscape": no_landscape(snapshot),
-        "Errors": NO_TRUTH if snapshot.ground_truth is None else "",
+        "Errors": NO_GROUND_TRUTH if snapshot.ground_truth is None else "",
         "Order": no_order(snapshot),
         "UCB": "" if _has_bounds(snapshot) else "Nothing is chosen by a bound here.",
-        "Error": NO_TRUTH if all(o.target.instance.T_cam_obj_gt is None for o in snapshot.scene.objects) else "",
+        "Error": NO_GROUND_TRUTH if all(o.target.instance.T_cam_obj_gt is None for o in snapshot.scene.objects) else "",
     }
     return {tab: words for tab, words in why.items() if words}
 
