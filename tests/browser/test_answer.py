@@ -66,6 +66,9 @@ def test_tables_and_settings_of_several_objects_fit_on_a_small_screen(look: Look
     assert is_seen(screen, screen.page.locator(".vz p", has_text="computing time"))
     screen.shot("several_compared")
     screen.app.send(c.ShowLayout("inspect"))
+    column = screen.page.locator("[data-dock-region=right]")
+    # The layout opens its tab on the page, a moment after it is chosen.
+    column.get_by_role("tab", name="Score", exact=True, selected=True).wait_for(timeout=SLOW_MS)
     screen.tab("Settings")
     for label in ("Order by", "Seed", "Estimator"):
         assert is_seen(screen, screen.page.get_by_label(label, exact=True))
