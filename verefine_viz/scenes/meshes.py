@@ -321,13 +321,20 @@ def _ply_header(path: Path) -> str:
 # Models as BOP has them: binary PLY files in millimetres, and their entries in models_info.json.
 
 
-def ply_bytes(vertices_m: Float, faces: NDArray[np.int32], vertex_colors: NDArray[np.uint8] | None) -> bytes:
+def ply_bytes(
+    vertices_m: Float,
+    faces: NDArray[np.int32],
+    vertex_colors: NDArray[np.uint8] | None,
+    texture: tuple[str, NDArray[np.float32]] | None = None,
+) -> bytes:
     """The content of a PLY file; coordinates are doubles, so that the vertices come back as they were.
 
     Args:
         vertices_m: (V, 3) [m]; millimetres in the file.
         faces: (F, 3) vertex indices.
         vertex_colors: (V, 3) RGB, or None.
+        texture: the name of its image beside the file, and where each face's corners lie in it (F, 3, 2), as
+            :class:`Texture` has them; or None.
     """
     fields: list[tuple[str, str]] = [("x", "<f8"), ("y", "<f8"), ("z", "<f8")]
     if vertex_colors is not None:
@@ -338,12 +345,19 @@ def ply_bytes(vertices_m: Float, faces: NDArray[np.int32], vertex_colors: NDArra
     if vertex_colors is not None:
         for k, channel in enumerate(("red", "green", "blue")):
             vertices[channel] = vertex_colors[:, k]
-    records = np.empty(len(faces), dtype=[("n", "u1"), ("vertex_indices", "<i4", 3)])
+    corners: list[Any] = [("n", "u1"), ("vertex_indices", "<i4", 3)]
+    comment = lists = ""
+    if texture is not None:
+        corners += [("n_uv", "u1"), ("texcoord", "<f4", 6)]
+        comment, lists = f"comment TextureFile {texture[0]}\n", "property list uchar float texcoord\n"
+    records = np.empty(len(faces), dtype=corners)
     records["n"], records["vertex_indices"] = 3, faces
+    if texture is not None:
+        records["n_uv"], records["texcoord"] = 6, texture[1].reshape(-1, 6)
     properties = "".join(f"property {'uchar' if kind == 'u1' else 'double'} {name}\n" for name, kind in fields)
     header = (
-        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n{properties}"
-        f"element face {len(records)}\nproperty list uchar int vertex_indices\nend_header\n"
+        f"ply\nformat binary_little_endian 1.0\n{comment}element vertex {len(vertices)}\n{properties}"
+        f"element face {len(records)}\nproperty list uchar int vertex_indices\n{lists}end_header\n"
     )
     return header.encode("ascii") + vertices.tobytes() + records.tobytes()
 

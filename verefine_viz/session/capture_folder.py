@@ -18,7 +18,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.json_files import read_json, write_json
 from verefine_viz.core.paths import atomic, wait_for_lock, why_not
 from verefine_viz.scenes.detections import encode_rle
-from verefine_viz.scenes.image_files import write_image
+from verefine_viz.scenes.image_files import read_color, write_image
 from verefine_viz.scenes.meshes import Mesh, ply_bytes, size_entry
 from verefine_viz.scenes.results_csv import ResultRow, read_results, write_results
 from verefine_viz.session.files import CAPTURE_HEAD, SCENE_ID, scene_folder
@@ -56,8 +56,9 @@ class CapturedFrame:
     """(3,) where things fall, of any length."""
 
 
-def _ply(mesh: Mesh) -> bytes:
-    return ply_bytes(mesh.vertices_m, mesh.faces, mesh.vertex_colors)
+def _ply(mesh: Mesh, texture: Path) -> bytes:
+    skin = None if mesh.texture is None else (texture.name, mesh.texture.uv)
+    return ply_bytes(mesh.vertices_m, mesh.faces, mesh.vertex_colors, skin)
 
 
 def _info_entry(one: CapturedObject) -> dict[str, Any]:
@@ -207,6 +208,9 @@ class CaptureFolder:
     def _model_path(self, obj_id: int) -> Path:
         return self._folder / "models" / f"obj_{obj_id:06d}.ply"
 
+    def _texture_path(self, obj_id: int) -> Path:
+        return self._model_path(obj_id).with_suffix(".png")
+
     def _new_models(self, objects: Sequence[CapturedObject]) -> dict[int, CapturedObject]:
         """The models that are not there yet, by their new obj_id."""
         new: dict[int, CapturedObject] = {}
@@ -215,15 +219,28 @@ class CaptureFolder:
                 new[len(self._names) + 1] = one
                 self._names[str(len(self._names) + 1)] = one.name
             obj_id = self._id(one.name)
-            before = _ply(new[obj_id].mesh) if obj_id in new else self._model_path(obj_id).read_bytes()
-            if before != _ply(one.mesh):
+            if not self._is_mesh_of(obj_id, one.mesh, new.get(obj_id)):
                 raise InputError(f"{one.name} is another mesh than before in {self._folder}; give it another name")
         return new
 
+    def _is_mesh_of(self, obj_id: int, mesh: Mesh, new: CapturedObject | None) -> bool:
+        """Whether it is the mesh that the object has, in the folder or as a new one."""
+        path, texture = self._model_path(obj_id), self._texture_path(obj_id)
+        before = path.read_bytes() if new is None else _ply(new.mesh, texture)
+        if before != _ply(mesh, texture):
+            return False
+        if mesh.texture is None:
+            return True
+        image = read_color(texture) if new is None or new.mesh.texture is None else new.mesh.texture.image
+        return np.array_equal(image, mesh.texture.image)
+
     def _write_models(self, new: Mapping[int, CapturedObject]) -> None:
         for obj_id, one in new.items():
+            texture = self._texture_path(obj_id)
+            if one.mesh.texture is not None:
+                write_image(texture, one.mesh.texture.image)
             with atomic(self._model_path(obj_id)) as part:
-                part.write_bytes(_ply(one.mesh))
+                part.write_bytes(_ply(one.mesh, texture))
         if new:
             info = self._folder / "models" / "models_info.json"
             write_json(info, _json_or({}, info) | {str(obj_id): _info_entry(one) for obj_id, one in new.items()})
