@@ -28,6 +28,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import LeftOut, Placed, Problem, Target
+from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.methods.registry import make_method
@@ -197,6 +198,7 @@ def test_a_row_per_object_says_what_the_run_did() -> None:
         assert row.n_iterations == len(mine) == 9
         assert row.n_hypotheses == 3
         assert row.score == best.score.score
+        assert row.colour_fit is None
         assert (row.best_hypothesis, row.best_iteration) == (best.arm + 1, best.iteration)
         assert row.initial_score is not None
         assert row.score > row.initial_score
@@ -205,6 +207,24 @@ def test_a_row_per_object_says_what_the_run_did() -> None:
         assert row.add_s_mm < row.initial_add_s_mm
         n_events = sum(len(i.events) for i in mine)
         assert sum(int(word.split()[1]) for word in row.events.split("; ") if word) == n_events
+
+
+@dataclass(frozen=True)
+class SeesColour(FakeVerifier):
+    """A verifier of objects that have colour."""
+
+    def score(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Scores:
+        scores = super().score(target, Ts_cam_obj, placed)
+        return replace(scores, colour_fit=scores.score / 2, colour_weight=0.1)
+
+
+def test_a_row_has_the_colour_fit_of_its_answer_where_colour_counts() -> None:
+    problem = box_problem()
+    run = Run(make_method(MethodSettings(iterations=3), FakeSimulator(), FakeRefiner(), SeesColour(), 3), problem)
+    run.finish()
+    (row,) = frame_result(run, Session()).objects
+    assert row.score is not None
+    assert row.colour_fit == row.score / 2
 
 
 def test_the_estimates_are_the_best_poses() -> None:

@@ -57,6 +57,8 @@ class ObjectRow(Row):
     """Of the answer."""
     initial_score: float | None = None
     """Best of the hypotheses."""
+    colour_fit: float | None = None
+    """f_c of the answer in [−1, 1]; empty where colour does not count."""
     add_s_mm: float | None = None
     """ADD, or ADD-S for symmetric objects, of the answer against ground truth."""
     initial_add_s_mm: float | None = None

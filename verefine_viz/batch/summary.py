@@ -98,6 +98,7 @@ def _object_row(
         status="ok",
         score=best.score.score,
         initial_score=float(initial.score.max()),
+        colour_fit=best.score.colour_fit,
         **_errors(target, best, initial),
         best_hypothesis=best.arm + 1,
         best_iteration=best.iteration,
