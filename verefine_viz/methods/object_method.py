@@ -22,6 +22,9 @@ from verefine_viz.methods.bandit import Policy, next_choice
 from verefine_viz.methods.events import events_of
 from verefine_viz.methods.single_object import Chain, Draft
 
+FAR_RAD, LEAST_GAIN = np.radians(20.0), 0.1
+"""A flip by a larger turn wins only if its score is higher by what so much more correlation of colour is worth: where the
+observed side has no print, correlations differ by some hundredths, whichever side it is."""
 Flips = Callable[[ObjectModel], Float]
 """Turns (N, 4, 4) of a model's frame after which its shape looks nearly the same."""
 
@@ -90,14 +93,13 @@ class ObjectMethod:
         # Sec. III-B: both are scored (Eq. 1), and the iteration proceeds with the better one.
         started = perf_counter()
         stages = scoring.scored(draft)
-        score_ms = (perf_counter() - started) * 1e3
         current = Stage("current", arm.current.T_cam_obj, arm.current.score)
         candidates = [s for s in stages if s.name in draft.candidates]
         accepted = self._accepted(current, candidates)
         flipped = self._flipped(state, accepted, k, fixed)
         if flipped is not None:
-            stages, candidates = (*stages, flipped), [*candidates, flipped]
-            accepted = max(accepted, flipped, key=lambda s: _score_of(s).score)
+            accepted, stages, candidates = flipped, (*stages, flipped), [*candidates, flipped]
+        score_ms = (perf_counter() - started) * 1e3
         entry = Entry(accepted.T_cam_obj, _score_of(accepted), accepted.name, index)
         reward = max(_score_of(s).score for s in candidates)
         # Sec. III-B, III-C: the answer is the best of all poses on the way, the initial ones included.
@@ -164,20 +166,22 @@ class ObjectMethod:
         return arms[j].entries[0].as_best(j)
 
     def _flipped(self, state: ObjectState, accepted: Stage, k: int, fixed: Sequence[Placed]) -> Stage | None:
-        """The best flip of a promising pose: of a hypothesis' first one, and of any that is the best so far. None where
-        there is no flip, or where depth alone would choose.
+        """The flip that wins over a promising pose: over a hypothesis' first one, and over any that is the best so far.
+        None where none does, and where depth alone would choose (docs/methods.md 1.11).
         """
         score = _score_of(accepted)
         is_promising = k == 1 or score.score > state.best.score.score
         if self.flips is None or not (is_promising and score.colour_weight > 0):
             return None
-        started = perf_counter()
-        Ts_cam_obj = accepted.T_cam_obj @ self.flips(state.target.model)
-        if len(Ts_cam_obj) == 0:
+        turns = self.flips(state.target.model)
+        if len(turns) == 0:
             return None
+        Ts_cam_obj = accepted.T_cam_obj @ turns
         scores = self._score(state.target, Ts_cam_obj, fixed)
-        j = int(np.argmax(scores.score))
-        return Stage("flipped", Ts_cam_obj[j], scores[j], (perf_counter() - started) * 1e3)
+        is_far = np.trace(turns[:, :3, :3], axis1=1, axis2=2) < 1 + 2 * np.cos(FAR_RAD)
+        gains = scores.score - score.score - is_far * LEAST_GAIN * score.colour_weight
+        j = int(np.argmax(gains))
+        return Stage("flipped", Ts_cam_obj[j], scores[j]) if gains[j] > 0 else None
 
     def _accepted(self, current: Stage, candidates: list[Stage]) -> Stage:
         """The candidate with the highest score; the later of the two on ties (docs/methods.md 1.3)."""
