@@ -214,7 +214,9 @@ def test_a_small_gain_is_enough_for_a_small_turn_only(deg: float, correlation: f
     hypothesis = replace(instance.hypotheses[0], T_cam_obj=instance.T_cam_obj_gt @ turn)
     problem = replace(box_problem(1), instances=(replace(instance, hypotheses=(hypothesis,)),))
     s = MethodSettings(name="sir", iterations=1)
-    run = Run(make_method(s, None, Stays(), Faint(correlation=correlation), 3, lambda model: inverse(turn)[None]), problem)
+    run = Run(
+        make_method(s, None, Stays(), Faint(correlation=correlation), 3, lambda model: inverse(turn)[None]), problem
+    )
     assert (run.step().accepted == "flipped") == wins
 
 

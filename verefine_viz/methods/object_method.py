@@ -23,8 +23,8 @@ from verefine_viz.methods.events import events_of
 from verefine_viz.methods.single_object import Chain, Draft
 
 FAR_RAD, LEAST_GAIN = np.radians(20.0), 0.1
-"""A flip by a larger turn wins only if its score is higher by what so much more correlation of colour is worth: where the
-observed side has no print, correlations differ by some hundredths, whichever side it is."""
+"""A flip by a larger turn wins only if its score is higher by what so much more correlation of colour is worth: without
+a print on the observed side correlations differ by some hundredths, whichever side it is."""
 Flips = Callable[[ObjectModel], Float]
 """Turns (N, 4, 4) of a model's frame after which its shape looks nearly the same."""
 
