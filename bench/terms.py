@@ -1,12 +1,13 @@
-"""What flips of promising poses mend and break on real frames, with colour in the score.
+"""What colour, flips and the observed support add on real frames, and what they cost.
 
-    python -m bench.flips DATASET_FOLDER [--seeds 5] [--weight 0.1] [--frames 0/1 50/1]
+    python -m bench.terms DATASET_FOLDER [--method rir] [--seeds 5] [--weight 0.1] [--frames 0/1 50/1] [--pool FILE.csv]
 
 DATASET_FOLDER is a BOP data set whose models have colours. Ground truth is disturbed by 30° and 30 mm, and by 60° and
-30 mm, five hypotheses an object; each frame is solved with depth and normals, with colour, and with colour and flips,
-with the same calls of the refiner. An answer is right if its error is below 10 % of the diameter: ADD(-S) as the data
-set declares symmetries, and ADD of the object as it looks, without any, which a turned label fails. Differences to the
-row before are in points, with 95 % intervals over frames and seeds; each answer that changed sides is listed.
+30 mm, five hypotheses an object, or they are those of results files; each frame is solved with the score of the paper,
+with each term, and with all of them, with the same calls of the refiner. An answer is right if its error is below 10 %
+of the diameter: ADD(-S) as the data set declares symmetries, and ADD of the object as it looks, without any, which a
+turned label fails. Differences to another row are in points, with 95 % intervals over frames and seeds; each answer
+that changed sides is listed.
 """
 
 from __future__ import annotations
@@ -63,42 +64,60 @@ def answers(box: Toolbox, problem: Problem) -> list[Answer]:
     return out
 
 
-def variants(weight: float) -> dict[str, dict[str, Any]]:
-    """Sections of a session by the name of what they add."""
-    colour = {"colour_weight": weight}
+@dataclass(frozen=True)
+class Row:
+    """A row of the table: sections of a session, and the row that it is compared with."""
+
+    extra: dict[str, dict[str, Any]]
+    against: str = "paper"
+
+
+def rows(weight: float) -> dict[str, Row]:
+    """By the name of what they add."""
+    colour, flips, observed = {"colour_weight": weight}, {"flips": True}, {"support": "observed"}
     return {
-        "depth and normals": {"score": {}, "hypotheses": {}},
-        "colour": {"score": colour, "hypotheses": {}},
-        "colour and flips": {"score": colour, "hypotheses": {"flips": True}},
+        "paper": Row({}),
+        "colour": Row({"score": colour}),
+        "colour and flips": Row({"score": colour, "hypotheses": flips}, "colour"),
+        "observed support": Row({"physics": observed}),
+        "all": Row({"score": colour, "hypotheses": flips, "physics": observed}),
     }
 
 
 def main() -> None:
-    """Measures, and prints a table for each disturbance."""
+    """Measures, and prints a table for each pool of hypotheses."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--weight", type=float, default=0.1)
     parser.add_argument("--frames", nargs="*", default=[])
     parser.add_argument("--method", default="rir")
+    parser.add_argument("--pool", type=Path, nargs="*", default=[], help="results files, instead of ground truth")
     given = parser.parse_args()
-    for deg in DISTURBED_DEG:
-        by_variant: dict[str, list[Answer]] = {}
+    pools: dict[str, dict[str, Any]] = {
+        f"ground truth disturbed by {deg:g}° and 30 mm": {
+            "source": "perturb", "rotation_deg": deg, "translation_mm": 30.0
+        }
+        for deg in DISTURBED_DEG
+    }  # fmt: skip
+    if given.pool:
+        pools = {"results files": {"source": "results", "files": [str(path.resolve()) for path in given.pool]}}
+    for title, pool in pools.items():
+        by_row: dict[str, list[Answer]] = {}
         seconds: dict[str, float] = {}
         n_frames = 0
         for seed in range(given.seeds):
-            scene = {"source": "bop", "dataset": str(given.dataset.resolve()), "frames": given.frames}
-            pool = {"source": "perturb", "rotation_deg": deg, "translation_mm": 30.0, "seed": seed}
-            for name, extra in variants(given.weight).items():
-                raw = {"scene": scene, "method": {"name": given.method}, "score": extra["score"]}
-                box = Toolbox(resolve({**raw, "hypotheses": {**pool, **extra["hypotheses"]}}))
+            scene = {"source": "bop", "dataset": str(given.dataset.resolve()), "frames": given.frames, "seed": seed}
+            for name, row in rows(given.weight).items():
+                raw = {"scene": scene, "method": {"name": given.method}, **row.extra}
+                box = Toolbox(resolve({**raw, "hypotheses": {**pool, "seed": seed, **row.extra.get("hypotheses", {})}}))
                 problems = [box.problem(frame) for frame in box.frames]
                 answers(box, problems[0])  # Compiled, and read what is cached.
                 began = process_time()
-                by_variant.setdefault(name, []).extend(a for p in problems for a in answers(box, p))
+                by_row.setdefault(name, []).extend(a for p in problems for a in answers(box, p))
                 seconds[name] = seconds.get(name, 0.0) + process_time() - began
             n_frames += len(problems)
-        show(f"{given.method}, ground truth disturbed by {deg:g}° and 30 mm", by_variant, seconds, n_frames)
+        show(f"{given.method}, {title}", by_row, seconds, n_frames, rows(given.weight))
 
 
 def cells(of: list[Answer], field: str) -> Cells:
@@ -122,13 +141,15 @@ def share(now: list[Answer], before: list[Answer], field: str) -> str:
     return f"{text} ({100 * gain.low:+.1f} to {100 * gain.high:+.1f})"
 
 
-def show(title: str, by_variant: dict[str, list[Answer]], seconds: dict[str, float], n_frames: int) -> None:
-    """One table, and each answer that came right or wrong from one row to the next."""
+def show(
+    title: str, by_row: dict[str, list[Answer]], seconds: dict[str, float], n_frames: int, rows: dict[str, Row]
+) -> None:
+    """One table, and each answer that is right in one row and wrong in the row that this is compared with."""
     table = Table("", "n", "right %", "looks right %", "AUC 20 mm", "mean mm", "CPU ms/frame", "turned", title=title)
-    before: list[Answer] = []
     changed: list[str] = []
-    for name, now in by_variant.items():
+    for name, now in by_row.items():
         mm = np.array([a.add_s_mm for a in now])
+        before = by_row[rows[name].against] if name != rows[name].against else []
         shares = share(now, before, "is_right"), share(now, before, "looks_right")
         auc = 100 * np.mean(np.maximum(1 - mm / 20, 0))
         cost, n_turned = 1e3 * seconds[name] / n_frames, sum(a.n_flipped > 0 for a in now)
@@ -137,7 +158,6 @@ def show(title: str, by_variant: dict[str, list[Answer]], seconds: dict[str, flo
             if a.looks_right != b.looks_right:
                 verb = "mended" if b.looks_right else "broken"
                 changed.append(f"{name}: {verb} {b.name} {b.frame} seed {b.seed}, {a.add_mm:.0f} → {b.add_mm:.0f} mm")
-        before = now
     console = Console(width=150)
     console.print(table)
     console.print("\n".join(changed), highlight=False)
