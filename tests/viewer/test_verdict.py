@@ -254,7 +254,7 @@ def test_a_mask_leaks_where_ground_truth_too_misses_much_of_it() -> None:
 
 @pytest.mark.parametrize(
     ("missed", "protruding", "more"),
-    [(0, 13, ": 13% protruding at ground truth"), (12, 0, ": 12% missed at ground truth"), (0, 0, "")],
+    [(0, 13, ": 13% of it protruding"), (12, 0, ": 12% of it missed"), (0, 0, "")],
 )
 def test_the_pixels_that_mislead_the_score_are_named(missed: int, protruding: int, more: str) -> None:
     view = debugger(Astray).carry_out([END]).view()

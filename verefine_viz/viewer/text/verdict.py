@@ -200,7 +200,7 @@ def cause_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
         more = f", by {margin:.{distinguishing_digits(margin)}f}"
         blamed = blamed_pixels(score, course.score_at_gt)
         if blamed is not None:
-            more += f": {course.score_at_gt.shares[blamed]:.0%} {blamed} at ground truth"
+            more += f": {course.score_at_gt.shares[blamed]:.0%} of it {blamed}"
         return Reason(TITLES[Cause.SCORE], o.answer.iteration if o.answer is not None else None, more, Cause.SCORE)
     if o.discarded is not None:
         margin = o.discarded.margin
