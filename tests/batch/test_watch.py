@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -213,6 +214,24 @@ def test_frames_kept_one_after_another_are_solved_and_leave_a_batch(
     assert [row.frame for row in run.rows] == ["1/1", "1/2", "1/3"]
     assert [row.n_hypotheses for row in run.rows] == [2, 2, 4]
     assert not list((tmp_path / "runs").rglob("*.part"))
+
+
+def test_a_data_set_that_comes_while_another_is_solved_is_solved_too(
+    tmp_path: Path, mesh: Path, processes: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keep(tmp_path / "frames" / "left", mesh)
+    keep(tmp_path / "elsewhere", mesh)
+    watch = watch_of(tmp_path)
+    take = watching.Watched.take
+
+    def taken(self: watching.Watched, journal: Journal, result: FrameResult) -> None:
+        take(self, journal, result)
+        if not (tmp_path / "frames" / "right").exists():
+            shutil.copytree(tmp_path / "elsewhere", tmp_path / "frames" / "right")
+
+    monkeypatch.setattr(watching.Watched, "take", taken)
+    with at_work(watch) as until:
+        until(lambda: shown(watch) == [("left", "1/1", "ok"), ("right", "1/1", "ok")])
 
 
 def test_a_frame_that_cannot_be_read_is_tried_again_and_then_shown_as_failed(

@@ -160,6 +160,8 @@ def test_a_line_parts_a_from_b_in_the_maps_layout(look: Look) -> None:
     screen.app.send(c.Step())
     screen.app.send(c.ShowLayout("maps"))
     screen.app.wait_until_idle(60)
+    ends = screen.page.locator(".vz.maps-wipe > span").all_inner_texts()
+    assert ends == ["all B", "all A"]
     for share in (0, 0.25, 1):
         screen.page.get_by_label("A or B", exact=True).fill(f"{100 * share:.0f}")
         # Left and right of the line, in the middle of a map: of which pose the picture is.
@@ -192,6 +194,24 @@ def test_in_the_smallest_window_the_whole_score_is_seen(look: Look, session: str
     screen.app.wait_until_idle(240)
     assert is_seen(screen, screen.page.locator(".vz .bar").last)
     screen.shot(f"smallest_{session}")
+
+
+@pytest.mark.parametrize("layout", ["inspect", "maps"])
+def test_in_the_smallest_window_every_class_and_scale_has_its_words_where_colour_counts(
+    look: Look, tmp_path: Path, layout: str
+) -> None:
+    session = saved(tmp_path, scene={"demo": "clutter"}, score={"colour_weight": 0.1}, method={"name": "pir"})
+    screen = look(session)
+    screen.page.set_viewport_size({"width": 1280, "height": 640})
+    screen.app.send(c.Step())
+    screen.app.send(c.ShowLayout(layout))
+    screen.app.wait_until_idle(60)
+    assert screen.page.locator(".vz .maps.coloured").count() == 1
+    for words in [*screen.page.locator(".vz .maps .key > span").all(), *screen.page.locator(".vz .maps .side").all()]:
+        assert is_seen(screen, words), words.inner_text()
+    if layout == "maps":
+        assert is_seen(screen, screen.page.locator(".vz .map.observed .ticks"))
+    screen.shot(f"coloured_{layout}")
 
 
 def test_the_maps_layout_has_the_numbers_of_the_pixel_under_the_mouse(look: Look) -> None:

@@ -55,6 +55,29 @@ def test_a_step_out_of_reach_is_not_taken_and_the_frame_goes_on(name: str, tmp_p
     assert "refiner_stuck" in {event.kind for it in run.iterations for event in it.events}
 
 
+class Straying(FakeRefiner):
+    """Leads away from ground truth, but for every third call, which leads back by less."""
+
+    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        T = np.array(T_cam_obj)
+        # The answer depends on the arguments only: on which centimetre the pose is in.
+        T[0, 3] += -0.004 if int(np.floor(100 * T[0, 3])) % 3 == 0 else 0.011
+        return T
+
+
+@pytest.mark.parametrize("name", ["refine", "pir", "sir", "rir", "phys_after"])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_new_best_scores_more_than_every_pose_that_was_accepted_before(name: str, seed: int) -> None:
+    settings = MethodSettings.model_validate({"name": name, "iterations": 6})
+    run = Run(make_method(settings, FakeSimulator(), Straying(), FakeVerifier(), 3), box_problem(2, 1, seed))
+    run.finish()
+    for k, it in enumerate(run.iterations):
+        if any(event.kind == "new_best" for event in it.events):
+            before = [one.accepted_stage.score for one in run.iterations[:k]]
+            before += [one.stages[0].score for one in run.iterations[: k + 1]]
+            assert it.best.score.score > max(score.score for score in before if score is not None)
+
+
 problems = st.builds(box_problem, st.integers(1, 5), st.integers(1, 2), st.integers(0, 1000))
 
 

@@ -30,6 +30,7 @@ from verefine_viz.viewer.drawing.image_layers import (
     shown_contours,
     shown_side,
 )
+from verefine_viz.viewer.drawing.markup import swatch
 from verefine_viz.viewer.panels.image_panel import pane_html
 from verefine_viz.viewer.snapshot.compared_poses import probe
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
@@ -56,6 +57,13 @@ def test_an_iteration_has_its_stages_as_a_and_b_and_what_it_accepted() -> None:
     assert keys(view) == ["ground truth", "simulated", "best"]
     assert labels(view) == {"ground truth", "A simulated", "accepted = B refined = answer"}, "one pose, one contour"
     assert {one.key: one.color for one in shown_contours(view)}["simulated"] == STAGE_COLORS["simulated"]
+
+
+def test_a_contour_that_poses_share_has_the_colour_that_each_has_elsewhere() -> None:
+    view = debugger().carry_out([c.Step()]).view()
+    html = pane_html(view, shown_contours(view))
+    assert view.b is not None
+    assert f"{swatch(view.b.pose.color)}B refined = {swatch(STAGE_COLORS['best'])}answer" in html
 
 
 def test_stage_by_stage_the_stage_that_is_shown_is_drawn() -> None:

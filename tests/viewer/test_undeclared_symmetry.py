@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, cast
 
 import pytest
@@ -11,13 +12,17 @@ from tests.failing_scenes import broken_scene, named
 from tests.fakes import OneFrame
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.diagnosis.causes import Cause, Diagnosis
+from verefine_viz.session.files import load_session
+from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.errors_panel import errors_words
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.batch_gallery import Entry
 from verefine_viz.viewer.text.findings import findings
+from verefine_viz.viewer.text.verdict import verdict
 
+SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
 pytestmark = pytest.mark.usefixtures("long_run")
 
 
@@ -51,6 +56,19 @@ def test_the_page_tells_the_cause_that_a_batch_tells_and_blames_nothing_else(
 
 def test_before_the_run_is_over_nothing_is_blamed(solved: tuple[Diagnosis, Debugger]) -> None:
     assert not [one for one in findings(seen(solved[1], 0)) if one.red]
+
+
+def test_where_colours_tell_the_turn_the_page_tries_a_score_in_which_they_count() -> None:
+    debugger = Debugger(load_session(SESSIONS / "failure_score_prefers_flip.toml"), None, Toolbox).carry_out(
+        [c.RunUntil("end")]
+    )
+    first = debugger.view()
+    (blamed,) = [one for one in findings(first) if one.cause == Cause.SYMMETRIC]
+    assert blamed.label == "what if score.colour_weight = 0.2?"
+    assert blamed.command is not None
+    again = debugger.carry_out([blamed.command]).view()
+    assert verdict(first).mark == "✗"
+    assert verdict(again).mark == "✓"
 
 
 def test_what_the_batch_told_is_not_told_twice(solved: tuple[Diagnosis, Debugger]) -> None:

@@ -222,7 +222,7 @@ def led_away(by_simulation: bool, inlier_share: float = 0.6, score_rose: bool = 
 @pytest.mark.parametrize(
     ("view", "cause", "first"),
     [
-        (led_away(True), "simulation pushed it away: left unstable", "Hypothesis 1 was 5.0 mm off in iteration 1"),
+        (led_away(True), "simulation pushed it away: it tips over", "Hypothesis 1 was 5.0 mm off in iteration 1"),
         (
             led_away(True, 0.26),
             "wrong support plane: it explains only 26% of the background",
@@ -231,7 +231,7 @@ def led_away(by_simulation: bool, inlier_share: float = 0.6, score_rose: bool = 
         (led_away(False, 0.26), "nearer at iteration 1, then lost in iteration 2", "Hypothesis 1 was 5.0 mm off"),
         (
             led_away(False, score_rose=True),
-            "refiner diverged or got stuck: score rose while the error grew",
+            "refiner led it away: score rose while the error grew",
             "Hypothesis 1 was 5.0 mm off",
         ),
     ],
@@ -250,6 +250,22 @@ def test_what_led_a_near_pose_away_is_the_cause_and_its_evidence_comes_first(
 
 def test_a_mask_leaks_where_ground_truth_too_misses_much_of_it() -> None:
     assert verdict(led_away(False, missed=54)).cause == "mask leaks or misses: 54% missed even at ground truth"
+
+
+@pytest.mark.parametrize(
+    ("missed", "protruding", "more"),
+    [(0, 13, ": 13% of it protruding"), (12, 0, ": 12% of it missed"), (0, 0, "")],
+)
+def test_the_pixels_that_mislead_the_score_are_named(missed: int, protruding: int, more: str) -> None:
+    view = debugger(Astray).carry_out([END]).view()
+    (own,) = view.finished
+    assert own.answer is not None
+    answer = replace(own.answer, score=replace(own.answer.score, score=0.956, counts=(100, 0, 0, 0, 0)))
+    explained = 100 - missed - protruding
+    at_gt = replace(own.answer.score, score=0.82, counts=(explained, missed, protruding, 0, 0))
+    course = Course((off(5, 0.05),), (4,), off(39.1, 0.2), answer.score, at_gt)
+    it = verdict(with_finished(view, answer=answer, course=course, errors=course.answer, discarded=None))
+    assert it.cause == f"score ranks a wrong pose above the ground truth, by 0.14{more}"
 
 
 def test_at_a_breakpoint_it_is_paused_and_at_the_end_it_is_over() -> None:

@@ -172,7 +172,8 @@ class Watch:
         with suppress(_Stopped):
             while not self._stopping.wait(max(self._looked_at + POLL_S - time.monotonic(), 0)):
                 self._look_and_tell()
-                for data, watched in self._watched.items():
+                # While one is solved others may arrive.
+                for data, watched in [*self._watched.items()]:
                     if watched.has_work:
                         self._solve(data, watched)
 

@@ -198,11 +198,17 @@ def preferred(
     return f"{whose} prefers {pose}: {of_wrong} against {of_gt} for the ground truth{_why(wrong, right)}."
 
 
+def blamed_pixels(wrong: PoseScore, right: PoseScore) -> str | None:
+    """The class of pixels that costs ground truth its lead over a wrong pose; None where neither class does."""
+    more = {name: right.shares[name] - wrong.shares[name] for name in BLAMED}
+    name = max(more, key=lambda n: more[n])
+    return name if more[name] > 0.01 else None
+
+
 def _why(wrong: PoseScore, right: PoseScore) -> str:
     """What costs ground truth its lead: the pixels that do it, else the fit; empty where neither shows it."""
-    blame = {name: right.shares[name] - wrong.shares[name] for name in BLAMED}
-    name = max(blame, key=lambda n: blame[n])
-    if blame[name] > 0.01:
+    name = blamed_pixels(wrong, right)
+    if name is not None:
         what = {"missed": "missed (measured, and no model there)", "protruding": "protruding into free space"}[name]
         shares = f"{right.shares[name]:.0%} of the pixels count as {what}"
         return f", in which {shares}, against {wrong.shares[name]:.0%} in the answer"

@@ -40,6 +40,11 @@ class UndeclaredTurn:
     colors_differ: float | None = None
     """By how much the colours of the model differ after the turn, in [0, 1]; None where it has none."""
 
+    @property
+    def texture_tells(self) -> bool:
+        """Whether the colours of the model differ after the turn."""
+        return self.colors_differ is not None and self.colors_differ >= TEXTURE
+
     def in_words(self, name: str) -> str:
         """What it means for the answer of the object ``name``."""
         return (
@@ -51,7 +56,7 @@ class UndeclaredTurn:
     def _of_texture(self) -> str:
         if self.colors_differ is None:
             return " Whether texture could tell is not known: the model has no colours."
-        if self.colors_differ < TEXTURE:
+        if not self.texture_tells:
             return " Its colours are alike as well."
         return " Its texture could tell, as colours differ there; depth cannot."
 

@@ -62,9 +62,10 @@ def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[
         was, now = current.score.score, accepted.score.score
         if was - now >= SCORE_STEP:
             events.append(Event("score_fell", f"The score fell by {was - now:.3f}, {was:.3f} → {now:.3f}."))
-    rise = iteration.best.score.score - before.best.score.score
-    if iteration.best.iteration == iteration.index and rise >= SCORE_STEP:
-        text = f"New best: {iteration.best.score.score:.3f}, was {before.best.score.score:.3f}."
+    # What answers with its last pose may have had a higher score before that.
+    highest = max(before.best.score.score, max(e.score.score for arm in before.arms for e in arm.entries))
+    if iteration.best.iteration == iteration.index and iteration.best.score.score - highest >= SCORE_STEP:
+        text = f"New best: {iteration.best.score.score:.3f}, was {highest:.3f}."
         events.append(Event("new_best", text))
     return tuple(events)
 

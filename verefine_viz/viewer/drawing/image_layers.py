@@ -54,6 +54,8 @@ class ShownContour:
     poses: tuple[tuple[Target, Float], ...]
     """What is posed, and T_cam_obj (4, 4)."""
     dashed: bool = False
+    names: tuple[tuple[str, RGB], ...] = ()
+    """Of a contour that several poses share, each with the colour that it has elsewhere on the page."""
 
 
 def shown_contours(snapshot: Snapshot) -> tuple[ShownContour, ...]:
@@ -77,8 +79,10 @@ def shown_contours(snapshot: Snapshot) -> tuple[ShownContour, ...]:
         label = " ".join(filter(None, (letters.get(name), stage_label(name))))
         T_cam_obj = snapshot.poses[name].T_cam_obj
         under = shown.pop(T_cam_obj.tobytes(), None)  # The same contour: the later one would hide it.
-        label = f"{under.label} = {label}" if under is not None else label
-        shown[T_cam_obj.tobytes()] = ShownContour(name, label, STAGE_COLORS[name], ((snapshot.target, T_cam_obj),))
+        names = (*(under.names if under is not None else ()), (label, STAGE_COLORS[name]))
+        label = " = ".join(own for own, _ in names)
+        pose = ((snapshot.target, T_cam_obj),)
+        shown[T_cam_obj.tobytes()] = ShownContour(name, label, STAGE_COLORS[name], pose, names=names)
     return tuple(shown.values())
 
 

@@ -94,8 +94,7 @@ def pane_html(snapshot: Snapshot, contours: tuple[ShownContour, ...]) -> str:
     if ruler is not None:
         marks += ruler_html(ruler, camera.width, camera.height)
     legend = "".join(
-        f'<button class="image-key" data-key="{one.key}" title="contour on or off">{swatch(one.color)}'
-        f"{text(one.label)}</button>"
+        f'<button class="image-key" data-key="{one.key}" title="contour on or off">{_named(one)}</button>'
         for one in contours
     )
     return (
@@ -108,6 +107,12 @@ def pane_html(snapshot: Snapshot, contours: tuple[ShownContour, ...]) -> str:
         f'<div class="image-bar">{_bar(snapshot)}</div>'
         f'<div class="image-foot"><span class="image-legend">{legend}</span><span class="image-readout"></span></div>'
     )
+
+
+def _named(contour: ShownContour) -> str:
+    """Its name with its colour; of one that several poses share, all of them."""
+    names = contour.names or ((contour.label, contour.color),)
+    return " = ".join(f"{swatch(color)}{text(name)}" for name, color in names)
 
 
 def _bar(snapshot: Snapshot) -> str:

@@ -29,7 +29,7 @@ from verefine_viz.viewer.drawing.score_maps import (
 from verefine_viz.viewer.panels.widgets import Block, Send, add_style, by_user
 from verefine_viz.viewer.snapshot.snapshot import ComparedPose, Probe, Snapshot
 from verefine_viz.viewer.state.view_options import STAGES, stage_label
-from verefine_viz.viewer.text.display_names import TERMS, in_focus
+from verefine_viz.viewer.text.display_names import TERMS, abridged, in_focus
 from verefine_viz.viewer.text.pose_words import compared, score_digits
 from verefine_viz.viewer.web.viser_internals import compact, side_by_side
 
@@ -138,10 +138,13 @@ WORDS_ON_BAR: dict[MapName, tuple[str, str]] = {
 
 
 WIPE = (
-    '<span>A</span><input type="range" min="0" max="100" value="0" aria-label="A or B" '
-    'title="drag the line: A on its left, B on its right"><span>B</span>'
+    '<span>all B</span><input type="range" min="0" max="100" value="0" aria-label="A or B" '
+    'title="drag the line: A on its left, B on its right"><span>all A</span>'
 )
 """Where the line between A and B is in the Maps layout; each browser's own (``assets/page.js``)."""
+
+NAME_LENGTH = 8
+"""Characters of a name for which there is room beside the maps, where they are not all of the page."""
 
 
 class MapsPanel:
@@ -175,8 +178,9 @@ def maps_html(snapshot: Snapshot) -> str:
     for name in shown[1:]:
         tiles = [_tile(snapshot, side, name, of_side, crop) for side, of_side in zip(sides, images, strict=True)]
         columns.append(_column(name, tiles, scales))
-    name = f"<span>{text(in_focus(snapshot).label)}</span>" if focus_label(snapshot) else ""
-    whose = f'<b class="whose">{focus_label(snapshot)}{name}</b>'
+    label = in_focus(snapshot).label
+    name = f"<span>{text(label)}</span><small>{text(abridged(label, NAME_LENGTH))}</small>"
+    whose = f'<b class="whose">{focus_label(snapshot)}{name if focus_label(snapshot) else ""}</b>'
     who = f'<div class="who">{whose}{names[0]}{observed}{"".join(names[1:])}<span class="maps-readout"></span></div>'
     kind = "maps coloured" if "correlation" in shown else "maps"
     return f'<div class="{kind}">{who}{"".join(columns)}</div>'

@@ -15,7 +15,7 @@ from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.state.timeline_marks import MEANINGS, Mark
 from verefine_viz.viewer.text.display_names import arm_color, counted, in_focus, shortened
 from verefine_viz.viewer.text.headline import place_in_run
-from verefine_viz.viewer.web.viser_internals import compact
+from verefine_viz.viewer.web.viser_internals import compact, without_ends
 
 # The sentence above the timeline: where the cursor is, what was worked on there, and where trouble is marked.
 
@@ -94,7 +94,7 @@ class TimelinePanel:
         self._line = Block(gui, "line tight")
         self.slider = gui.add_slider("Iteration", 0, 1, 1, 0, hint="0 = before the first; Home, End, PageUp, PageDown")
         self.slider.on_update(by_user(lambda v: send(c.Seek(int(v)))))
-        add_style(gui, compact(self.slider, ROW_PX))
+        add_style(gui, compact(self.slider, ROW_PX), without_ends(self.slider))
 
     def show(self, snapshot: Snapshot, slider_is_ahead: bool = False) -> None:
         """Draws the strip; leaves the slider alone while the user moves it further."""

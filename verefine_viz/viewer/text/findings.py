@@ -104,7 +104,10 @@ def _why_wrong(snapshot: Snapshot) -> list[Finding]:
     if snapshot.entry is not None and turn in snapshot.entry.row.evidence:
         return []
     advice = f"{DECLARE[0].upper()}{DECLARE[1:]}."
-    return [Finding(f"{turn} {advice}", True, False, c.ScoreGroundTruth(), SIDE_BY_SIDE, Cause.SYMMETRIC)]
+    command, label = c.ScoreGroundTruth(), SIDE_BY_SIDE
+    if snapshot.undeclared.texture_tells and snapshot.session.score.colour_weight == 0:
+        command, label = c.Fork((("score.colour_weight", 0.2),), 0, run=True), "what if score.colour_weight = 0.2?"
+    return [Finding(f"{turn} {advice}", True, False, command, label, Cause.SYMMETRIC)]
 
 
 def _discarded(snapshot: Snapshot) -> list[Finding]:
@@ -143,7 +146,7 @@ def _lost(snapshot: Snapshot) -> list[Finding]:
         f"{'simulation' if lost.by_simulation else 'refiner'} led it away, most in iteration {lost.lost_in}."
     )
     if lost.by_simulation and lost.n_unstable:
-        text += f" The simulation left it unstable in {counted(lost.n_unstable, 'iteration')}."
+        text += f" In {counted(lost.n_unstable, 'iteration')} its centre of mass is outside its support: it tips over."
     command = visit(snapshot, snapshot.at(lost.lost_in))
     cause = Cause.SIMULATION if lost.by_simulation else Cause.REFINER
     return [Finding(text, True, False, command, "show it", cause)]

@@ -15,6 +15,7 @@ from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.diagnosis.ambiguity import in_short
 from verefine_viz.diagnosis.causes import TITLES, Cause, cause_title
+from verefine_viz.diagnosis.score_causes import blamed_pixels
 from verefine_viz.diagnosis.signs import Lost, far_start, is_low, leaks, starved
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.pose_errors import add_where_add_s_is_below
@@ -197,6 +198,9 @@ def cause_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
     if course.is_misled and course.score_at_gt is not None and not is_tie:
         margin = score.score - course.score_at_gt.score
         more = f", by {margin:.{distinguishing_digits(margin)}f}"
+        blamed = blamed_pixels(score, course.score_at_gt)
+        if blamed is not None:
+            more += f": {course.score_at_gt.shares[blamed]:.0%} of it {blamed}"
         return Reason(TITLES[Cause.SCORE], o.answer.iteration if o.answer is not None else None, more, Cause.SCORE)
     if o.discarded is not None:
         margin = o.discarded.margin
@@ -225,11 +229,11 @@ def _led_away(o: FinishedObject, lost: Lost) -> Reason:
         more = f": it explains only {support.inlier_share:.0%} of the background"
         return Reason(TITLES[Cause.PLANE], lost.lost_in, more, Cause.PLANE)
     if lost.by_simulation:
-        more = ": left unstable" if lost.n_unstable else f": {_millimetres(o.in_mm(lost.error))} off before"
+        more = ": it tips over" if lost.n_unstable else f": {_millimetres(o.in_mm(lost.error))} off before"
         return Reason(TITLES[Cause.SIMULATION], lost.lost_in, more, Cause.SIMULATION)
     if lost.score_rose:
         more = ": score rose while the error grew"
-        return Reason(TITLES[Cause.REFINER], lost.lost_in, more, Cause.REFINER)
+        return Reason("refiner led it away", lost.lost_in, more, Cause.REFINER)
     where = f"at iteration {lost.iteration}" if lost.iteration else "at the start"
     return Reason(f"nearer {where}, then lost in iteration {lost.lost_in}", lost.lost_in, about=Cause.REFINER)
 

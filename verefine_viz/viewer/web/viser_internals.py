@@ -56,6 +56,11 @@ def unlabelled(handle: Any) -> str:
     return f"{_row(handle)}>.mantine-Flex-root>div:first-child{{display:none}}"
 
 
+def without_ends(handle: Any) -> str:
+    """A style that leaves out the numbers at the ends of a slider, which its knob would cover."""
+    return f"{_row(handle)} .mantine-Slider-markLabel{{display:none}}"
+
+
 def beside_the_box(handle: Any, row_px: int, from_px: int) -> str:
     """A style that moves a widget up into the row of the box before it, without its label."""
     return f"{unlabelled(handle)}{_row(handle)}{{margin:-{row_px}px 0 0 {from_px}px}}"
