@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float, Mask, finite, frozen
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import as_rigid
+from verefine_viz.core.surroundings import Surroundings
 
 GravitySource = Literal["plane", "world", "given"]
+TILT_SHOWN_DEG = 3.0
+"""Where gravity and the support plane's normal differ by more, both are drawn and said [deg]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +35,18 @@ class Support:
     """Share of the background's valid depth that lies on the plane, in [0, 1]."""
     rms_m: float = 0.0
     """Root mean square distance of the inliers to the plane [m]."""
+    surroundings: Surroundings | None = None
+    """What supports and stops the objects instead of the plane; None: the plane alone."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_world_cam", as_rigid(self.T_world_cam, "T_world_cam"))
         object.__setattr__(self, "normal_world", finite(self.normal_world, "normal_world", (3,)))
+
+    @property
+    def tilt_deg(self) -> float:
+        """Angle between the plane's normal and up [deg]."""
+        x, y, z = self.normal_world
+        return float(np.degrees(np.arctan2(np.hypot(x, y), z)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +65,15 @@ class Observation:
     support: Support | None
     """None: no plane was found and physics is off; ``support_note`` says why."""
     support_note: str = ""
+    T_map_cam: Float | None = None
+    """(4, 4) camera to the data set's world, where the data set says where that is [m]."""
 
     def __post_init__(self) -> None:
         h, w = self.camera.shape
         object.__setattr__(self, "depth_m", frozen(self.depth_m, "depth", (h, w), np.float32))
         object.__setattr__(self, "normals_cam", frozen(self.normals_cam, "normals", (h, w, 3), np.float32))
         object.__setattr__(self, "object_mask", frozen(self.object_mask, "object mask", (h, w), np.bool_))
+        if self.T_map_cam is not None:
+            object.__setattr__(self, "T_map_cam", as_rigid(self.T_map_cam, "T_map_cam"))
         if self.rgb is not None:
             object.__setattr__(self, "rgb", frozen(self.rgb, "rgb", (h, w, 3), np.uint8))

@@ -1,6 +1,6 @@
 """The physics step of the paper: an object moves under gravity for a moment, among placed objects, on a plane.
 
-docs/methods.md 1.0 and 1.8.9, 1.8.19, 1.8.20, 1.8.23, 1.8.24.
+docs/methods.md 1.0 and 1.8.9, 1.8.19, 1.8.20, 1.8.23, 1.8.24; other worlds than a plane: 7.4.
 """
 
 from __future__ import annotations
@@ -22,21 +22,26 @@ from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Simulator
 from verefine_viz.core.records import Contacts, SimulatedPath
 from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.core.surroundings import SupportSurface, Surroundings
 from verefine_viz.physics.colliders import Collider, collider
 from verefine_viz.physics.stability import PLANE_ID, Motion, Touch
-from verefine_viz.physics.world import BodyKey, PlacedBody, World, pybullet
+from verefine_viz.physics.world import PLANE_FRICTION, BodyKey, PlacedBody, World, pybullet
 
+LEVEL = 0.75
+"""Upward part of the normal above which a contact with surroundings is one with the top of a surface [-]."""
 _OTHER, _POINT, _NORMAL, _DISTANCE, _FORCE = 2, 6, 7, 8, 9
 """Positions in a contact point of Bullet's."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Ground:
-    """A support plane, for Bullet and back."""
+    """What supports the objects, for Bullet and back."""
 
     support: Support
     T_cam_world: Float
-    normal_world: Float
+    supporting: tuple[SupportSurface, ...]
+    """The plane, or base and surfaces of the surroundings."""
+    plane_position: tuple[float, float, float]
     plane_quat_xyzw: tuple[float, float, float, float]
 
 
@@ -78,7 +83,8 @@ class BulletSimulator:
         return built
 
     def settle(self, moving: Placed, fixed: Sequence[Placed], support: Support, n_steps: int) -> SimulatedPath:
-        """The path of ``moving`` over ``n_steps`` steps among ``fixed`` objects on the support plane.
+        """The path of ``moving`` over ``n_steps`` steps among ``fixed`` objects on the support plane, or in the
+        surroundings that ``support`` has instead.
 
         Contacts are those of each step's last sub-step. The order of ``fixed`` does not matter. The path ends early
         where the object would leave the reach of the camera, ``FARTHEST_M``.
@@ -95,7 +101,8 @@ class BulletSimulator:
         others = sorted(fixed, key=lambda placed: placed.instance_id)
         bodies, ids = self._bodies((moving, *others), support.T_world_cam)
         ground = self._under(support)
-        self._world.place(bodies, ground.plane_quat_xyzw)
+        around = self._around(support.surroundings, ids) if support.surroundings is not None else []
+        self._world.place([*bodies, *around], ground.plane_position, ground.plane_quat_xyzw)
 
         world, body = self._world, bodies[0].body
         poses: list[tuple[Sequence[float], Sequence[float]]] = [(bodies[0].position, bodies[0].quat_xyzw)]
@@ -124,7 +131,7 @@ class BulletSimulator:
                 Ts_world_com,
                 lambda step: self._touches(near[step - 1], poses[step][0], ids),
                 self._hull_com(moving.model),
-                ground.normal_world,
+                ground.supporting,
                 self._settings.step_s,
             )
             tipping = standing.tipping()
@@ -143,9 +150,27 @@ class BulletSimulator:
         if self._ground is None or self._ground.support is not support:
             R_cam_world = support.T_world_cam[:3, :3].T
             T_cam_world = transform(R_cam_world, -(R_cam_world @ support.T_world_cam[:3, 3]))
-            normal = support.normal_world / np.linalg.norm(support.normal_world)
-            self._ground = _Ground(support, T_cam_world, normal, _plane_quat_xyzw(support.normal_world))
+            around = support.surroundings
+            supporting = around.supporting if around is not None else (plane_of(support),)
+            base = supporting[0]
+            x, y, z = (-base.offset_m * base.normal_world).tolist()
+            quat_xyzw = _plane_quat_xyzw(support.normal_world if around is None else base.normal_world)
+            self._ground = _Ground(support, T_cam_world, supporting, (x, y, z), quat_xyzw)
         return self._ground
+
+    def _around(self, surroundings: Surroundings, ids: dict[int, int]) -> list[PlacedBody]:
+        """The bodies of surroundings, which are added to ``ids``: all that supports is one, each unknown object one."""
+        parts: dict[int, list[ObjectModel]] = {}
+        for instance_id, model in surroundings.bodies:
+            parts.setdefault(instance_id, []).append(model)
+        bodies = []
+        for instance_id, models in parts.items():
+            friction = PLANE_FRICTION if instance_id == PLANE_ID else self._settings.friction
+            key = BodyKey(tuple(model.mesh_hash for model in models), 0, False)
+            body = self._world.solid(key, [model.vertices for model in models], friction)
+            ids[body] = instance_id
+            bodies.append(PlacedBody(body, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), False))
+        return bodies
 
     def _bodies(self, cast: Sequence[Placed], T_world_cam: Float) -> tuple[list[PlacedBody], dict[int, int]]:
         """Bodies at their poses, in the order of ``cast``, whose first one moves, and each body's instance."""
@@ -173,17 +198,18 @@ class BulletSimulator:
         x, y, _ = com
         margin_m, touches = self._settings.margin_m, []
         for p in near:
-            is_plane, (px, py, _) = ids[p[_OTHER]] == PLANE_ID, p[_POINT]
+            is_plane, (px, py, _), up = p[_OTHER] == self._world.plane, p[_POINT], p[_NORMAL][2]
+            is_support = is_plane or (ids[p[_OTHER]] == PLANE_ID and up > LEVEL)
             gap_m = p[_DISTANCE] + (margin_m if is_plane else 2 * margin_m)
             touches.append(
-                Touch((px - x, py - y), p[_NORMAL][2], gap_m, p[_FORCE] > 0.0 or p[_DISTANCE] <= 0.0, is_plane)
+                Touch((px - x, py - y), up, gap_m, p[_FORCE] > 0.0 or p[_DISTANCE] <= 0.0, is_plane, is_support)
             )
         return touches
 
     def _contacts(self, touched: Sequence[tuple], ids: dict[int, int], T_cam_world: Float) -> Contacts:
         """Bullet's contact points as records."""
         # Bullet measures between surfaces grown by the margin; a plane has none.
-        margins_m = {body: self._settings.margin_m * (1 if i == PLANE_ID else 2) for body, i in ids.items()}
+        margins_m = {body: self._settings.margin_m * (1 if body == self._world.plane else 2) for body in ids}
         flat = np.array([(*p[_POINT], *p[_NORMAL], -p[_DISTANCE] - margins_m[p[_OTHER]], p[_FORCE]) for p in touched])
         flat = flat.reshape(len(touched), 8)
         R, t = T_cam_world[:3, :3], T_cam_world[:3, 3]
@@ -218,6 +244,12 @@ def checked_pose(placed: Placed) -> Float:
         finite(T, name, (4, 4))
         raise ShapeError(f"{name} is {away_m:.4g} m away, expected at most {FARTHEST_M:g} m; is it in millimetres?")
     return T
+
+
+def plane_of(support: Support) -> SupportSurface:
+    """The support plane, which goes through the world's origin."""
+    normal = support.normal_world / np.linalg.norm(support.normal_world)
+    return SupportSurface(normal, 0.0, np.zeros((0, 2)))
 
 
 def _n_within_reach(Ts_cam_obj: Float) -> int:
