@@ -83,5 +83,10 @@ def _surroundings(snapshot: Snapshot) -> list[str]:
         drawn.append("cloud: the observed depth, in the colours of the photo")
     if snapshot.problem.observation.support is not None:
         drawn += ["yellow arrow: gravity"] if "gravity" in layers else []
-        drawn += ["blue-grey sheet: support plane, lines every 5 cm"] if "plane" in layers else []
+        is_plane = snapshot.problem.observation.support.surroundings is None
+        sheet = (
+            "support plane, lines every 5 cm" if is_plane else "what supports; brown: what else stands there; pink: "
+        )
+        sheet += "" if is_plane else "unknown objects"
+        drawn += [f"blue-grey sheet: {sheet}"] if "plane" in layers else []
     return drawn

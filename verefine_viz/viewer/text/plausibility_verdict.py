@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
 
-from verefine_viz.core.observation import Support
+from verefine_viz.core.observation import TILT_SHOWN_DEG, Support
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.text_format import first_of
 from verefine_viz.methods.registry import method_of
@@ -116,11 +116,24 @@ def plausibility_verdict(plausibility: Any, o: ObjectState, scene: SceneState) -
 PLANE_SHARE = 0.4
 """A plane that holds less of the background is doubted. Right ones of the eight YCB-Video frames at hand hold 43-74 %,
 walls in them 24-37 %, the board beside the box of the built-in failure 23 %."""
+GRAVITY_FROM = {"plane": "its normal", "world": "the camera's pose", "given": "scene.gravity"}
+"""Where gravity comes from, in words."""
 SHARE_HINT = (
     "The rest is what else is in view: walls, things without a model. A doubtful plane holds less than "
     f"{PLANE_SHARE:.0%}; look in 3D whether it lies on the table."
 )
 """What the share of the background on the plane means."""
+
+
+def gravity_doubt(support: Support) -> str:
+    """That gravity and the support plane disagree; empty where they do not."""
+    if support.tilt_deg <= TILT_SHOWN_DEG:
+        return ""
+    return (
+        f"The support plane is tilted by {support.tilt_deg:.1f}° against gravity "
+        f"({GRAVITY_FROM[support.gravity_source]}): the table leans, or one of the two is wrong. 3D shows both: yellow "
+        "gravity, blue the plane's normal."
+    )
 
 
 def plane_doubt(support: Support) -> str:
