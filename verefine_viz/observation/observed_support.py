@@ -6,7 +6,7 @@ What stands alone on the support and has no model becomes an unknown object; the
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,15 +93,23 @@ def observed_surroundings(
     rest = near.only(~is_explained)
     is_up = (rest.normals[:, 2] >= STEEPEST) & (rest.points[:, 2] > first[2] - THICKEST_M)
     cells = cells_of(rest.points[is_up], low, high, max(CELL_M, 4 * spacing_m))
-    surfaces = support_surfaces(cells, seen.points, plane)
+    everything = np.concatenate([seen.points, objects])
+    surfaces = support_surfaces(cells, everything, support.T_world_cam[:3, 3], plane)
     endless = next((s for s in surfaces if s.is_endless), None)
     base = endless or _below(plane, near.points)
-    below = [(s, _solid_below(s, np.concatenate([seen.points, objects]))) for s in surfaces if not s.is_endless]
-    tops = tuple((s, solid) for s, solid in below if solid is not None)
-    supporting = (base, *(surface for surface, _ in tops))
-    others = _solids(rest.points[_rises(rest.points, supporting)], objects, support)
-    solids = (*(solid for _, solid in tops), *others)
-    return Surroundings("observed", base, endless is None, supporting[1:], solids, unknown)
+    tops: list[SupportSurface] = []
+    solids: list[ObjectModel] = []
+    rises = _rises(rest.points, base, np.inf)
+    for surface in (s for s in surfaces if not s.is_endless):
+        thick_m = _thickness(surface, everything)
+        corners = surface.lifted(surface.outline_xy)
+        solid = convex_model(np.concatenate([corners, corners - thick_m * surface.normal_world]), "support")
+        if solid is not None:
+            tops.append(surface)
+            solids.append(solid)
+            rises &= _rises(rest.points, surface, thick_m)
+    solids += _solids(rest.points[rises], objects, support)
+    return Surroundings("observed", base, endless is None, tuple(tops), tuple(solids), unknown)
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,24 +287,18 @@ def _below(plane: SupportSurface, points: Float) -> SupportSurface:
     return SupportSurface(plane.normal_world, plane.offset_m - lowest + THICKEST_M, plane.outline_xy)
 
 
-def _solid_below(surface: SupportSurface, seen: Float) -> ObjectModel | None:
-    """What is below a surface: as thick as what is seen below it allows."""
+def _thickness(surface: SupportSurface, seen: Float) -> float:
+    """How thick [m] the solid below a surface may be: as what is seen below it allows."""
     heights = surface.heights(seen)
     inside = surface.reaches(seen[:, :2], -0.02) & (heights < -RISES_M)
     gaps = -heights[inside] - THINNEST_M
-    thick_m = float(np.clip(np.quantile(gaps, 0.02) if len(gaps) else THICKEST_M, THINNEST_M, THICKEST_M))
-    top = surface.lifted(surface.outline_xy)
-    return convex_model(np.concatenate([top, top - thick_m * surface.normal_world]), "support")
+    return float(np.clip(np.quantile(gaps, 0.02) if len(gaps) else THICKEST_M, THINNEST_M, THICKEST_M))
 
 
-def _rises(points: Float, supporting: Sequence[SupportSurface]) -> NDArray[np.bool_]:
-    """Which points (n, 3) are neither on a surface nor just below one."""
-    rises = np.ones(len(points), dtype=bool)
-    for surface in supporting:
-        heights = surface.heights(points)
-        below_m = np.inf if surface.is_endless else THICKEST_M
-        rises &= ~((heights <= RISES_M) & (heights >= -below_m) & surface.reaches(points[:, :2], RISES_M))
-    return rises
+def _rises(points: Float, surface: SupportSurface, thick_m: float) -> NDArray[np.bool_]:
+    """Which points (n, 3) are neither on a surface nor in the solid below it."""
+    heights = surface.heights(points)
+    return (heights > RISES_M) | (heights < -thick_m) | ~surface.reaches(points[:, :2], RISES_M)
 
 
 def _solids(points: Float, objects: Float, support: Support) -> list[ObjectModel]:

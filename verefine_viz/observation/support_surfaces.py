@@ -1,8 +1,8 @@
 """The surfaces that support objects in a depth image: planes, each as far as the image does not show it to end.
 
-A surface goes on where nothing was measured, below the objects and behind them, and ends where something lower was
-seen. So it is convex, may be as thick as what is seen below it allows, and pushes up what starts deep inside of it, as
-the plane of the paper does. docs/methods.md 7.4.
+A surface goes on where nothing was measured, below the objects and behind them, and ends where the camera looks through
+it at something lower. So it is convex, may be as thick as what is seen below it allows, and pushes up what starts deep
+inside of it, as the plane of the paper does. docs/methods.md 7.4.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ CELL_M = 0.005
 ON_M = 0.004
 """A cell no further from a plane lies on it [m]: three times the noise of a cell's mean on a table at 1 m."""
 LOWER_M = 0.012
-"""A cell this far below a plane shows that the surface ends before it [m]."""
+"""What is seen this far below a plane is seen through a gap in the surface, or past its end [m]."""
 STEEPEST = np.cos(np.radians(40.0))
 """Upward part of the normal below which nothing stays on a surface [-]."""
 FEWEST_CELLS = 40
@@ -33,9 +33,9 @@ N_SEEDS = 60
 SEED_M = 0.03
 """Radius of what a surface is first fitted to [m]."""
 ENDS = 3
-"""So many lower cells, of as many points each, end a surface; fewer are outliers."""
+"""So many cells in a gap, of as many points each, end a surface; fewer are outliers."""
 MOST_INSIDE = 0.03
-"""Share of the cells within an outline that may be lower."""
+"""Share of the cells within an outline that may be gaps."""
 FAR_M = 1.0
 """Where the outline of the first surface ends that nothing else ends [m]."""
 GOES_ON_M = 0.10
@@ -77,14 +77,15 @@ def cells_of(points: Float, low: Float, high: Float, cell_m: float) -> Cells:
     return Cells(tops, at, (shape[0], shape[1]))
 
 
-def support_surfaces(cells: Cells, seen: Float, first: SupportSurface) -> tuple[SupportSurface, ...]:
+def support_surfaces(cells: Cells, seen: Float, eye: Float, first: SupportSurface) -> tuple[SupportSurface, ...]:
     """The surfaces of the cells, that of ``first`` (the support plane) before others, then the largest first.
 
     Only the first may be endless.
 
     Args:
         cells: of the image, without the objects.
-        seen: points (m, 3) of the whole image: a surface ends before those that are lower.
+        seen: points (m, 3) of the whole image: a surface ends before the rays to those that are lower.
+        eye: (3,) the camera.
         first: where the first is looked for.
     """
     surfaces: list[SupportSurface] = []
@@ -93,7 +94,9 @@ def support_surfaces(cells: Cells, seen: Float, first: SupportSurface) -> tuple[
     while candidate is not None and len(surfaces) < MOST_SURFACES:
         fitted = _fitted(candidate, cells.tops[left])
         far_m = FAR_M if candidate is first else GOES_ON_M
-        outlined = _outlined(fitted, cells, left, seen, far_m) if fitted is not None else None
+        outlined = (
+            _outlined(fitted, cells, left, _seen_through(fitted, seen, eye), far_m) if fitted is not None else None
+        )
         if candidate is first and outlined is None:
             outlined = fitted or first
         if outlined is not None:
@@ -140,9 +143,11 @@ def _fitted(plane: SupportSurface, points: Float) -> SupportSurface | None:
 
 
 def _outlined(
-    plane: SupportSurface, cells: Cells, left: NDArray[np.bool_], seen: Float, far_m: float
+    plane: SupportSurface, cells: Cells, left: NDArray[np.bool_], gaps: Float, far_m: float
 ) -> SupportSurface | None:
-    """The plane with the outline within which it supports; None where that is too small."""
+    """The plane with the outline within which it supports, clear of the ``gaps`` (n, 2) in it; None where that is too
+    small.
+    """
     heights = plane.heights(cells.tops)
     on = left & (np.abs(heights) <= ON_M)
     grid = np.zeros(cells.shape, dtype=bool)
@@ -154,15 +159,14 @@ def _outlined(
     sizes[0] = 0
     on &= own == int(sizes.argmax())
     xy = cells.tops[:, :2]
-    lower = _crowded(seen[plane.heights(seen) < -LOWER_M, :2])
-    # Where lower cells lie inside, the outline is that of fewer cells around the middle.
+    # Where gaps lie inside, the outline is that of fewer cells around the middle.
     for _ in range(5):
         if np.count_nonzero(on) < FEWEST_CELLS:
             return None
         hull = _hull(xy[on])
         if hull is None:
             return None
-        beyond = lower @ hull.equations[:, :2].T + hull.equations[:, 2]
+        beyond = gaps @ hull.equations[:, :2].T + hull.equations[:, 2]
         n_inside = np.count_nonzero(beyond.max(axis=1, initial=-np.inf) < -2 * CELL_M)
         if n_inside <= MOST_INSIDE * np.count_nonzero(on):
             return SupportSurface(plane.normal_world, plane.offset_m, _ended(hull, beyond, far_m))
@@ -172,8 +176,11 @@ def _outlined(
     return None
 
 
-def _crowded(xy: Float) -> Float:
-    """Middles (m, 2) of the cells that hold at least ``ENDS`` of the points (n, 2): fewer are outliers."""
+def _seen_through(plane: SupportSurface, seen: Float, eye: Float) -> Float:
+    """Middles (m, 2) of the cells in which the camera looks through the plane at something lower."""
+    eye_m, heights = float(plane.heights(eye[None])[0]), plane.heights(seen)
+    lower, below_m = seen[heights < -LOWER_M, :2], -heights[heights < -LOWER_M]
+    xy = eye[:2] + (lower - eye[:2]) * (eye_m / (eye_m + below_m))[:, None] if eye_m > 0 else lower
     cells, count = np.unique(np.floor(xy / CELL_M), axis=0, return_counts=True)
     return (cells[count >= ENDS] + 0.5) * CELL_M
 
@@ -186,20 +193,24 @@ def _hull(xy: Float) -> ConvexHull | None:
 
 
 def _ended(hull: ConvexHull, beyond: Float, far_m: float) -> Float:
-    """The outline (m, 2), anticlockwise: the edges of ``hull`` beyond which something lower was seen, and ``far_m``
-    beyond the hull elsewhere; none where it is far and ends nowhere.
+    """The outline (m, 2), anticlockwise: the edges of ``hull`` beyond which there are gaps, and ``far_m`` beyond the
+    hull elsewhere; none where it is far and ends nowhere.
 
     Args:
         hull: of the cells on the surface.
-        beyond: (n, e) how far each lower cell is beyond each of its edges [m].
+        beyond: (n, e) how far each gap is beyond each of its edges [m].
         far_m: see above.
     """
-    outside = beyond.max(axis=1, initial=-np.inf) > -2 * CELL_M
-    ends = np.bincount(beyond[outside].argmax(axis=1), minlength=len(hull.equations)) >= ENDS
+    beyond = beyond[beyond.max(axis=1, initial=-np.inf) > -2 * CELL_M]
+    nearest_edge = beyond.argmax(axis=1)
+    ends = np.bincount(nearest_edge, minlength=len(hull.equations)) >= ENDS
     if far_m == FAR_M and not ends.any():
         return np.zeros((0, 2))
     (x, y), (u, v) = hull.points.min(axis=0) - far_m, hull.points.max(axis=0) + far_m
     outline = np.array([[x, y], [u, y], [u, v], [x, v]])
-    for edge in hull.equations[ends]:
-        outline = clipped(outline, edge[:2], float(edge[2]) - CELL_M / 2)
+    for k in np.flatnonzero(ends):
+        # The first surface goes on to where the gap begins; others may be the rim of something.
+        first_m = float(np.sort(beyond[nearest_edge == k, k])[ENDS - 1]) if far_m == FAR_M else 0.0
+        offset = float(hull.equations[k, 2]) - max(first_m - CELL_M / 2, CELL_M / 2)
+        outline = clipped(outline, hull.equations[k, :2], offset)
     return outline
