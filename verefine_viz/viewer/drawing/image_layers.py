@@ -148,9 +148,8 @@ def _unknown_objects(observation: Observation) -> str:
         parts.append(
             f'<g data-unknown="{one.number}"><title>{title}</title><defs><pattern id="{hatch}" width="7" height="7" '
             f'patternUnits="userSpaceOnUse" patternTransform="rotate(45)"><path d="M0 0v7" stroke="rgb{color}" '
-            f'stroke-width="3.5"/></pattern></defs><path d="{way}" fill="url(#{hatch})" stroke="rgb{color}" '
-            f'stroke-width="1.5"/><text x="{u:.0f}" y="{v:.0f}" fill="#fff" stroke="#000" stroke-width="3" '
-            f'paint-order="stroke" font-size="15" text-anchor="middle">{one.number}</text></g>'
+            f'stroke-width="2"/></pattern></defs><path d="{way}" fill="url(#{hatch})" stroke="rgb{color}" '
+            f'stroke-width="1.5"/><text x="{u:.0f}" y="{v:.0f}">{one.number}</text></g>'
         )
     return "".join(parts)
 
