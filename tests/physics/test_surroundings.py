@@ -20,8 +20,8 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.settings import PhysicsSettings
-from verefine_viz.core.surroundings import unknown_id
-from verefine_viz.observation.observed_support import observed_surroundings
+from verefine_viz.core.surroundings import SupportSurface, Surroundings, unknown_id
+from verefine_viz.observation.observed_support import convex_model, observed_surroundings
 from verefine_viz.physics.plausibility import plausibility
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.recording.verify import first_difference
@@ -174,6 +174,49 @@ def test_a_wall_stops_an_object() -> None:
     path, T = settled(problem, support, inside, 30)
     assert T[1, 3] < 0.019
     assert len(path.contacts[-1].others)
+
+
+def board(tilt_deg: float) -> Support:
+    """A board of 60 × 60 cm above the table, and which way is up; the world is the camera's."""
+    R = axis_angle([1, 0, 0], np.radians(tilt_deg))
+    corners = np.array([[x, y, 0.0] for x, y in ((-0.3, -0.3), (0.3, -0.3), (0.3, 0.3), (-0.3, 0.3))]) @ R.T + [0, 0, 1]
+    top = SupportSurface(R[:, 2], -float(R[:, 2] @ [0, 0, 1]), corners[:, :2])
+    solid = convex_model(np.concatenate([corners, corners - 0.02 * R[:, 2]]), "board")
+    assert solid is not None
+    below = SupportSurface(np.array([0.0, 0.0, 1.0]), 0.0, np.zeros((0, 2)))
+    around = Surroundings("observed", below, True, (top,), (solid,))
+    return Support(np.eye(4), np.array([0.0, 0.0, 1.0]), "world", 1.0, surroundings=around)
+
+
+@given(sinks_m=st.floats(0.0, 0.035), yaw_deg=st.floats(0, 360))
+@examples(max_examples=10, deadline=None)
+def test_what_stays_over_the_first_surface_is_on_a_plane(sinks_m: float, yaw_deg: float) -> None:
+    """Also what starts deep inside of a board of 2 cm, and above all below its middle."""
+    support, start = board(0.0), Placed(0, box(*BRICK), at(0.05, -0.1, 1.04 - sinks_m, yaw_deg))
+    plane = replace(support, T_world_cam=transform(np.eye(3), [0, 0, -1.0]), surroundings=None)
+    path, on_plane = (BulletSimulator(HULLS).settle(start, (), s, 60) for s in (support, plane))
+    np.testing.assert_allclose(path.Ts_cam_obj, on_plane.Ts_cam_obj, atol=1e-5)
+    assert path.T_cam_obj[2, 3] > 1.03
+
+
+def test_what_slides_off_the_first_surface_falls() -> None:
+    """At first it is over the board, as a shorter simulation shows."""
+    support, start = board(35.0), Placed(0, box(*BRICK), at(0.0, 0.0, 1.06, 0))
+    slippery = BulletSimulator(HULLS.model_copy(update={"friction": 0.01}))
+    short, path = (slippery.settle(start, (), support, n) for n in (10, 70))
+    first = support.surroundings.surfaces[0] if support.surroundings else None
+    assert first is not None
+    assert first.heights(short.Ts_cam_obj[:, :3, 3]).min() > 0.02
+    assert first.heights(path.Ts_cam_obj[:, :3, 3]).min() < -0.02
+    assert path.T_cam_obj[1, 3] < -0.3
+    assert path.T_cam_obj[2, 3] > 0.0  # On what lies below the board.
+
+
+def test_what_is_under_the_first_surface_stays_under_it() -> None:
+    """An object on the table below the board."""
+    start = Placed(0, box(*BRICK), at(0.0, 0.0, 0.045))
+    path = BulletSimulator(HULLS).settle(start, (), board(0.0), 60)
+    assert path.T_cam_obj[2, 3] == pytest.approx(0.04, abs=0.002)
 
 
 def test_simulations_do_not_depend_on_what_was_simulated_before() -> None:

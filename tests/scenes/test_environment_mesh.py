@@ -95,6 +95,19 @@ def test_an_open_sheet_gets_its_thickness_away_from_the_camera(tmp_path: Path) -
     assert (y.min(), y.max()) == (pytest.approx(MIDDLE[1] + 0.1, abs=1e-4), pytest.approx(MIDDLE[1] + 0.13, abs=1e-4))
 
 
+def test_the_largest_surface_is_the_first(tmp_path: Path) -> None:
+    assert SUPPORT is not None
+    step = trimesh.creation.box([0.1, 0.1, 0.02])
+    step.apply_translation([MIDDLE[0] + 0.2, MIDDLE[1], 0.01])
+    both = trimesh.util.concatenate([step, table()])
+    pose = rows(inverse(SUPPORT.T_world_cam))
+    around = of_mesh(mesh=written(tmp_path, both), mesh_frame="camera", mesh_pose=pose)
+    assert [round(float(s.heights(MIDDLE[None])[0]), 4) for s in around.surfaces] == [0.04, 0.02]
+    # Without depth on the objects nothing shows what is near: all of the mesh counts.
+    empty = replace(PROBLEM.observation, depth_m=np.zeros_like(PROBLEM.observation.depth_m))
+    assert len(of_mesh(empty, mesh=str(tmp_path / "cell.ply"), mesh_frame="camera", mesh_pose=pose).solids) == 12
+
+
 @pytest.mark.parametrize(
     ("physics", "error", "words"),
     [

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -47,6 +48,17 @@ class Support:
         """Angle between the plane's normal and up [deg]."""
         x, y, z = self.normal_world
         return float(np.degrees(np.arctan2(np.hypot(x, y), z)))
+
+    @cached_property
+    def with_first_endless(self) -> Support | None:
+        """The same where the first surface has no end: the world of what stays over it. None where nothing ends it."""
+        around = self.surroundings
+        if around is None or not around.catches or not around.surfaces:
+            return None
+        first, *others = around.surfaces
+        base = replace(first, outline_xy=np.zeros((0, 2)))
+        around = replace(around, base=base, catches=False, surfaces=tuple(others), solids=around.solids[1:])
+        return replace(self, surroundings=around)
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,6 +58,11 @@ class SupportSurface:
         return np.column_stack([xy, -(xy @ n[:2] + self.offset_m) / n[2]])
 
     @cached_property
+    def box_xy(self) -> tuple[list[float], list[float]]:
+        """The lowest x and y of the outline, which has an end, and the highest [m]."""
+        return self.outline_xy.min(axis=0).tolist(), self.outline_xy.max(axis=0).tolist()
+
+    @cached_property
     def edges(self) -> tuple[Float, Float]:
         """Inward unit normals (m, 2) of the outline's edges, offsets (m,): inside, ``n · p + offset`` ≥ 0 for all."""
         along = np.roll(self.outline_xy, -1, axis=0) - self.outline_xy
@@ -101,7 +106,7 @@ class Surroundings:
     catches: bool
     """Whether the base was not seen: it lies below everything and catches what falls."""
     surfaces: tuple[SupportSurface, ...]
-    """Others, each within an outline: the top of the solid of the same index."""
+    """Others, each within an outline: the top of the solid of the same index; first the one that most rests on."""
     solids: tuple[ObjectModel, ...]
     """Convex, in the world frame: those below the surfaces first, then what else stands there, as walls."""
     unknown: tuple[UnknownObject, ...] = ()

@@ -50,9 +50,12 @@ def neighbour(case: Case) -> Finding | None:
 
 
 def plane(case: Case) -> Finding | None:
-    """The support plane or gravity is wrong, or unknown; decided by a re-run with the true one."""
+    """The support plane or gravity is wrong, or unknown; decided by a re-run with the true one.
+
+    Surroundings are not only a plane, and ground truth has none of them.
+    """
     true, given = case.frame.support, case.target.observation.support
-    if true is None or not case.lab.physics.enabled:
+    if true is None or not case.lab.physics.enabled or (given is not None and given.surroundings is not None):
         return None
     tilt_deg, gravity_deg, off_m = _off(given, true, case.at_gt) if given is not None else (0.0, 0.0, 0.0)
     if given is not None and tilt_deg < TILT_DEG and abs(off_m) < OFF_M and gravity_deg < GRAVITY_DEG:

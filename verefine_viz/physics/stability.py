@@ -120,15 +120,23 @@ class Motion:
         surfaces that have them within their outline.
         """
         T = self.Ts_world_com[k]
-        base, *others = (
-            self.hull_com @ (s.normal_world @ T[:3, :3]) + (s.normal_world @ T[:3, 3] + s.offset_m)
-            for s in self.supporting
-        )
-        for surface, heights_m in zip(self.supporting[1:], others, strict=True):
-            xy = (self.hull_com @ T[:2, :3].T) + T[:2, 3]
-            inside = surface.reaches(xy) & (heights_m > -DEEPEST_M)
-            base[inside] = np.minimum(base[inside], heights_m[inside])
-        return base
+        base, *others = self.supporting
+        nearest_m = self._above(base, T)
+        if not others:
+            return nearest_m
+        xy = T[:2, :3] @ self.hull_com.T + T[:2, 3:]
+        (left, front), (right, back) = xy.min(axis=1).tolist(), xy.max(axis=1).tolist()
+        for surface in others:
+            (x, y), (u, v) = surface.box_xy
+            if right >= x and left <= u and back >= y and front <= v:
+                heights_m = self._above(surface, T)
+                over = surface.reaches(xy.T) & (heights_m > -DEEPEST_M)
+                nearest_m[over] = np.minimum(nearest_m[over], heights_m[over])
+        return nearest_m
+
+    def _above(self, surface: SupportSurface, T_world_com: Float) -> Float:
+        n = surface.normal_world
+        return self.hull_com @ (n @ T_world_com[:3, :3]) + (n @ T_world_com[:3, 3] + surface.offset_m)
 
     def _turned_deg(self, a: int, b: int) -> float:
         return math.degrees(angle_between(self.Ts_world_com[a, :3, :3], self.Ts_world_com[b, :3, :3]))

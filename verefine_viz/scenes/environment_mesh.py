@@ -51,15 +51,8 @@ def mesh_surroundings(settings: PhysicsSettings, observation: Observation, suppo
     path = Path(settings.mesh)
     mesh = read_mesh(path, settings.mesh_unit_m)
     vertices = apply(support.T_world_cam @ _T_cam_mesh(settings, observation), mesh.vertices_m)
-    clear = observation.object_mask & (observation.depth_m > 0)
-    objects = apply(support.T_world_cam, observation.camera.back_project(observation.depth_m.astype(np.float64))[clear])
     solid = trimesh.Trimesh(vertices, mesh.faces, process=False)
-    parts = [part for part in _flat_parts(solid) if _is_near(solid, part, objects)]
-    if not parts:
-        raise InputError(
-            f"mesh of the surroundings {path} has nothing within {NEAR_M} m of the objects; check physics.mesh_pose, "
-            "physics.mesh_frame and physics.mesh_unit_m"
-        )
+    parts = _flat_parts(solid, _near(vertices[mesh.faces], observation, support))
     if len(parts) > MOST_SOLIDS:
         raise InputError(
             f"mesh of the surroundings {path} has {len(parts)} flat parts within {NEAR_M} m of the objects, expected "
@@ -67,23 +60,27 @@ def mesh_surroundings(settings: PhysicsSettings, observation: Observation, suppo
         )
     inward = _inward(solid, support.T_world_cam[:3, 3])
     thick_m = _thickness(solid, inward)
-    surfaces: list[SupportSurface] = []
-    tops: list[ObjectModel] = []
+    tops: list[tuple[float, SupportSurface, ObjectModel]] = []
     others: list[ObjectModel] = []
     for part in parts:
         corners, down = vertices[np.unique(mesh.faces[part])], inward[part[0]]
         body = convex_model(np.concatenate([corners, corners + thick_m[part].min() * down]), "surroundings")
-        if body is None:
-            continue
-        if -down[2] >= STEEPEST:
-            outline = corners[ConvexHull(corners[:, :2]).vertices, :2]
-            surfaces.append(SupportSurface(-down, float(down @ corners.mean(axis=0)), outline))
-            tops.append(body)
-        else:
+        if body is not None and -down[2] >= STEEPEST:
+            seen = ConvexHull(corners[:, :2])
+            surface = SupportSurface(-down, float(down @ corners.mean(axis=0)), corners[seen.vertices, :2])
+            tops.append((seen.volume, surface, body))
+        elif body is not None:
             others.append(body)
-    lowest = min(float(body.vertices[:, 2].min()) for body in (*tops, *others))
+    tops.sort(key=lambda top: -top[0])
+    solids = (*(body for _, _, body in tops), *others)
+    if not solids:
+        raise InputError(
+            f"mesh of the surroundings {path} has nothing within {NEAR_M} m of the objects; check physics.mesh_pose, "
+            "physics.mesh_frame and physics.mesh_unit_m"
+        )
+    lowest = min(float(body.vertices[:, 2].min()) for body in solids)
     base = SupportSurface(np.array([0.0, 0.0, 1.0]), NEAR_M - lowest, np.zeros((0, 2)))
-    return Surroundings("mesh", base, True, tuple(surfaces), (*tops, *others))
+    return Surroundings("mesh", base, True, tuple(surface for _, surface, _ in tops), solids)
 
 
 def _T_cam_mesh(settings: PhysicsSettings, observation: Observation) -> Float:
@@ -105,15 +102,24 @@ def _T_cam_mesh(settings: PhysicsSettings, observation: Observation) -> Float:
     return inverse(observation.T_map_cam) @ pose
 
 
-def _flat_parts(solid: trimesh.Trimesh) -> list[NDArray[np.int64]]:
-    """Indices of the faces of each part: those in one plane whose outline is convex, else a face alone."""
+def _near(triangles: Float, observation: Observation, support: Support) -> NDArray[np.bool_]:
+    """Which triangles (F, 3, 3) count; all of them where no depth of the objects is known."""
+    clear = observation.object_mask & (observation.depth_m > 0)
+    if not clear.any():
+        return np.ones(len(triangles), dtype=bool)
+    objects = apply(support.T_world_cam, observation.camera.back_project(observation.depth_m.astype(np.float64))[clear])
+    low, high = objects.min(axis=0) - NEAR_M, objects.max(axis=0) + NEAR_M
+    return ((triangles.min(axis=1) <= high) & (triangles.max(axis=1) >= low)).all(axis=1)
+
+
+def _flat_parts(solid: trimesh.Trimesh, near: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
+    """Indices of the faces of each ``near`` part: those in one plane with a convex outline, else a face alone."""
     parts = [np.asarray(facet, dtype=np.int64) for facet in solid.facets]
-    whole = [part for part in parts if _fills_hull(solid, part)]
-    taken = np.zeros(len(solid.faces), dtype=bool)
+    whole = [part for part in parts if near[part].any() and _fills_hull(solid, part)]
+    alone = near & (np.asarray(solid.area_faces) > 1e-10)
     for part in whole:
-        taken[part] = True
-    areas = np.asarray(solid.area_faces)
-    return [*whole, *(np.array([k]) for k in np.flatnonzero(~taken & (areas > 1e-10)))]
+        alone[part] = False
+    return [*whole, *(np.array([k]) for k in np.flatnonzero(alone))]
 
 
 def _fills_hull(solid: trimesh.Trimesh, part: NDArray[np.int64]) -> bool:
@@ -124,12 +130,6 @@ def _fills_hull(solid: trimesh.Trimesh, part: NDArray[np.int64]) -> bool:
     except QhullError:
         return False
     return float(np.asarray(solid.area_faces)[part].sum()) >= FLAT * hull_m2
-
-
-def _is_near(solid: trimesh.Trimesh, part: NDArray[np.int64], objects: Float) -> bool:
-    corners = np.asarray(solid.vertices)[np.unique(solid.faces[part])]
-    low, high = objects.min(axis=0) - NEAR_M, objects.max(axis=0) + NEAR_M
-    return bool((corners.min(axis=0) <= high).all() and (corners.max(axis=0) >= low).all())
 
 
 def _inward(solid: trimesh.Trimesh, eye: Float) -> Float:

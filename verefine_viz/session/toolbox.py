@@ -15,13 +15,11 @@ from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Estimator, Method, Refiner, Verifier, Watcher
 from verefine_viz.core.settings import PhysicsSettings, Session
 from verefine_viz.core.side_by_side import side_by_side
-from verefine_viz.core.surroundings import Surroundings
 from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
 from verefine_viz.methods.object_method import Flips
 from verefine_viz.methods.physim_mcts import make_physim_mcts, mcts_physics, mcts_tricp
 from verefine_viz.methods.registry import make_method, method_of
 from verefine_viz.observation.dependency_graph import dependency_graph
-from verefine_viz.observation.observed_support import observed_surroundings
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.registry import REFINERS, make_refiner
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
@@ -29,16 +27,13 @@ from verefine_viz.rendering.colour import ColourStore
 from verefine_viz.rendering.explained import ExplainedPixels
 from verefine_viz.rendering.simplify import scoring_mesh
 from verefine_viz.rendering.verifier import make_verifier
-from verefine_viz.scenes.environment_mesh import mesh_surroundings
+from verefine_viz.scenes.frame_surroundings import AROUND, with_surroundings
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
 from verefine_viz.scenes.instance_notes import is_about_initial_poses, within_reach
 from verefine_viz.scenes.source import SceneSource, open_scene
 from verefine_viz.session.edits import check_edits, edits_elsewhere, edits_of
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import AT_ITS_START, changed
-
-AROUND = "physics.support: "
-"""How notes on the surroundings begin."""
 
 
 class Toolbox:
@@ -152,19 +147,9 @@ class Toolbox:
         Raises:
             VerefineError: the mesh of the surroundings cannot be used.
         """
-        physics, observation = self.session.physics, problem.observation
-        support, notes = observation.support, tuple(n for n in problem.notes if not n.startswith(AROUND))
-        around = None
-        if support is not None and physics.support == "observed":
-            dropped = [number for frame, number in physics.dropped if frame == problem.frame]
-            around = observed_surroundings(observation, support, dropped)
-            notes = (*notes, *_notes_on(around, dropped))
-        if support is not None and physics.support == "mesh":
-            around = mesh_surroundings(physics, observation, support)
-        if support is None or (around is None and support.surroundings is None):
-            return replace(problem, notes=notes) if notes != problem.notes else problem
-        observation = replace(observation, support=replace(support, surroundings=around))
-        return replace(problem, observation=observation, notes=notes)
+        observation, own = with_surroundings(problem.observation, problem.frame, self.session.physics)
+        notes = tuple(note for note in problem.notes if not note.startswith(AROUND))
+        return replace(problem, observation=observation, notes=(*notes, *own))
 
     def _solvable(self, problem: Problem) -> Problem:
         """The same without instances whose mesh makes no solid for the simulator; each is noted and left out. Solids
@@ -299,15 +284,6 @@ def _score_mesh(model: ObjectModel, simplify_mm: float, progress: ProgressToken)
 def _near_symmetries(model: ObjectModel, progress: ProgressToken) -> None:
     """Has the model's near-symmetries in the cache."""
     near_symmetries(model, progress=progress)
-
-
-def _notes_on(around: Surroundings | None, dropped: Sequence[int]) -> tuple[str, ...]:
-    """Where observed surroundings are not as they were asked for."""
-    if around is None:
-        return (f"{AROUND}too little is seen outside of the objects; the support plane is used instead",)
-    numbers = [u.number for u in around.unknown]
-    absent = sorted(set(dropped).difference(numbers))
-    return tuple(f"{AROUND}{unknown('unknown object', n, numbers)}; none is dropped for it" for n in absent)
 
 
 def _within_reach(problem: Problem) -> Problem:

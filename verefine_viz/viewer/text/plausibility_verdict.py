@@ -42,12 +42,13 @@ def _unsupported_stacking(problem: Problem) -> dict[int, str]:
     for edge in problem.dependencies.edges if problem.dependencies else ():
         if edge.kind == "support" and edge.state != "cut" and edge.first in labels and edge.second in labels:
             on.setdefault(edge.second, []).append(labels[edge.first])
-    stacked = {}
+    support, stacked = problem.observation.support, {}
+    is_plane = support is None or support.surroundings is None  # Surroundings support what stands on no model.
     for target in problem.targets:
         own, height_m = target.instance.instance_id, height_above_plane_m(target)
         if own in on:
             stacked[own] = f"stands on {' and '.join(on[own])}"
-        elif height_m is not None and height_m > RAISED_M:
+        elif is_plane and height_m is not None and height_m > RAISED_M:
             stacked[own] = f"stands {height_m * 1e3:.0f} mm above the table"
     return stacked
 
