@@ -88,7 +88,7 @@ def observed_surroundings(
         return None
 
     plane = SupportSurface(support.normal_world, 0.0, np.zeros((0, 2)))
-    view = _View(observation, support, plane, objects, low, high)
+    view = _View(observation, support, plane, KDTree(objects), low, high)
     unknown, is_explained = _unknown_objects(near, view, stride, dropped)
     rest = near.only(~is_explained)
     is_up = (rest.normals[:, 2] >= STEEPEST) & (rest.points[:, 2] > first[2] - THICKEST_M)
@@ -108,7 +108,7 @@ def observed_surroundings(
             tops.append(surface)
             solids.append(solid)
             rises &= _rises(rest.points, surface, thick_m)
-    solids += _solids(rest.points[rises], objects, support)
+    solids += _solids(rest.points[rises], view)
     return Surroundings("observed", base, endless is None, tuple(tops), tuple(solids), unknown)
 
 
@@ -134,8 +134,8 @@ class _View:
     observation: Observation
     support: Support
     plane: SupportSurface
-    objects: Float
-    """(n, 3) points of the objects, world [m]."""
+    objects: KDTree
+    """Of points of the objects, world [m]."""
     low: Float
     """(2,) where what counts begins, seen from above …"""
     high: Float
@@ -181,7 +181,7 @@ def _spacing_m(observation: Observation) -> float:
 def _outside_of_objects(observation: Observation, support: Support, stride: int) -> _Seen:
     """Every ``stride``-th pixel of each row and column that has depth and is clear of the masks."""
     edge_px = max(2, round(EDGE_PX * observation.camera.width / 640))
-    objects = ndimage.binary_dilation(observation.object_mask, iterations=edge_px)
+    objects = np.asarray(ndimage.binary_dilation(observation.object_mask, iterations=edge_px), dtype=bool)
     # Where depth jumps, pixels mix both sides, and have no normal.
     is_clear = (observation.depth_m > 0) & ~objects & observation.normals_cam.any(axis=2)
     is_clear &= _every(stride, observation.camera.shape)
@@ -200,7 +200,8 @@ def _mask(pixels: NDArray[np.int64], shape: tuple[int, int], stride: int) -> Mas
     """The pixels (n, 2), which are every ``stride``-th, with those between them."""
     mask = np.zeros(shape, dtype=bool)
     mask[tuple(pixels.T)] = True
-    return ndimage.binary_closing(ndimage.binary_dilation(mask, np.ones((stride, stride))), np.ones((3, 3)))
+    grown = ndimage.binary_dilation(mask, np.ones((stride, stride)))
+    return np.asarray(ndimage.binary_closing(grown, np.ones((3, 3))), dtype=bool)
 
 
 def _clusters(points: Float, rising: NDArray[np.intp]) -> list[NDArray[np.intp]]:
@@ -222,17 +223,22 @@ def _unknown_objects(
     near: _Seen, view: _View, stride: int, dropped: Collection[int]
 ) -> tuple[tuple[UnknownObject, ...], NDArray[np.bool_]]:
     """Clusters that are objects of their own, the largest first, and which points are of these or of an object."""
-    tree, is_explained = KDTree(view.objects), np.zeros(len(near.points), dtype=bool)
+    is_explained = np.zeros(len(near.points), dtype=bool)
     unknown: list[UnknownObject] = []
     for cluster in _clusters(near.points, np.flatnonzero(view.plane.heights(near.points) > RISES_M)):
         points, pixels = near.points[cluster], near.pixels[cluster]
-        is_leak = np.mean(tree.query(points, distance_upper_bound=LEAK_M)[0] <= LEAK_M) >= LEAK_SHARE
+        is_leak = _is_leak(points, view)
         model = None if is_leak else _standing_alone(points, pixels, view)
         is_explained[cluster] = is_leak or model is not None
         if model is not None:
             number, mask = len(unknown) + 1, _mask(pixels, view.observation.camera.shape, stride)
             unknown.append(UnknownObject(number, model, mask, number in dropped))
     return tuple(unknown), is_explained
+
+
+def _is_leak(points: Float, view: _View) -> bool:
+    """Whether a cluster (n, 3) is a rim of an object that its mask does not cover."""
+    return bool(np.mean(view.objects.query(points, distance_upper_bound=LEAK_M)[0] <= LEAK_M) >= LEAK_SHARE)
 
 
 def _standing_alone(points: Float, pixels: NDArray[np.int64], view: _View) -> ObjectModel | None:
@@ -248,7 +254,7 @@ def _standing_alone(points: Float, pixels: NDArray[np.int64], view: _View) -> Ob
     if model is None:
         return None
     inward, offsets = _planes(model)
-    if np.mean((view.objects @ inward.T + offsets > INSIDE_M).all(axis=1)) > INSIDE_SHARE:
+    if np.mean((view.objects.data @ inward.T + offsets > INSIDE_M).all(axis=1)) > INSIDE_SHARE:
         return None
     # What the camera sees through the hull is no part of it.
     T_world_cam = view.support.T_world_cam
@@ -301,19 +307,20 @@ def _rises(points: Float, surface: SupportSurface, thick_m: float) -> NDArray[np
     return (heights > RISES_M) | (heights < -thick_m) | ~surface.reaches(points[:, :2], RISES_M)
 
 
-def _solids(points: Float, objects: Float, support: Support) -> list[ObjectModel]:
-    """Blocks of points near the objects, each a convex solid with some thickness away from the camera."""
-    if len(points) == 0:
-        return []
-    near = KDTree(objects).query(points, distance_upper_bound=AROUND_M)[0] <= AROUND_M
-    points = points[near]
-    blocks = np.floor(points / BLOCK_M).astype(np.int64)
-    own = np.unique(blocks, axis=0, return_inverse=True)[1].ravel()
-    rays = points - support.T_world_cam[:3, 3]
-    deeper = points + THICK_M * rays / np.linalg.norm(rays, axis=1, keepdims=True)
+def _solids(points: Float, view: _View) -> list[ObjectModel]:
+    """What is near the objects in blocks, each a convex solid with some thickness away from the camera."""
+    near = view.objects.query(points, distance_upper_bound=AROUND_M)[0] <= AROUND_M
     solids = []
-    for k in range(own.max(initial=-1) + 1):
-        block = own == k
-        if np.count_nonzero(block) >= FEWEST_POINTS // 3:
-            solids.append(convex_model(np.concatenate([points[block], deeper[block]]), "surroundings"))
+    for cluster in (points[of] for of in _clusters(points, np.flatnonzero(near))):
+        if _is_leak(cluster, view):
+            continue
+        rays = cluster - view.support.T_world_cam[:3, 3]
+        deeper = cluster + THICK_M * rays / np.linalg.norm(rays, axis=1, keepdims=True)
+        own = np.unique(np.floor(cluster / BLOCK_M), axis=0, return_inverse=True)[1].ravel()
+        blocks = [own == k for k in range(own.max() + 1)]
+        solids += [
+            convex_model(np.concatenate([cluster[block], deeper[block]]), "surroundings")
+            for block in blocks
+            if np.count_nonzero(block) >= FEWEST_POINTS // 3
+        ]
     return [solid for solid in solids if solid is not None]
