@@ -12,9 +12,10 @@ import trimesh
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
+from scipy.ndimage import binary_erosion
 
 from tests.made_up_frames import Thing, frame_of
-from verefine_viz.core.arrays import Float
+from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.geometry import angle_between, apply, axis_angle, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
@@ -126,6 +127,23 @@ def test_an_unknown_object_stops_another_until_it_is_dropped() -> None:
     assert [u.is_dropped for u in dropped.surroundings.unknown] == [True]
     path, T = settled(problem, dropped, inside, 20)
     assert T[0, 3] == pytest.approx(0.04, abs=0.002)
+
+
+def shrunk(mask: Mask, px: int) -> Mask:
+    return np.asarray(binary_erosion(mask, iterations=px), dtype=bool)
+
+
+@pytest.mark.parametrize("px", [2, 5, 8, 12])
+def test_the_rim_beside_a_mask_that_is_too_small_is_no_object_and_a_post_beside_it_is(px: int) -> None:
+    brick, post = Thing(box(*BRICK), at(0.0, 0.0, 0.04, 0)), unmodelled(box(0.03, 0.03, 0.06), at(0.055, 0.0, 0.03, 0))
+    for things in ([brick], [brick, post]):
+        problem = frame_of(things, np.random.default_rng(0), spoil_mask=lambda k, masks: shrunk(masks[k], px))
+        support = problem.observation.support
+        assert support is not None
+        around = observed_surroundings(problem.observation, support)
+        assert around is not None
+        assert not around.solids
+        assert len(around.unknown) == len(things) - 1
 
 
 @given(x_m=st.sampled_from([0.0, 0.01, 0.06, 0.08]), yaw_deg=st.sampled_from([0.0, 90.0]))

@@ -41,7 +41,7 @@ VOXEL_M = 0.010
 """Points of neighbouring voxels belong together [m]."""
 FEWEST_POINTS = 60
 """A smaller cluster is noise."""
-LEAK_M = 0.012
+LEAK_M = 0.020
 """A cluster this close to an object [m] …"""
 LEAK_SHARE = 0.6
 """… with this share of its points is the object's own, beside a mask that is too small."""
