@@ -84,7 +84,7 @@ def frame_of(
     depth_m = sense(true_m, normals, camera, int(rng.integers(2**31)))
     depth_m = spoil_depth(depth_m, masks)
     given = {k: spoil_mask(k, masks) for k, t in enumerate(things) if t.is_asked_for}
-    observation = observe(camera, depth_m, None, list(given.values()), SETTINGS, T_world_cam[:3, :3])
+    observation = observe(camera, depth_m, None, list(given.values()), SETTINGS, T_world_cam[:3, :3], T_world_cam)
     if observation.support is not None:
         observation = replace(observation, support=spoil_support(observation.support))
     instances = tuple(

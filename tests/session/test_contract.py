@@ -28,13 +28,18 @@ from verefine_viz.session.toolbox import Toolbox
 pytestmark = pytest.mark.usefixtures("long_run")
 
 PRESETS = ("recommended", "published")
+IN_SURROUNDINGS = ("pir", "rir", "vf_breadth", "vf_depth")
+"""Methods whose contract is checked among observed surroundings as well."""
 Runs = dict[tuple[str, str], Future[tuple[Iteration, ...]]]
 """The run of a method with a preset, once a worker has made it."""
+CASES = [*product(ALL_METHOD_NAMES, PRESETS), *product(IN_SURROUNDINGS, ["observed"])]
 
 
 def session_of(name: str, preset: str = "recommended") -> dict[str, object]:
+    """``preset`` may also be "observed": the recommended settings among observed surroundings."""
     return {
-        "preset": preset,
+        "preset": "recommended" if preset == "observed" else preset,
+        "physics": {"support": "observed"} if preset == "observed" else {},
         "scene": {"demo": "clutter"},
         "hypotheses": {"max_per_object": 3},
         "method": {"name": name, "iterations": 2},
@@ -42,16 +47,20 @@ def session_of(name: str, preset: str = "recommended") -> dict[str, object]:
     }
 
 
+def _world(preset: str) -> str:
+    return "observed" if preset == "observed" else "recommended"
+
+
 @cache
-def two_objects() -> Problem:
+def two_objects(preset: str) -> Problem:
     """Made once per process: it is the same for all methods, and takes longer than most runs."""
-    box = Toolbox(resolve(session_of("rir")))
+    box = Toolbox(resolve(session_of("rir", preset)))
     whole = box.problem(box.frames[0])
     return whole.only([i.instance_id for i in whole.instances[:2]])
 
 
 def headless_run(name: str, preset: str) -> tuple[Iteration, ...]:
-    run = Toolbox(resolve(session_of(name, preset))).run(two_objects())
+    run = Toolbox(resolve(session_of(name, preset))).run(two_objects(_world(preset)))
     run.finish()
     return run.iterations
 
@@ -60,18 +69,17 @@ def headless_run(name: str, preset: str) -> tuple[Iteration, ...]:
 def by_workers(processes: None) -> Iterator[Runs]:
     """Every method with both presets, shared out between two processes: each does other runs before than the other."""
     with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
-        yield {case: pool.submit(headless_run, *case) for case in product(ALL_METHOD_NAMES, PRESETS)}
+        yield {case: pool.submit(headless_run, *case) for case in CASES}
 
 
-@pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize("name", ALL_METHOD_NAMES)
+@pytest.mark.parametrize(("name", "preset"), CASES)
 def test_stepping_headless_rewinding_and_any_number_of_workers_are_the_same(
     name: str, preset: str, by_workers: Runs
 ) -> None:
     box = Toolbox(resolve(session_of(name, preset)))
-    headless = box.run(two_objects())
+    headless = box.run(two_objects(_world(preset)))
     headless.finish()
-    stepped: Run = box.run(two_objects())  # the same tools, with another history behind them
+    stepped: Run = box.run(two_objects(_world(preset)))  # the same tools, with another history behind them
     while not stepped.at_end:
         stepped.step()
         fork = stepped.fork(stepped.cursor // 2)  # side tracks must leave no trace
@@ -99,7 +107,7 @@ def test_scoring_pixels_do_not_change_the_poses_of_pir() -> None:
     poses = []
     for pixels in ("classes", "published"):
         box = Toolbox(resolve({**session_of("pir"), "score": {"pixels": pixels}}))
-        run = box.run(two_objects())
+        run = box.run(two_objects("recommended"))
         run.finish()
         poses.append([it.accepted_stage.T_cam_obj for it in run.iterations])
     assert np.array_equal(poses[0], poses[1])

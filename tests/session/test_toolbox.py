@@ -170,3 +170,42 @@ def test_hypotheses_out_of_reach_are_left_out_with_a_note() -> None:
         "1 of 1 is left out, more than 100 m away, fake #1's at 9e+03 m; check the unit of the translation"
     )
     assert within_reach(instance, problem.models[1]) == (instance, ())
+
+
+def in_surroundings(**physics: object) -> Toolbox:
+    return Toolbox(
+        resolve({"scene": {"demo": "duck"}, "physics": {"support": "observed", "collider": "hull", **physics}})
+    )
+
+
+@pytest.mark.usefixtures("processes")
+def test_observed_surroundings_come_and_go_with_a_restart():
+    box = Toolbox(resolve({"scene": {"demo": "duck"}, "physics": {"collider": "hull"}}))
+    problem = box.problem(box.frames[0])
+    assert problem.observation.support is not None
+    assert problem.observation.support.surroundings is None
+    observed = box.restarted({"physics": {"support": "observed"}})
+    around = observed.surrounded(problem)
+    assert around.observation.support is not None
+    assert around.observation.support.surroundings is not None
+    same = in_surroundings().problem(box.frames[0]).observation.support
+    assert same is not None
+    assert same.surroundings is not None
+    assert first_difference(around.observation.support.surroundings, same.surroundings) is None
+    back = box.restarted({"physics": {"support": "plane"}}).surrounded(around)
+    assert first_difference(back.observation.support, problem.observation.support) is None
+
+
+def test_another_world_needs_a_restart():
+    box = in_surroundings()
+    with pytest.raises(SettingsError, match=r"physics\.support makes another world .*restart the run"):
+        box.changed({"physics": {"support": "plane"}})
+    assert box.changed({"physics": {"steps": 5}}).session.physics.support == "observed"
+
+
+@pytest.mark.usefixtures("processes")
+def test_a_dropped_object_that_is_not_there_is_noted():
+    box = in_surroundings(dropped=(("0/0", 7), ("0/1", 8)))
+    notes = [note for note in box.problem("0/0").notes if note.startswith("physics.support")]
+    assert len(notes) == 1
+    assert "unknown object 7" in notes[0]

@@ -14,6 +14,7 @@ from verefine_viz.batch.journal import RunFile
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.problem import DependencyGraph, Edge, EdgeState, Problem
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
+from verefine_viz.core.surroundings import SupportSurface, Surroundings
 from verefine_viz.diagnosis.causes import DATA_FIRST
 from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.viewer import commands as c
@@ -134,6 +135,16 @@ def test_ground_truth_above_the_table_says_so_where_no_graph_does(by_m: float) -
     view = view_of(raised(by_m))
     assert height_above_plane_m(view.problem.targets[-1]) == pytest.approx(by_m)
     assert f"box #1 stands {by_m * 1e3:.0f} mm above the table, so it sinks" in unsupported_stacking_warning(view)
+
+
+def test_surroundings_support_what_stands_above_the_table() -> None:
+    view = view_of(raised(0.08))
+    support = view.problem.observation.support
+    assert support is not None
+    floor = SupportSurface(np.array([0.0, 0.0, 1.0]), 0.0, np.zeros((0, 2)))
+    support = replace(support, surroundings=Surroundings("observed", floor, False, (), ()))
+    observation = replace(view.problem.observation, support=support)
+    assert unsupported_stacking(replace(view, problem=replace(view.problem, observation=observation))) == {}
 
 
 def test_an_object_near_the_table_stands_on_it() -> None:

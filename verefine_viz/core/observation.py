@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -11,8 +12,11 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float, Mask, finite, frozen
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import as_rigid
+from verefine_viz.core.surroundings import Surroundings
 
 GravitySource = Literal["plane", "world", "given"]
+TILT_SHOWN_DEG = 3.0
+"""Where gravity and the support plane's normal differ by more, both are drawn and said [deg]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +36,29 @@ class Support:
     """Share of the background's valid depth that lies on the plane, in [0, 1]."""
     rms_m: float = 0.0
     """Root mean square distance of the inliers to the plane [m]."""
+    surroundings: Surroundings | None = None
+    """What supports and stops the objects instead of the plane; None: the plane alone."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_world_cam", as_rigid(self.T_world_cam, "T_world_cam"))
         object.__setattr__(self, "normal_world", finite(self.normal_world, "normal_world", (3,)))
+
+    @property
+    def tilt_deg(self) -> float:
+        """Angle between the plane's normal and up [deg]."""
+        x, y, z = self.normal_world
+        return float(np.degrees(np.arctan2(np.hypot(x, y), z)))
+
+    @cached_property
+    def with_first_endless(self) -> Support | None:
+        """The same where the first surface has no end: the world of what stays over it. None where nothing ends it."""
+        around = self.surroundings
+        if around is None or not around.catches or not around.surfaces:
+            return None
+        first, *others = around.surfaces
+        base = replace(first, outline_xy=np.zeros((0, 2)))
+        around = replace(around, base=base, catches=False, surfaces=tuple(others), solids=around.solids[1:])
+        return replace(self, surroundings=around)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +77,15 @@ class Observation:
     support: Support | None
     """None: no plane was found and physics is off; ``support_note`` says why."""
     support_note: str = ""
+    T_map_cam: Float | None = None
+    """(4, 4) camera to the data set's world, where the data set says where that is [m]."""
 
     def __post_init__(self) -> None:
         h, w = self.camera.shape
         object.__setattr__(self, "depth_m", frozen(self.depth_m, "depth", (h, w), np.float32))
         object.__setattr__(self, "normals_cam", frozen(self.normals_cam, "normals", (h, w, 3), np.float32))
         object.__setattr__(self, "object_mask", frozen(self.object_mask, "object mask", (h, w), np.bool_))
+        if self.T_map_cam is not None:
+            object.__setattr__(self, "T_map_cam", as_rigid(self.T_map_cam, "T_map_cam"))
         if self.rgb is not None:
             object.__setattr__(self, "rgb", frozen(self.rgb, "rgb", (h, w, 3), np.uint8))

@@ -28,7 +28,7 @@ class Contacts:
     forces_n: Float
     """(n,) normal force [N]."""
     others: NDArray[np.int64]
-    """(n,) instance_id of what is touched; −1 is the support plane."""
+    """(n,) instance_id of what is touched; −1 is the support, less an unknown object (``core/surroundings.py``)."""
 
     def __post_init__(self) -> None:
         n = len(self.depths_m)

@@ -171,6 +171,24 @@ class PhysicsSettings(Settings):
     """Linear and angular damping of objects, the share of speed lost in a second [-]; Bullet's default is 0.04."""
     placed: Literal["static", "dynamic"] = "static"
     """Objects already placed stay where they are, or are pushed (authors' code)."""
+    support: Literal["plane", "observed", "mesh"] = "plane"
+    """What supports and stops the objects. plane: the support plane alone (paper Sec. III-A). observed: all that the
+    depth image shows outside of the masks; docs/methods.md 7.4. mesh: the file in `physics.mesh`."""
+    dropped: tuple[tuple[str, Index], ...] = ()
+    """observed: unknown objects that stop nothing, each with its frame, as [["50/1", 2]]."""
+    mesh: InputPath = ""
+    """mesh: the file of what stands around the objects (PLY, OBJ, STL, …), relative to the session file."""
+    mesh_unit_m: Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)] = 1.0
+    """mesh: one unit of the file [m]; 0.001 for millimetres."""
+    mesh_frame: Literal["world", "camera"] = "world"
+    """mesh: the frame that `mesh_pose` is given in: the data set's world (cam_R_w2c and cam_t_w2c of the frame), or the
+    camera's."""
+    mesh_pose: Annotated[tuple[float, ...], Field(max_length=16)] = ()
+    """mesh: where the file's frame is in that frame, 4×4 row by row, lengths in metres; none = the same frame."""
+
+
+SURROUNDINGS = ("support", "dropped", "mesh", "mesh_unit_m", "mesh_frame", "mesh_pose")
+"""Fields of [physics] that make another world: they hold from the start of a run."""
 
 
 class RecordingSettings(Settings):
@@ -258,6 +276,6 @@ PUBLISHED: dict[str, dict[str, Any]] = {
         "occluders": "none",
         "carry_clusters": False,
     },
-    "physics": {"collider": "hull", "margin_m": 1e-3, "placed": "dynamic", "steps": 3},
+    "physics": {"collider": "hull", "margin_m": 1e-3, "placed": "dynamic", "steps": 3, "support": "plane"},
 }
 """What ``preset = "published"`` changes (docs/methods.md 1.8 and 9)."""

@@ -49,7 +49,7 @@ def plane_notes(problem: Problem, poses: Sequence[Float | None]) -> tuple[str, .
     the plane is that of something else, or cam_K bends one against the other.
     """
     support = problem.observation.support
-    if support is None:
+    if support is None or support.surroundings is not None:
         return ()
     heights_mm = 1e3 * np.array(
         [

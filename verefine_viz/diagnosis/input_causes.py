@@ -20,6 +20,7 @@ from verefine_viz.diagnosis.symmetry import undeclared_turn
 from verefine_viz.observation.normals import estimate_normals
 from verefine_viz.observation.observed_frame import segment_cloud
 from verefine_viz.observation.support_plane import Gravity, find_support
+from verefine_viz.scenes.frame_surroundings import with_surroundings
 
 MISSING_SHARE = 0.4
 """More of the object's pixels without depth are worth a re-run."""
@@ -180,18 +181,20 @@ def _with_depth(case: Case, depth_m: NDArray[np.floating], keep_support: bool) -
 
 
 def _with_support_of(observation: Observation, case: Case) -> Observation:
-    """The observation with the plane that its own depth shows, and gravity as it was known before."""
+    """The observation with the plane and surroundings that its own depth shows, and gravity as it was known before."""
     before = case.target.observation.support
-    seed = case.lab.toolbox.session.scene.seed
+    session = case.lab.toolbox.session
     gravity: Gravity = "plane"
     if before is not None and before.gravity_source != "plane":
         x, y, z = (-before.T_world_cam[2, :3]).tolist()
         gravity = (x, y, z)
     try:
-        support = find_support(observation.depth_m, observation.camera, observation.object_mask, gravity, None, seed)
+        support = find_support(
+            observation.depth_m, observation.camera, observation.object_mask, gravity, None, session.scene.seed
+        )
     except NoSupportError as error:
         return replace(observation, support=None, support_note=str(error))
-    return replace(observation, support=support)
+    return with_surroundings(replace(observation, support=support), case.trace.problem.frame, session.physics)[0]
 
 
 def _with_mask(case: Case, outline: Mask) -> Target:

@@ -14,6 +14,7 @@ from verefine_viz.core.problem import Hypothesis, Placed
 from verefine_viz.core.records import Iteration
 from verefine_viz.diagnosis.case import Case, ErrorOf, Rerun
 from verefine_viz.diagnosis.causes import Cause, Finding, instead
+from verefine_viz.scenes.frame_surroundings import with_surroundings
 
 TILT_DEG = 4.0
 """A plane tilted by less than this is good enough [deg]."""
@@ -50,14 +51,20 @@ def neighbour(case: Case) -> Finding | None:
 
 
 def plane(case: Case) -> Finding | None:
-    """The support plane or gravity is wrong, or unknown; decided by a re-run with the true one."""
+    """The support plane or gravity is wrong, or unknown; decided by a re-run with the true one.
+
+    Surroundings have surfaces of their own: of the plane they take only which way is up.
+    """
     true, given = case.frame.support, case.target.observation.support
     if true is None or not case.lab.physics.enabled:
         return None
     tilt_deg, gravity_deg, off_m = _off(given, true, case.at_gt) if given is not None else (0.0, 0.0, 0.0)
-    if given is not None and tilt_deg < TILT_DEG and abs(off_m) < OFF_M and gravity_deg < GRAVITY_DEG:
+    is_under = given is not None and (given.surroundings is not None or (tilt_deg < TILT_DEG and abs(off_m) < OFF_M))
+    if is_under and gravity_deg < GRAVITY_DEG:
         return None
-    target = replace(case.target, observation=replace(case.target.observation, support=true))
+    observation = replace(case.target.observation, support=true)
+    physics = case.lab.toolbox.session.physics
+    target = replace(case.target, observation=with_surroundings(observation, case.trace.problem.frame, physics)[0])
     again = case.rerun("true plane", target)
     if given is None:
         sentence = f"No support plane was found, so nothing was simulated; with it {instead(again.error, case.error)}."

@@ -23,6 +23,7 @@ def observe(
     masks: Sequence[Mask],
     settings: SceneSettings,
     R_world_cam: Float | None = None,
+    T_map_cam: Float | None = None,
 ) -> Observation:
     """Normals, union of the masks, support plane and gravity of one frame.
 
@@ -35,6 +36,7 @@ def observe(
         masks: (H, W) of every instance in the frame.
         settings: where gravity comes from, and the seed.
         R_world_cam: (3, 3) camera to world, world z up, where the data set knows it.
+        T_map_cam: (4, 4) camera to the data set's world, where the data set says where that is [m].
     """
     object_mask = np.zeros(camera.shape, dtype=bool)
     for mask in masks:
@@ -45,7 +47,7 @@ def observe(
     except NoSupportError as error:
         support, note = None, str(error)
     depth = np.ascontiguousarray(depth_m, dtype=np.float32)
-    return Observation(camera, depth, estimate_normals(depth, camera), rgb, object_mask, support, note)
+    return Observation(camera, depth, estimate_normals(depth, camera), rgb, object_mask, support, note, T_map_cam)
 
 
 def segment_cloud(depth_m: NDArray[np.floating], camera: Camera, mask: Mask, n_points: int, seed: int) -> Float:

@@ -19,9 +19,10 @@ from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.core.surroundings import SupportSurface, unknown_number
 from verefine_viz.physics.colliders import collider
 from verefine_viz.physics.proximity import Surface, nearness
-from verefine_viz.physics.simulator import checked_pose
+from verefine_viz.physics.simulator import checked_pose, plane_of
 from verefine_viz.physics.stability import IMPOSSIBLE_M, PLANE_ID, TOUCHING_M, UPWARDS
 from verefine_viz.physics.world import PLANE_FRICTION
 
@@ -42,24 +43,26 @@ class Plausibility:
     """What geometry says about a pose."""
 
     gap_mm: float
-    """Distance to the support plane, or to a neighbour within 7 mm that is nearer; 0 where it touches [mm]."""
+    """Distance to the support plane, or to a neighbour or surroundings within 7 mm that are nearer; 0 where it touches
+    [mm]."""
     penetration_mm: float
     """Deepest overlap; 0 for none [mm]."""
     penetrates: int | None
-    """instance_id of what it sinks into deepest, −1 for the support plane, None for none (below 0.01 mm)."""
+    """instance_id of what it sinks into deepest, −1 for the support, less for unknown objects, None for none (below
+    0.01 mm)."""
     contact_points_cam: Float
     """(n, 3) where it touches [m]."""
     contact_normals_cam: Float
     """(n, 3) unit, pointing onto the object."""
     contact_others: NDArray[np.int64]
-    """(n,) instance_id of what is touched; −1 is the support plane."""
+    """(n,) instance_id of what is touched; −1 is the support, less an unknown object."""
     polygon_cam: Float
-    """(m, 3) corners of the support polygon, in the support plane and in order [m]: the hull, seen from above, of the
+    """(m, 3) corners of the support polygon, in the plane below it and in order [m]: the hull, seen from above, of the
     contacts that push upwards. Two corners: it stands on an edge; one: on a point; none: nothing carries it."""
     com_cam: Float
     """(3,) centre of mass [m]."""
     com_on_plane_cam: Float
-    """(3,) the point of the support plane below (or above) the centre of mass [m]."""
+    """(3,) the point of that plane below (or above) the centre of mass [m]."""
     margin_mm: float
     """Horizontal distance of the centre of mass to the polygon's edge, positive inside; −inf where nothing carries it
     [mm]."""
@@ -89,7 +92,8 @@ def plausibility(
     surface_of: Callable[[ObjectModel], Surface] = Surface,
     progress: ProgressToken = NEVER_CANCELLED,
 ) -> Plausibility:
-    """Evaluates the pose of ``moving`` among ``fixed`` objects (taken as immovable) on the support plane.
+    """Evaluates the pose of ``moving`` among ``fixed`` objects (taken as immovable) on the support plane, or in the
+    surroundings that ``support`` has instead.
 
     Distances are between the meshes themselves, so no collision margin enters; friction and the collider whose centre
     of mass stands in for a mesh with holes are those of ``settings``.
@@ -109,15 +113,17 @@ def plausibility(
     """
     settings = settings or PhysicsSettings()
     T_world_obj = support.T_world_cam @ checked_pose(moving)
-    normal = support.normal_world / np.linalg.norm(support.normal_world)
+    around = support.surroundings
+    base = around.base if around is not None else plane_of(support)
+    normal = base.normal_world
     solid = collider(moving.model, "hull", cache, progress)
     if solid.mass_from == "parts":  # A closed mesh has its own centre of mass, however its collider is made.
         solid = collider(moving.model, settings.collider, cache, progress)
     com = apply(T_world_obj, solid.com_obj[None])[0]
 
     # The plane: its distance to a mesh is a vertex's.
-    vertices = apply(T_world_obj, _solid_vertices(moving))
-    heights_m = vertices @ normal
+    vertices = apply(T_world_obj, _solid_vertices(moving.model))
+    heights_m = base.heights(vertices)
     gaps_m = {PLANE_ID: max(float(heights_m.min()), 0.0)}
     depths_m = {PLANE_ID: max(-float(heights_m.min()), 0.0)}
     near = [
@@ -125,21 +131,29 @@ def plausibility(
     ]
 
     surface: Surface | None = None
-    for other in sorted(fixed, key=lambda placed: placed.instance_id):
-        T_world_other = support.T_world_cam @ checked_pose(other)
-        if _are_apart(vertices, apply(T_world_other, _solid_vertices(other))):
+    others = [
+        (placed.instance_id, placed.model, support.T_world_cam @ checked_pose(placed))
+        for placed in sorted(fixed, key=lambda placed: placed.instance_id)
+    ]
+    still = [(instance_id, model, np.eye(4)) for instance_id, model in around.bodies] if around is not None else []
+    for own, model, T_world_other in (*others, *still):
+        if _are_apart(vertices, apply(T_world_other, _solid_vertices(model))):
             continue
         surface = surface or surface_of(moving.model)
-        near_other = nearness(surface, T_world_obj, surface_of(other.model), T_world_other, NEAR_M)
-        gaps_m[other.instance_id], depths_m[other.instance_id] = near_other.gap_m, near_other.penetration_m
-        points, normals, distances_m = near_other.points, near_other.normals, near_other.distances_m
-        near.append((points, normals, distances_m, other.instance_id, settings.friction**2))
+        near_other = nearness(surface, T_world_obj, surface_of(model), T_world_other, NEAR_M)
+        gaps_m[own] = min(gaps_m.get(own, np.inf), near_other.gap_m)
+        depths_m[own] = max(depths_m.get(own, 0.0), near_other.penetration_m)
+        friction_there = PLANE_FRICTION if own == PLANE_ID else settings.friction
+        near.append(
+            (near_other.points, near_other.normals, near_other.distances_m, own, settings.friction * friction_there)
+        )
+    below = _below(com[:2], float(vertices[:, 2].min()), support)
 
     gap_m = min(gaps_m.values())
     deepest = max(depths_m, key=depths_m.__getitem__)
     # A pose that floats a little is evaluated as if the gap were closed; one that floats far touches nothing.
     reach_m = gap_m + TOUCHING_M if gap_m <= IMPOSSIBLE_M else -1.0
-    points, normals, others, friction = _contacts(near, reach_m)
+    points, normals, partners, friction = _contacts(near, reach_m)
     carrying = points[normals[:, 2] > UPWARDS, :2]
     polygon_xy = carrying[_hull_indices(carrying)]
     margin_m = _margin_m(polygon_xy, com[:2])
@@ -147,7 +161,7 @@ def plausibility(
     if depths_m[deepest] <= IMPOSSIBLE_M:
         is_stable = holds(points, normals, friction, com, np.array([0.0, 0.0, -1.0]))
 
-    light, sentence = _rating(gap_m, depths_m[deepest], deepest, margin_m, is_stable)
+    light, sentence = _rating(gap_m, depths_m[deepest], _named(deepest, support), margin_m, is_stable)
     T_cam_world = inverse(support.T_world_cam)
     R_cam_world = T_cam_world[:3, :3]
     return Plausibility(
@@ -156,10 +170,10 @@ def plausibility(
         penetrates=deepest if depths_m[deepest] > 1e-5 else None,
         contact_points_cam=apply(T_cam_world, points),
         contact_normals_cam=normals @ R_cam_world.T,
-        contact_others=others,
-        polygon_cam=apply(T_cam_world, _onto_plane(polygon_xy, normal)),
+        contact_others=partners,
+        polygon_cam=apply(T_cam_world, below.lifted(polygon_xy)),
         com_cam=apply(T_cam_world, com[None])[0],
-        com_on_plane_cam=apply(T_cam_world, _onto_plane(com[None, :2], normal))[0],
+        com_on_plane_cam=apply(T_cam_world, below.lifted(com[None, :2]))[0],
         margin_mm=margin_m * 1e3,
         is_stable=is_stable,
         light=light,
@@ -200,9 +214,17 @@ def _cone_edges(normals: Float, friction: Float) -> Float:
     return normals[:, None, :] + friction[:, None, None] * around
 
 
-def _solid_vertices(placed: Placed) -> Float:
+def _solid_vertices(model: ObjectModel) -> Float:
     """Vertices (n, 3) that belong to a face, object frame [m]."""
-    return placed.model.vertices[np.unique(placed.model.faces)]
+    return model.vertices[np.unique(model.faces)]
+
+
+def _below(xy: Float, lowest_m: float, support: Support) -> SupportSurface:
+    """The plane that what stands at ``xy`` (2,) is shown to stand on: that of the surfaces there nearest to its lowest
+    point; the support plane where there is none.
+    """
+    there = [s for s in support.surroundings.supporting if s.reaches(xy[None])[0]] if support.surroundings else []
+    return min(there or [plane_of(support)], key=lambda s: abs(float(s.lifted(xy[None])[0, 2]) - lowest_m))
 
 
 def _are_apart(a: Float, b: Float) -> bool:
@@ -216,9 +238,9 @@ def _contacts(
 ) -> tuple[Float, Float, NDArray[np.int64], Float]:
     """Points, normals, partners and friction of what is within ``reach_m``, thinned out."""
     points, normals, others, friction = [np.zeros((0, 3))], [np.zeros((0, 3))], [], []
-    for p, n, distance_m, other, mu in near:
+    for k, (p, n, distance_m, other, mu) in enumerate(near):
         touching = np.flatnonzero(distance_m <= reach_m)
-        if other == PLANE_ID:  # All in one plane with one normal: the corners carry as much as all.
+        if k == 0:  # The plane, with one normal: the corners carry as much as all.
             touching = touching[_hull_indices(p[touching, :2])]
         elif len(touching) > MOST_CONTACTS:
             every = np.linspace(0, len(touching) - 1, MOST_CONTACTS).astype(int)
@@ -260,15 +282,15 @@ def _margin_m(polygon_xy: Float, xy: Float) -> float:
     return distance_m if inside else -distance_m
 
 
-def _onto_plane(xy: Float, normal: Float) -> Float:
-    """Points (n, 3) of the plane through the origin, straight above or below ``xy`` (n, 2)."""
-    z = -(xy @ normal[:2]) / normal[2]
-    return np.column_stack([xy, z])
+def _named(instance_id: int, support: Support) -> str:
+    if instance_id == PLANE_ID:
+        return "the support plane" if support.surroundings is None else "the support"
+    number = unknown_number(instance_id)
+    return f"instance {instance_id}" if number is None else f"unknown object {number}"
 
 
-def _rating(gap_m: float, depth_m: float, deepest: int, margin_m: float, is_stable: bool | None) -> tuple[Light, str]:
+def _rating(gap_m: float, depth_m: float, into: str, margin_m: float, is_stable: bool | None) -> tuple[Light, str]:
     """What is worst about the pose decides."""
-    into = "the support plane" if deepest == PLANE_ID else f"instance {deepest}"
     sinks = f"Sinks {depth_m * 1e3:.1f} mm into {into}."
     floats = f"Floats: {gap_m * 1e3:.1f} mm to the nearest surface."
     if depth_m > IMPOSSIBLE_M:

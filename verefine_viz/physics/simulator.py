@@ -1,6 +1,6 @@
 """The physics step of the paper: an object moves under gravity for a moment, among placed objects, on a plane.
 
-docs/methods.md 1.0 and 1.8.9, 1.8.19, 1.8.20, 1.8.23, 1.8.24.
+docs/methods.md 1.0 and 1.8.9, 1.8.19, 1.8.20, 1.8.23, 1.8.24; other worlds than a plane: 7.4.
 """
 
 from __future__ import annotations
@@ -22,22 +22,29 @@ from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Simulator
 from verefine_viz.core.records import Contacts, SimulatedPath
 from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.core.surroundings import SupportSurface, Surroundings
 from verefine_viz.physics.colliders import Collider, collider
 from verefine_viz.physics.stability import PLANE_ID, Motion, Touch
-from verefine_viz.physics.world import BodyKey, PlacedBody, World, pybullet
+from verefine_viz.physics.world import PLANE_FRICTION, BodyKey, PlacedBody, World, pybullet
 
+LEVEL = 0.75
+"""Upward part of the normal above which a contact with surroundings is one with the top of a surface [-]."""
 _OTHER, _POINT, _NORMAL, _DISTANCE, _FORCE = 2, 6, 7, 8, 9
 """Positions in a contact point of Bullet's."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Ground:
-    """A support plane, for Bullet and back."""
+    """What supports the objects, for Bullet and back."""
 
     support: Support
     T_cam_world: Float
-    normal_world: Float
+    supporting: tuple[SupportSurface, ...]
+    """The plane, or base and surfaces of the surroundings."""
+    plane_position: tuple[float, float, float]
     plane_quat_xyzw: tuple[float, float, float, float]
+    bodies: dict[PlacedBody, int]
+    """Of surroundings, each with its instance_id: all that supports is one, each unknown object one."""
 
 
 class BulletSimulator:
@@ -58,7 +65,7 @@ class BulletSimulator:
         self._cache = cache
         self._world = World(settings)
         self._colliders: dict[str, Collider] = {}
-        self._hulls: dict[str, Float] = {}
+        self._hulls: dict[str, tuple[Float, float]] = {}
         self._ground: _Ground | None = None
         """Of the last call; it is mostly that of the next one as well."""
 
@@ -78,10 +85,12 @@ class BulletSimulator:
         return built
 
     def settle(self, moving: Placed, fixed: Sequence[Placed], support: Support, n_steps: int) -> SimulatedPath:
-        """The path of ``moving`` over ``n_steps`` steps among ``fixed`` objects on the support plane.
+        """The path of ``moving`` over ``n_steps`` steps among ``fixed`` objects on the support plane, or in the
+        surroundings that ``support`` has instead.
 
         Contacts are those of each step's last sub-step. The order of ``fixed`` does not matter. The path ends early
-        where the object would leave the reach of the camera, ``FARTHEST_M``.
+        where the object would leave the reach of the camera, ``FARTHEST_M``. A longer path starts with the shorter one,
+        but where it leaves the first surface of surroundings.
 
         Raises:
             ShapeError: a given pose is not rigid, not finite or further away than that, ``n_steps`` is negative, or a
@@ -92,10 +101,27 @@ class BulletSimulator:
         T_cam_obj = checked_pose(moving)
         if not self._settings.enabled:
             return SimulatedPath(T_cam_obj[None], ())
+        # Bullet is fastest with a plane, which also pushes up what starts deep inside of it.
+        without_end = support.with_first_endless
+        if without_end is not None and self._is_over_first(support, moving.model, T_cam_obj[None]):
+            path = self._settled(moving, fixed, without_end, n_steps)
+            if self._is_over_first(support, moving.model, path.Ts_cam_obj):
+                return path
+        return self._settled(moving, fixed, support, n_steps)
+
+    def _is_over_first(self, support: Support, model: ObjectModel, Ts_cam_obj: Float) -> bool:
+        """Whether an object is over the first surface of surroundings in all poses (N, 4, 4), however it turns."""
+        assert support.surroundings is not None
+        first = support.surroundings.surfaces[0]
+        com = (support.T_world_cam @ Ts_cam_obj @ self.collider(model).T_obj_com)[:, :3, 3]
+        return bool((first.heights(com) > 0).all() and first.reaches(com[:, :2], -self._hull_com(model)[1]).all())
+
+    def _settled(self, moving: Placed, fixed: Sequence[Placed], support: Support, n_steps: int) -> SimulatedPath:
         others = sorted(fixed, key=lambda placed: placed.instance_id)
         bodies, ids = self._bodies((moving, *others), support.T_world_cam)
-        ground = self._under(support)
-        self._world.place(bodies, ground.plane_quat_xyzw)
+        ground, T_cam_obj = self._under(support), np.asarray(moving.T_cam_obj)
+        ids.update((placed.body, instance_id) for placed, instance_id in ground.bodies.items())
+        self._world.place([*bodies, *ground.bodies], ground.plane_position, ground.plane_quat_xyzw)
 
         world, body = self._world, bodies[0].body
         poses: list[tuple[Sequence[float], Sequence[float]]] = [(bodies[0].position, bodies[0].quat_xyzw)]
@@ -123,35 +149,53 @@ class BulletSimulator:
             standing = Motion(
                 Ts_world_com,
                 lambda step: self._touches(near[step - 1], poses[step][0], ids),
-                self._hull_com(moving.model),
-                ground.normal_world,
+                self._hull_com(moving.model)[0],
+                ground.supporting,
                 self._settings.step_s,
             )
             tipping = standing.tipping()
         return SimulatedPath(Ts, self._contacts(touched, ids, ground.T_cam_world).split(ends), tipping)
 
-    def _hull_com(self, model: ObjectModel) -> Float:
-        """Corners (n, 3) of the mesh's convex hull, centre-of-mass frame [m]."""
+    def _hull_com(self, model: ObjectModel) -> tuple[Float, float]:
+        """Corners (n, 3) of the mesh's convex hull, centre-of-mass frame, and how far away the furthest is [m]."""
         hull = self._hulls.get(model.mesh_hash)
         if hull is None:
             solid = model.vertices[np.unique(model.faces)]
             corners = solid[ConvexHull(solid).vertices]
-            hull = self._hulls[model.mesh_hash] = apply(self.collider(model).T_com_obj, corners)
+            hull_com = apply(self.collider(model).T_com_obj, corners)
+            hull = self._hulls[model.mesh_hash] = hull_com, float(np.linalg.norm(hull_com, axis=1).max())
         return hull
 
     def _under(self, support: Support) -> _Ground:
         if self._ground is None or self._ground.support is not support:
             R_cam_world = support.T_world_cam[:3, :3].T
             T_cam_world = transform(R_cam_world, -(R_cam_world @ support.T_world_cam[:3, 3]))
-            normal = support.normal_world / np.linalg.norm(support.normal_world)
-            self._ground = _Ground(support, T_cam_world, normal, _plane_quat_xyzw(support.normal_world))
+            around = support.surroundings
+            supporting = around.supporting if around is not None else (plane_of(support),)
+            base = supporting[0]
+            x, y, z = (-base.offset_m * base.normal_world).tolist()
+            quat_xyzw = _plane_quat_xyzw(support.normal_world if around is None else base.normal_world)
+            bodies = self._around(around) if around is not None else {}
+            self._ground = _Ground(support, T_cam_world, supporting, (x, y, z), quat_xyzw, bodies)
         return self._ground
+
+    def _around(self, surroundings: Surroundings) -> dict[PlacedBody, int]:
+        parts: dict[int, list[ObjectModel]] = {}
+        for instance_id, model in surroundings.bodies:
+            parts.setdefault(instance_id, []).append(model)
+        bodies = {}
+        for instance_id, models in parts.items():
+            friction = PLANE_FRICTION if instance_id == PLANE_ID else self._settings.friction
+            key = BodyKey(tuple(model.mesh_hash for model in models), 0, False)
+            body = self._world.solid(key, [model.vertices for model in models], friction)
+            bodies[PlacedBody(body, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), False)] = instance_id
+        return bodies
 
     def _bodies(self, cast: Sequence[Placed], T_world_cam: Float) -> tuple[list[PlacedBody], dict[int, int]]:
         """Bodies at their poses, in the order of ``cast``, whose first one moves, and each body's instance."""
         if self._world.is_full:
             self._world.close()
-            self._world = World(self._settings)
+            self._world, self._ground = World(self._settings), None
         hashes = tuple(placed.model.mesh_hash for placed in cast)
         all_move = self._settings.placed == "dynamic"
         bodies: list[PlacedBody] = []
@@ -173,17 +217,18 @@ class BulletSimulator:
         x, y, _ = com
         margin_m, touches = self._settings.margin_m, []
         for p in near:
-            is_plane, (px, py, _) = ids[p[_OTHER]] == PLANE_ID, p[_POINT]
+            is_plane, (px, py, _), up = p[_OTHER] == self._world.plane, p[_POINT], p[_NORMAL][2]
+            is_support = is_plane or (ids[p[_OTHER]] == PLANE_ID and up > LEVEL)
             gap_m = p[_DISTANCE] + (margin_m if is_plane else 2 * margin_m)
             touches.append(
-                Touch((px - x, py - y), p[_NORMAL][2], gap_m, p[_FORCE] > 0.0 or p[_DISTANCE] <= 0.0, is_plane)
+                Touch((px - x, py - y), up, gap_m, p[_FORCE] > 0.0 or p[_DISTANCE] <= 0.0, is_plane, is_support)
             )
         return touches
 
     def _contacts(self, touched: Sequence[tuple], ids: dict[int, int], T_cam_world: Float) -> Contacts:
         """Bullet's contact points as records."""
         # Bullet measures between surfaces grown by the margin; a plane has none.
-        margins_m = {body: self._settings.margin_m * (1 if i == PLANE_ID else 2) for body, i in ids.items()}
+        margins_m = {body: self._settings.margin_m * (1 if body == self._world.plane else 2) for body in ids}
         flat = np.array([(*p[_POINT], *p[_NORMAL], -p[_DISTANCE] - margins_m[p[_OTHER]], p[_FORCE]) for p in touched])
         flat = flat.reshape(len(touched), 8)
         R, t = T_cam_world[:3, :3], T_cam_world[:3, 3]
@@ -218,6 +263,12 @@ def checked_pose(placed: Placed) -> Float:
         finite(T, name, (4, 4))
         raise ShapeError(f"{name} is {away_m:.4g} m away, expected at most {FARTHEST_M:g} m; is it in millimetres?")
     return T
+
+
+def plane_of(support: Support) -> SupportSurface:
+    """The support plane, which goes through the world's origin."""
+    normal = support.normal_world / np.linalg.norm(support.normal_world)
+    return SupportSurface(normal, 0.0, np.zeros((0, 2)))
 
 
 def _n_within_reach(Ts_cam_obj: Float) -> int:

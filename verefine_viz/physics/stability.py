@@ -2,7 +2,7 @@
 
 :func:`plausibility` takes more into account (friction, neighbours' meshes) and a hundred times as long: too long for
 every iteration of a run. Both treat the support plane alike: what is within 2 mm of the lowest point carries, and of a
-pose that sinks in by more than 5 mm it is unknown.
+pose that sinks in by more than 5 mm it is unknown. Surfaces of surroundings count within their outline.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.records import Tipping
+from verefine_viz.core.surroundings import SUPPORT_ID, SupportSurface
 
 TOUCHING_M = 0.002
 """Surfaces closer than this touch; less penetration than this is none (docs/methods.md 7.3)."""
@@ -28,11 +29,13 @@ LEAST_M = 0.0005
 """A centre of mass that is less than this outside is on the edge, as exact as contacts are."""
 TOPPLED_DEG = 10.0
 """An object that turns by more than this and then stands has fallen over [deg]."""
+DEEPEST_M = 0.05
+"""What is further below a surface than this may be under it [m]."""
 HELD_DEG_S = 5.0
 """An object that touches a neighbour and turns slower than this leans on it [deg/s]."""
 
-PLANE_ID = -1
-"""What :class:`core.records.Contacts` calls the support plane."""
+PLANE_ID = SUPPORT_ID
+"""What :class:`core.records.Contacts` calls the support plane, and surroundings in its place."""
 
 Point = tuple[float, float]
 """Seen from above, from the centre of mass [m]."""
@@ -49,7 +52,9 @@ class Touch(NamedTuple):
     pushes: bool
     """Whether it touches there."""
     is_plane: bool
-    """Whether it is the support plane that is touched."""
+    """Whether it is the support plane that is touched, or the base of surroundings."""
+    is_support: bool
+    """Whether it is that, or the top of another surface that supports."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +67,8 @@ class Motion:
     """Where it touches, or nearly, at the end of step 1, 2, …"""
     hull_com: Float
     """(n, 3) corners of the mesh's convex hull, centre-of-mass frame [m]."""
-    normal_world: Float
-    """(3,) unit normal of the support plane, which goes through the world's origin."""
+    supporting: Sequence[SupportSurface]
+    """The support plane, or what surroundings have instead, the base first."""
     step_s: float
 
     def tipping(self) -> Tipping | None:
@@ -85,14 +90,13 @@ class Motion:
         if self._began_inside():
             return None
         carrying = [touch.point for touch in touches if touch.up > UPWARDS and not touch.is_plane]
-        if any(touch.is_plane for touch in touches):
+        if any(touch.is_support for touch in touches):
             # Bullet keeps at most four contacts with the plane, begins with one, and keeps some where it has gone on.
-            heights_m = self._heights_m(step)
-            low = self.hull_com[heights_m <= max(float(heights_m.min()), 0.0) + TOUCHING_M]
+            low = self._low(step)
             carrying += [(x, y) for x, y in (low @ self.Ts_world_com[step, :2, :3].T).tolist()]
         if not carrying or is_inside(carrying):
             return None
-        leans = not all(touch.is_plane for touch in touches)
+        leans = not all(touch.is_support for touch in touches)
         if leans and self._turned_deg(step - 1, step) < HELD_DEG_S * self.step_s:
             return None
         outside_m = _distance_m(np.array(carrying))
@@ -103,13 +107,36 @@ class Motion:
 
         Into a neighbour by more than 2 mm after the first step, which takes away more than half of it.
         """
-        into_neighbour = any(touch.gap_m < -TOUCHING_M for touch in self.near(1) if not touch.is_plane)
+        into_neighbour = any(touch.gap_m < -TOUCHING_M for touch in self.near(1) if not touch.is_support)
         return into_neighbour or float(self._heights_m(0).min()) < -IMPOSSIBLE_M
 
+    def _low(self, step: int) -> Float:
+        """The vertices (n, 3) that may support it: those that are low enough above the highest surface below them."""
+        heights_m = self._heights_m(step)
+        return self.hull_com[heights_m <= max(float(heights_m.min()), 0.0) + TOUCHING_M]
+
     def _heights_m(self, k: int) -> Float:
-        """Distances (n,) of the vertices to the support plane, positive above."""
+        """Distances (n,) of the vertices to what supports, positive above: to the plane, or to the nearest of the
+        surfaces that have them within their outline.
+        """
         T = self.Ts_world_com[k]
-        return self.hull_com @ (self.normal_world @ T[:3, :3]) + self.normal_world @ T[:3, 3]
+        base, *others = self.supporting
+        nearest_m = self._above(base, T)
+        if not others:
+            return nearest_m
+        xy = T[:2, :3] @ self.hull_com.T + T[:2, 3:]
+        (left, front), (right, back) = xy.min(axis=1).tolist(), xy.max(axis=1).tolist()
+        for surface in others:
+            (x, y), (u, v) = surface.box_xy
+            if right >= x and left <= u and back >= y and front <= v:
+                heights_m = self._above(surface, T)
+                over = surface.reaches(xy.T) & (heights_m > -DEEPEST_M)
+                nearest_m[over] = np.minimum(nearest_m[over], heights_m[over])
+        return nearest_m
+
+    def _above(self, surface: SupportSurface, T_world_com: Float) -> Float:
+        n = surface.normal_world
+        return self.hull_com @ (n @ T_world_com[:3, :3]) + (n @ T_world_com[:3, 3] + surface.offset_m)
 
     def _turned_deg(self, a: int, b: int) -> float:
         return math.degrees(angle_between(self.Ts_world_com[a, :3, :3], self.Ts_world_com[b, :3, :3]))

@@ -15,8 +15,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from scipy.spatial import ConvexHull
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.physics.colliders import Collider
 
@@ -66,7 +68,8 @@ class BodyKey:
     """
 
     group: tuple[str, ...]
-    """Mesh hashes of all that move together; of the object alone where the others stay."""
+    """Mesh hashes of all that move together; of the object alone where the others stay; of all solids that
+    surroundings are made of."""
     copy: int
     """Number in the group, or of the copy: two cups are two bodies."""
     moves: bool
@@ -129,6 +132,14 @@ class World:
             self._park(body)
         return body
 
+    def solid(self, key: BodyKey, parts: Sequence[Float], friction: float) -> int:
+        """The body of ``key`` that never moves, of convex ``parts`` (n, 3) in the world [m]; made at its first use."""
+        body = self._bodies.get(key)
+        if body is None:
+            body = self._bodies[key] = self._body_of(parts, np.eye(4), 0.0, friction)
+            self._park(body)
+        return body
+
     @property
     def is_full(self) -> bool:
         """Whether so many bodies are parked that a new world is better; its answers are the same."""
@@ -138,7 +149,7 @@ class World:
         """Give back the memory of this world."""
         self._bullet.disconnect()
 
-    def place(self, bodies: Sequence[PlacedBody], plane_quat_xyzw: Vector) -> None:
+    def place(self, bodies: Sequence[PlacedBody], plane_position: Vector, plane_quat_xyzw: Vector) -> None:
         """Put ``bodies`` and the plane in place, at rest, without any memory of former contacts; park all others.
 
         Entering a body's collision filter makes Bullet drop all its pairs with their cached contacts, and number it
@@ -150,7 +161,7 @@ class World:
             self._park(body)
         self._in_use = in_use
         self._wake([b.body for b in bodies if b.moves and b.body in self._asleep])
-        self._reset(self.plane, (0.0, 0.0, 0.0), plane_quat_xyzw)
+        self._reset(self.plane, plane_position, plane_quat_xyzw)
         for b in bodies:
             self._reset(b.body, b.position, b.quat_xyzw)
         self._filter(self.plane, -1, _STAYS, _MOVES)
@@ -174,19 +185,24 @@ class World:
 
     def _made(self, collider: Collider, moves: bool) -> int:
         settings = self._settings
-        with tempfile.TemporaryDirectory() as folder:  # A new name each time: Bullet caches files by name.
-            path = Path(folder) / "parts.obj"
-            path.write_text(_wavefront(collider), encoding="ascii")
-            shape = self._bullet.createCollisionShape(pybullet.GEOM_MESH, fileName=str(path))
         mass_kg = settings.mass_kg if moves else 0.0
-        body = self._bullet.createMultiBody(mass_kg, shape)
-        self._bullet.changeDynamics(body, -1, lateralFriction=settings.friction, collisionMargin=settings.margin_m)
+        body = self._body_of(collider.parts, collider.T_obj_com, mass_kg, settings.friction)
         if moves:
             inertia = (collider.inertia_m2 * mass_kg).tolist()
             self._bullet.changeDynamics(body, -1, localInertiaDiagonal=inertia)
             if settings.damping != BULLET_DAMPING:
                 rate = damping_rate(settings.damping)
                 self._bullet.changeDynamics(body, -1, linearDamping=rate, angularDamping=rate)
+        return body
+
+    def _body_of(self, parts: Sequence[Float], T_obj_com: Float, mass_kg: float, friction: float) -> int:
+        """A body of convex parts (n, 3) in the object frame."""
+        with tempfile.TemporaryDirectory() as folder:  # A new name each time: Bullet caches files by name.
+            path = Path(folder) / "parts.obj"
+            path.write_text(_wavefront(parts, T_obj_com), encoding="ascii")
+            shape = self._bullet.createCollisionShape(pybullet.GEOM_MESH, fileName=str(path))
+        body = self._bullet.createMultiBody(mass_kg, shape)
+        self._bullet.changeDynamics(body, -1, lateralFriction=friction, collisionMargin=self._settings.margin_m)
         return body
 
 
@@ -199,12 +215,12 @@ def damping_rate(share: float) -> float:
     return -math.log1p(-min(share, LARGEST_DAMPING))
 
 
-def _wavefront(collider: Collider) -> str:
-    """The convex parts in the centre-of-mass frame, one object each, as Bullet reads them from a file."""
-    R, t = collider.T_obj_com[:3, :3], collider.T_obj_com[:3, 3]
+def _wavefront(parts: Sequence[Float], T_obj_com: Float) -> str:
+    """Convex parts (n, 3) in the centre-of-mass frame, one object each, as Bullet reads them from a file."""
+    R, t = T_obj_com[:3, :3], T_obj_com[:3, 3]
     lines: list[str] = []
     first = 1
-    for k, part in enumerate(collider.parts):
+    for k, part in enumerate(parts):
         lines.append(f"o part{k}")
         lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in (part - t) @ R]
         lines += [f"f {a + first} {b + first} {c + first}" for a, b, c in ConvexHull(part).simplices]

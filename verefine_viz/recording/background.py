@@ -16,10 +16,16 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.observation import Observation, Support
+from verefine_viz.core.observation import TILT_SHOWN_DEG, Observation, Support
 from verefine_viz.core.palette import ARM_COLORS, OBJECT_COLORS, RGB, STAGE_COLORS
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.pictures.skin import skin_of
+from verefine_viz.pictures.surroundings_meshes import (
+    SOLID_COLOR,
+    SURFACE_COLOR,
+    DrawnSurroundings,
+    drawn_surroundings,
+)
 from verefine_viz.recording import entities
 from verefine_viz.recording.recorded_layout import Layout, world_from_camera
 from verefine_viz.recording.recording_file import RecordingFile
@@ -30,7 +36,8 @@ AROUND = 3
 """Around the objects, every so many-th in a row of those that would be drawn of the objects."""
 SPARSE_PX = 12
 """Every so many-th pixel far from the objects."""
-PLANE_COLOR, GRAVITY_COLOR = 0x5A8CA02D, 0x78BEDCFF
+PLANE_COLOR, GRAVITY_COLOR, NORMAL_COLOR = 0x5A8CA02D, 0x78BEDCFF, 0x78A5D7FF
+SURFACE_ALPHA, SOLID_ALPHA = 90, 150
 DRAWN_FACES, DRAWN_FACES_IN_SCENE = 1200, 500
 GHOST_FACES = 300
 STAGE_ALPHA = {"current": 110, "simulated": 150, "mixed": 90, "refined": 170, "best": 230, "placed": 200}
@@ -231,13 +238,49 @@ def _log_support(file: RecordingFile, support: Support, layout: Layout) -> None:
     corners = layout.center_world + reach_m * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     # The plane goes through the world's origin, across its normal.
     corners[:, 2] = -(corners[:, :2] @ n[:2]) / n[2] if abs(n[2]) > 0.2 else 0.0
-    plane = rr.Mesh3D(
-        vertex_positions=corners,
-        triangle_indices=[[0, 1, 2], [0, 2, 3]],
-        vertex_normals=[n] * 4,
-        albedo_factor=PLANE_COLOR,
-    )
-    file.log(entities.PLANE, plane)
+    if support.surroundings is not None:
+        _log_surroundings(file, drawn_surroundings(support.surroundings, np.array(layout.center_world), reach_m))
+    else:
+        plane = rr.Mesh3D(
+            vertex_positions=corners,
+            triangle_indices=[[0, 1, 2], [0, 2, 3]],
+            vertex_normals=[n] * 4,
+            albedo_factor=PLANE_COLOR,
+        )
+        file.log(entities.PLANE, plane)
     foot = np.append(corners[0, :2], corners[0, 2] + 0.12)
     gravity = rr.Arrows3D(origins=[foot], vectors=[[0, 0, -0.1]], colors=[GRAVITY_COLOR], labels=["gravity"])
     file.log(entities.GRAVITY, gravity)
+    if support.tilt_deg > TILT_SHOWN_DEG:
+        normal = rr.Arrows3D(origins=[foot], vectors=[-0.1 * n], colors=[NORMAL_COLOR], labels=["plane"])
+        file.log(entities.NORMAL, normal)
+
+
+def _log_surroundings(file: RecordingFile, drawn: DrawnSurroundings) -> None:
+    """What supports, what else stands there, and each unknown object with its number."""
+    for entity, (vertices, faces), color, alpha in (
+        (entities.SURFACES, drawn.surfaces, SURFACE_COLOR, SURFACE_ALPHA),
+        (entities.SOLIDS, drawn.solids, SOLID_COLOR, SOLID_ALPHA),
+    ):
+        if len(faces):
+            file.log(entity, _static_mesh(vertices, faces, color, alpha))
+    for one, color in drawn.unknown:
+        mesh = _static_mesh(one.model.vertices, one.model.faces, color, SOLID_ALPHA)
+        label = f"unknown object {one.number}{', dropped' if one.is_dropped else ''}"
+        place = rr.Points3D([one.model.vertices.mean(axis=0)], radii=0.001, colors=[color], labels=[label])
+        file.log(f"{entities.UNKNOWN}/{one.number}", mesh)
+        file.log(f"{entities.UNKNOWN}/{one.number}/number", place)
+
+
+def _static_mesh(vertices: Float, faces: NDArray[np.int32], color: RGB, alpha: int) -> rr.Mesh3D:
+    """A mesh with flat faces."""
+    corners = vertices[faces].reshape(-1, 3)
+    a, b, c = corners[0::3], corners[1::3], corners[2::3]
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(1e-12)
+    return rr.Mesh3D(
+        vertex_positions=corners.astype(np.float32),
+        triangle_indices=np.arange(len(corners), dtype=np.uint32).reshape(-1, 3),
+        vertex_normals=np.repeat(normals, 3, axis=0).astype(np.float32),
+        albedo_factor=(*color, alpha),
+    )

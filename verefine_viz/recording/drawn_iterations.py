@@ -11,6 +11,7 @@ import rerun as rr
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, STAGE_COLORS
 from verefine_viz.core.records import EventKind, Iteration
+from verefine_viz.core.surroundings import SUPPORT_ID
 from verefine_viz.recording import curves, entities
 from verefine_viz.recording.block import Block, last_contacts
 from verefine_viz.recording.drawn_poses import Poses
@@ -23,7 +24,7 @@ from verefine_viz.recording.recording_file import RecordingFile
 ARROW_M_PER_N = 0.002
 """Length of a contact's arrow; 1 kg at rest presses with 9.81 N."""
 CONTACT_COLOR, COLLISION_COLOR = 0xFFE650FF, 0xFF5A3CFF
-"""With the support plane, and with another object."""
+"""With the support, and with another object."""
 _NO_PATH = np.zeros((0, 4, 4))
 
 
@@ -126,7 +127,7 @@ def _send_contacts(file: RecordingFile, branch: Branch, iterations: Sequence[Ite
     normals = np.concatenate([c.normals_cam for c in contacts])
     # Light touches stay visible: an arrow is at least 10 mm long.
     lengths_m = np.maximum(ARROW_M_PER_N * np.concatenate([c.forces_n for c in contacts]), 0.01)
-    hits = np.concatenate([c.others for c in contacts]) >= 0
+    hits = np.concatenate([c.others for c in contacts]) != SUPPORT_ID
     colors = np.where(hits, COLLISION_COLOR, CONTACT_COLOR).astype(np.uint32)
     arrows = rr.Arrows3D.columns(origins=origins, vectors=normals * lengths_m[:, None], colors=colors)
     file.send(entities.contacts(branch.name), indices, arrows.partition(lengths))

@@ -71,6 +71,8 @@ class BopImage:
     rgb: NDArray[np.uint8] | None
     R_world_cam: Float | None
     """(3, 3) camera to world, where the data set knows it."""
+    T_map_cam: Float | None
+    """(4, 4) camera to world, where the data set knows that as well [m]."""
     notes: tuple[str, ...]
 
 
@@ -215,7 +217,8 @@ class BopDataset:
             camera = Camera(K, depth_m.shape[1], depth_m.shape[0])
         except ShapeError as error:
             raise InputError(f"{where}: {error}") from None
-        return BopImage(camera, depth_m, rgb, _R_world_cam(entry, where), notes)
+        R_world_cam = _R_world_cam(entry, where)
+        return BopImage(camera, depth_m, rgb, R_world_cam, _T_map_cam(entry, R_world_cam, where), notes)
 
     def ground_truth(self, scene_id: int, im_id: int) -> tuple[GroundTruth, ...] | None:
         """The annotated instances of an image in the file's order; None where the data set has no scene_gt.
@@ -344,6 +347,13 @@ def _R_world_cam(entry: dict[str, Any], where: str) -> Float | None:
         return as_rigid(transform(R_cam_world, np.zeros(3)), f"{where}: 'cam_R_w2c'")[:3, :3].T
     except ShapeError as error:
         raise InputError(str(error)) from None
+
+
+def _T_map_cam(entry: dict[str, Any], R_world_cam: Float | None, where: str) -> Float | None:
+    if R_world_cam is None or "cam_t_w2c" not in entry:
+        return None
+    t_cam_world = numbers_of(entry, "cam_t_w2c", 3, where) * 1e-3
+    return transform(R_world_cam, -R_world_cam @ t_cam_world)
 
 
 def _ground_truth(entry: Any, gt_id: int, visib_fract: float | None, where: str) -> GroundTruth:

@@ -101,7 +101,8 @@ class BopSource:
         scene, up_notes = self._scene, ()
         if scene.gravity == "world" and image.R_world_cam is None and self._dataset.knows_up(ids[0]):
             scene, up_notes = scene.model_copy(update={"gravity": "plane"}), (WITHOUT_UP,)
-        observation = observe(image.camera, image.depth_m, image.rgb, masks, scene, image.R_world_cam)
+        R_world_cam, T_map_cam = image.R_world_cam, image.T_map_cam
+        observation = observe(image.camera, image.depth_m, image.rgb, masks, scene, R_world_cam, T_map_cam)
         wanted = self._wanted(segments, frame)
         with progress.preparing():
             models, faults, model_notes = self._models(wanted, progress)

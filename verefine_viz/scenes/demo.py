@@ -92,7 +92,7 @@ def demo_problem(
     progress.checkpoint()
     segments = _segments(scene, placed, seen, settings)
     observation = observe(
-        CAMERA, depth_m, colors.rgb, [s.mask for s in segments], settings, R_world_cam=T_world_cam[:3, :3]
+        CAMERA, depth_m, colors.rgb, [s.mask for s in segments], settings, T_world_cam[:3, :3], T_world_cam
     )
     wanted = [s for s in segments if not settings.objects or s.obj_id in settings.objects]
     if not wanted:

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from verefine_viz.core.errors import InputError, SettingsError, meant, quoted, unknown
 from verefine_viz.core.paths import at_home, atomic, open_input
-from verefine_viz.core.settings import PUBLISHED, Session
+from verefine_viz.core.settings import PUBLISHED, SURROUNDINGS, Session
 
 Raw = Mapping[str, Any]
 Layer = tuple[str, Raw]
@@ -23,7 +23,7 @@ Layer = tuple[str, Raw]
 TYPED = "command line"
 """Where settings come from that are in no file, in messages."""
 DURING_A_RUN = ("method", "icp", "tricp", "mcts", "score", "physics")
-"""Sections that can change from one iteration to the next."""
+"""Sections that can change from one iteration to the next; of physics, what is simulated but not in which world."""
 AT_ITS_START = (*DURING_A_RUN, "dependency")
 """Sections that can change when a run begins again on the same frame."""
 _READ_BY = {("scene", "dataset"): "bop", ("scene", "demo"): "demo", ("hypotheses", "files"): "results"}
@@ -87,6 +87,11 @@ def changed(
         if section not in allowed:
             when = "during a run" if allowed == DURING_A_RUN else "at the start of a run"
             raise SettingsError(unknown(f"section that can change {when}", section, allowed))
+    fixed = [name for name in settings.get("physics", ()) if name in SURROUNDINGS and allowed == DURING_A_RUN]
+    if fixed:
+        raise SettingsError(
+            f"physics.{fixed[0]} makes another world and cannot change during a run; restart the run with it"
+        )
     raw = _merged(session.model_dump(exclude={"changes"}), settings)
     try:
         return Session.model_validate(raw).model_copy(update={"changes": session.changes})
@@ -159,9 +164,10 @@ def _merged(base: Raw, top: Raw) -> dict[str, Any]:
 
 
 def _with_absolute_paths(raw: Raw, folder: Path) -> dict[str, Any]:
-    """Paths of scene.dataset, scene.masks, hypotheses.files and dependency.order_file made absolute."""
+    """Paths of scene.dataset, scene.masks, hypotheses.files, dependency.order_file and physics.mesh made absolute."""
     out = _merged({}, raw)
     scene, hypotheses, dependency = out.get("scene"), out.get("hypotheses"), out.get("dependency")
+    physics = out.get("physics")
     if isinstance(scene, Mapping):
         scene = dict(scene)
         if isinstance(scene.get("dataset"), str) and scene["dataset"]:
@@ -174,6 +180,8 @@ def _with_absolute_paths(raw: Raw, folder: Path) -> dict[str, Any]:
         out["hypotheses"] = {**hypotheses, "files": files}
     if isinstance(dependency, Mapping) and isinstance(dependency.get("order_file"), str) and dependency["order_file"]:
         out["dependency"] = {**dependency, "order_file": _absolute(dependency["order_file"], folder)}
+    if isinstance(physics, Mapping) and isinstance(physics.get("mesh"), str) and physics["mesh"]:
+        out["physics"] = {**physics, "mesh": _absolute(physics["mesh"], folder)}
     return out
 
 
@@ -254,6 +262,16 @@ def _check_sources(session: Session, layers: Sequence[Layer]) -> None:
                 f'{layers[at][0]}: {name} is set, but {source} is "{chosen.source}" and does not read it; '
                 f'set {source} = "{reader}", or leave {name} out'
             )
+    physics = session.physics
+    if (
+        physics.mesh
+        and physics.support != "mesh"
+        and _last(layers, "physics", "support") < (at := _last(layers, "physics", "mesh"))
+    ):
+        raise SettingsError(
+            f'{layers[at][0]}: physics.mesh is set, but physics.support is "{physics.support}" and does not read it; '
+            'set physics.support = "mesh", or leave physics.mesh out'
+        )
     hypotheses = session.hypotheses
     twice = [file for file in hypotheses.files if hypotheses.files.count(file) > 1]
     if twice and hypotheses.source == "results":

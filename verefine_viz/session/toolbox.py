@@ -27,6 +27,7 @@ from verefine_viz.rendering.colour import ColourStore
 from verefine_viz.rendering.explained import ExplainedPixels
 from verefine_viz.rendering.simplify import scoring_mesh
 from verefine_viz.rendering.verifier import make_verifier
+from verefine_viz.scenes.frame_surroundings import AROUND, with_surroundings
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
 from verefine_viz.scenes.instance_notes import is_about_initial_poses, within_reach
 from verefine_viz.scenes.source import SceneSource, open_scene
@@ -122,7 +123,7 @@ class Toolbox:
         notes = check_edits(self.session.edits, problem, len(self.frames) == 1, not self.session.scene.objects)
         notes += self._without_colour(problem)
         problem = replace(problem, notes=(*problem.notes, *notes)) if notes else problem
-        return self.ordered(_within_reach(problem))
+        return self.surrounded(self.ordered(_within_reach(problem)))
 
     def _without_colour(self, problem: Problem) -> tuple[str, ...]:
         """Which objects have no colour term though one is asked for, and why; each model once."""
@@ -139,6 +140,16 @@ class Toolbox:
         before = problem.dependencies.notes if problem.dependencies is not None else ()
         notes = tuple(note for note in problem.notes if note not in before)
         return replace(problem, dependencies=graph, notes=(*notes, *graph.notes))
+
+    def surrounded(self, problem: Problem) -> Problem:
+        """The same in the world that this session's settings lead to.
+
+        Raises:
+            VerefineError: the mesh of the surroundings cannot be used.
+        """
+        observation, own = with_surroundings(problem.observation, problem.frame, self.session.physics)
+        notes = tuple(note for note in problem.notes if not note.startswith(AROUND))
+        return replace(problem, observation=observation, notes=(*notes, *own))
 
     def _solvable(self, problem: Problem) -> Problem:
         """The same without instances whose mesh makes no solid for the simulator; each is noted and left out. Solids

@@ -528,6 +528,17 @@ class ResetOrder(Command):
     """Back to the order of the rule."""
 
 
+# The world in which objects are simulated; restarts the run
+
+
+class DropUnknown(Command):
+    """Let an unknown object of the surroundings stop nothing, or stop others again."""
+
+    number: int
+    """1, 2, …"""
+    drop: bool = True
+
+
 # Two runs compared: A is the run that is open, B stands beside it
 
 

@@ -25,8 +25,9 @@ from verefine_viz.core.palette import RGB, SIDE_COLORS, STAGE_COLORS
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.scores import ScoreMaps
 from verefine_viz.pictures.answer_pictures import camera_image
-from verefine_viz.pictures.contours import model_contours, svg_path
+from verefine_viz.pictures.contours import contour_lines, model_contours, svg_path
 from verefine_viz.pictures.map_images import palette_of
+from verefine_viz.pictures.surroundings_meshes import DROPPED_COLOR, UNKNOWN_COLOR
 from verefine_viz.rendering.rendered_scene import AMBIENT, render_scene
 from verefine_viz.viewer.drawing.markup import text
 from verefine_viz.viewer.drawing.score_maps import Crop, bounds, crop_around, data_uri, scales_for
@@ -133,8 +134,28 @@ def contours_svg(snapshot: Snapshot, contours: Sequence[ShownContour]) -> str:
         for k, one in enumerate(contours)
         for way in ("".join(_way(t.model, T.tobytes(), camera) for t, T in one.poses),)
     )
+    paths = f"{_unknown_objects(snapshot.problem.observation)}{paths}"
     size = f'viewBox="0 0 {camera.width} {camera.height}" width="{camera.width}" height="{camera.height}"'
     return f'<svg class="image-canvas" {size}>{paths}</svg>'
+
+
+@lru_cache(maxsize=4)
+def _unknown_objects(observation: Observation) -> str:
+    """Unknown objects of the surroundings, hatched and numbered; dropped ones grey."""
+    around = observation.support.surroundings if observation.support is not None else None
+    parts = []
+    for one in around.unknown if around is not None else ():
+        color, way = DROPPED_COLOR if one.is_dropped else UNKNOWN_COLOR, svg_path(contour_lines(one.mask))
+        hatch = f"hatch-{one.number}"
+        title = f"unknown object {one.number}{', dropped' if one.is_dropped else ''}"
+        v, u = np.argwhere(one.mask).mean(axis=0)
+        parts.append(
+            f'<g data-unknown="{one.number}"><title>{title}</title><defs><pattern id="{hatch}" width="7" height="7" '
+            f'patternUnits="userSpaceOnUse" patternTransform="rotate(45)"><path d="M0 0v7" stroke="rgb{color}" '
+            f'stroke-width="2"/></pattern></defs><path d="{way}" fill="url(#{hatch})" stroke="rgb{color}" '
+            f'stroke-width="1.5"/><text x="{u:.0f}" y="{v:.0f}">{one.number}</text></g>'
+        )
+    return "".join(parts)
 
 
 @lru_cache(maxsize=_MOST_CONTOURS)

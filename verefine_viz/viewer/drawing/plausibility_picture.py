@@ -9,10 +9,9 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.palette import RGB
-from verefine_viz.physics.stability import PLANE_ID
 from verefine_viz.viewer.drawing.markup import text
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.display_names import in_focus
+from verefine_viz.viewer.text.display_names import in_focus, without_model
 from verefine_viz.viewer.text.plausibility_verdict import SHARE_HINT, plausibility_verdict
 
 LIGHTS: dict[str, RGB] = {
@@ -74,7 +73,7 @@ def plausibility_html(snapshot: Snapshot) -> str:
 def _overlap(plausibility: Any) -> str:
     if plausibility.penetrates is None:
         return "none"
-    return f"{plausibility.penetration_mm:.1f} {'table' if plausibility.penetrates == PLANE_ID else 'object'}"
+    return f"{plausibility.penetration_mm:.1f} {without_model(plausibility.penetrates) or 'object'}"
 
 
 def drawn_stage(snapshot: Snapshot) -> str | None:

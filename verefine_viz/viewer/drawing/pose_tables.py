@@ -10,12 +10,11 @@ from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
 from verefine_viz.core.records import Stage
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
 from verefine_viz.evaluation.pose_errors import turning_on
-from verefine_viz.physics.stability import PLANE_ID
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import NONE, Column, Row, cut, number, small, swatch, table_of, text
 from verefine_viz.viewer.snapshot.snapshot import BranchSummary, EvaluatedPose, Snapshot, is_revealed
 from verefine_viz.viewer.state.view_options import STAGES
-from verefine_viz.viewer.text.display_names import arm_color, counted, is_correct, source_of
+from verefine_viz.viewer.text.display_names import arm_color, counted, is_correct, source_of, without_model
 from verefine_viz.viewer.text.pose_words import score_digits, shift_mm, turn
 
 # The parts of a score, pose by pose.
@@ -173,10 +172,9 @@ def contacts_table(snapshot: Snapshot, most: int = 8) -> str:
     k = min(k, len(path.contacts))
     contacts = path.contacts[k - 1]
     names = {i.instance_id: snapshot.problem.models[i.obj_id].name for i in snapshot.problem.instances}
-    names[PLANE_ID] = "table"
     order = sorted(range(len(contacts.depths_m)), key=lambda i: -float(contacts.forces_n[i]))
     columns: list[Column] = [
-        ("with", "", lambda i: text(names.get(int(contacts.others[i]), "object"))),
+        ("with", "", lambda i: text(names.get(other := int(contacts.others[i])) or without_model(other) or "object")),
         ("depth mm", "penetration; negative = a gap within Bullet's margin",
          lambda i: f"{contacts.depths_m[i] * 1000:.2f}"),
         ("force N", "normal force", lambda i: f"{contacts.forces_n[i]:.1f}"),

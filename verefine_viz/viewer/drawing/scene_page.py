@@ -83,5 +83,8 @@ def _surroundings(snapshot: Snapshot) -> list[str]:
         drawn.append("cloud: the observed depth, in the colours of the photo")
     if snapshot.problem.observation.support is not None:
         drawn += ["yellow arrow: gravity"] if "gravity" in layers else []
-        drawn += ["blue-grey sheet: support plane, lines every 5 cm"] if "plane" in layers else []
+        sheet = "support plane, lines every 5 cm"
+        if snapshot.problem.observation.support.surroundings is not None:
+            sheet = "what supports; brown: what else stands there; pink: unknown objects"
+        drawn += [f"blue-grey sheet: {sheet}"] if "plane" in layers else []
     return drawn

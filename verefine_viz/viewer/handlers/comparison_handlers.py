@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.paths import at_home
-from verefine_viz.core.settings import Session
+from verefine_viz.core.settings import SURROUNDINGS, Session
 from verefine_viz.session.variants import parsed, settings_between, variant
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Changes
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 _CHEAP = {"method", "icp", "score", "physics"}
 """Sections that can change while everything else of the tools is shared."""
+_WORLD = frozenset(f"physics.{name}" for name in SURROUNDINGS)
+"""Settings that make another world of the same frame."""
 
 
 def _branch_with(space: Workspace, changes: Changes) -> Branch:
@@ -36,6 +38,8 @@ def _branch_with(space: Workspace, changes: Changes) -> Branch:
         "hypotheses", "dependency", "ppf", "pcs",
     }  # fmt: skip
     problem = base.run.problem
+    if any(name in _WORLD for name, _, _ in settings_between(base.tools.session, session)):
+        problem = tools.surrounded(problem)
     if not same_start:  # Read again, with the instances that the open run solves too.
         ids = {i.instance_id for i in problem.instances}
         problem = tools.problem(space.frame)
@@ -58,7 +62,8 @@ def _tools(space: Workspace, tools: Toolbox, session: Session) -> Toolbox:
     """Tools of ``session``; what they have in common with ``tools`` is shared where that is safe."""
     old = tools.session
     between = settings_between(old, session)
-    if old.edits or old.changes or any(name.partition(".")[0] not in _CHEAP for name, _, _ in between):
+    is_cheap = all(name.partition(".")[0] in _CHEAP and name not in _WORLD for name, _, _ in between)
+    if old.edits or old.changes or not is_cheap:
         return space.make_tools(session)
     return tools.changed(nested(tuple((name, value) for name, _, value in between)))
 

@@ -148,6 +148,18 @@ def _reorder(state: State, command: c.CutDependency | c.MoveInOrder | c.ResetOrd
     _restart(state, c.Restart(changes))
 
 
+def _drop_unknown(state: State, command: c.DropUnknown) -> None:
+    space = state.workspace
+    support = space.work.problem.observation.support
+    around = support.surroundings if support is not None else None
+    numbers = [one.number for one in around.unknown] if around is not None else []
+    if command.number not in numbers:
+        raise InputError(unknown("unknown object", command.number, numbers))
+    one = (space.frame, command.number)
+    others = tuple(other for other in space.branch.tools.session.physics.dropped if other != one)
+    _restart(state, c.Restart((("physics.dropped", (*others, one) if command.drop else others),)))
+
+
 def entries(problem: Problem, clusters: Clusters) -> tuple[tuple[int | str, ...], ...]:
     """Clusters as a session file names them: by object, or by instance where an object is there twice."""
     obj_ids = {i.instance_id: i.obj_id for i in problem.instances}
@@ -234,6 +246,7 @@ HANDLERS = {
     c.CutDependency: _reorder,
     c.MoveInOrder: _reorder,
     c.ResetOrder: _reorder,
+    c.DropUnknown: _drop_unknown,
     c.Estimate: _estimate,
     c.OpenFrame: _open_frame,
     c.OpenDemo: _open_demo,

@@ -8,15 +8,17 @@ import numpy as np
 import viser
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.surroundings import UnknownObject
+from verefine_viz.pictures.surroundings_meshes import DROPPED_COLOR, UNKNOWN_COLOR
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.drawing.markup import sentence, warning
+from verefine_viz.viewer.drawing.markup import link, sentence, swatch, warning
 from verefine_viz.viewer.drawing.plausibility_picture import plausibility_html
 from verefine_viz.viewer.drawing.pose_tables import changes_table, contacts_table
 from verefine_viz.viewer.panels.widgets import Block, Send, add_buttons, add_style, by_user
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, is_revealed
 from verefine_viz.viewer.state.edited_pose import Axes, SentPoses, displaced, displacement
-from verefine_viz.viewer.text.display_names import method_name
-from verefine_viz.viewer.text.plausibility_verdict import plane_doubt
+from verefine_viz.viewer.text.display_names import counted, method_name
+from verefine_viz.viewer.text.plausibility_verdict import gravity_doubt, plane_doubt
 from verefine_viz.viewer.text.pose_words import beside_answer, edited_score, turn
 from verefine_viz.viewer.web.viser_internals import lettered, unlabelled
 
@@ -110,6 +112,7 @@ class PhysicsPanel:
         played = {"Play": c.PlayPath(), "Hide": c.ScrubPath(None)}
         self.play = add_buttons(gui, "Path", played, send, "the simulated path in 3D", visible=False)
         self._contacts = Block(gui)
+        self._surroundings = Block(gui)
 
     def show(self, snapshot: Snapshot) -> None:
         """The iteration that is shown; tables only where there is something to show."""
@@ -127,7 +130,41 @@ class PhysicsPanel:
             pose = snapshot.options.path_pose
             self.path.value = int(self.path.max) if pose is None else min(pose, int(self.path.max))
         self._contacts.show(contacts_table(snapshot) if path is not None else "")
+        self._surroundings.show(surroundings_html(snapshot))
         self.numbers.show(snapshot)
+
+
+def surroundings_html(snapshot: Snapshot) -> str:
+    """What supports and stops the objects, its unknown objects with links to drop or restore each, and the way to the
+    other world.
+    """
+    support, physics = snapshot.problem.observation.support, snapshot.session.physics
+    if support is None or not physics.enabled or snapshot.options.edited is not None:
+        return ""
+    around = support.surroundings
+    if around is None:
+        see = c.Restart((("physics.support", "observed"),))
+        act = link("use what the depth image shows", see, "shelves, walls, things without a model; restarts the run")
+        return f'<p class="dim">Supported by a plane alone: {act}</p>'
+    n_solids = len(around.solids) - len(around.surfaces)
+    n_surfaces = len(around.supporting) - around.catches
+    what = f"{counted(n_surfaces, 'surface')} and {counted(n_solids, 'other solid')}"
+    source = "The depth image" if around.source == "observed" else "The mesh"
+    back = link("use the plane alone", c.Restart((("physics.support", "plane"),)), "restarts the run")
+    rows = "".join(_unknown_object(one) for one in around.unknown)
+    return f'<p class="dim">{source} shows {what}. {back}</p>{rows}'
+
+
+def _unknown_object(one: UnknownObject) -> str:
+    x, y, z = np.sort(np.ptp(one.model.vertices, axis=0) * 1e3)[::-1]
+    act = (
+        link("restore", c.DropUnknown(one.number, False), "let it stop objects again (restarts the run)")
+        if one.is_dropped
+        else link("drop", c.DropUnknown(one.number), "let it stop nothing (restarts the run)")
+    )
+    color = DROPPED_COLOR if one.is_dropped else UNKNOWN_COLOR
+    state = ", dropped" if one.is_dropped else ""
+    return f"<p>{swatch(color)}unknown object {one.number}, {x:.0f} × {y:.0f} × {z:.0f} mm{state} {act}</p>"
 
 
 def physics_words(snapshot: Snapshot) -> str:
@@ -157,5 +194,5 @@ def physics_words(snapshot: Snapshot) -> str:
 def plane_warning(snapshot: Snapshot) -> str:
     """A box where the plane that everything rests on is doubtful."""
     support = snapshot.target.observation.support
-    doubt = plane_doubt(support) if support is not None else ""
-    return warning(doubt) if doubt else ""
+    doubts = (plane_doubt(support), gravity_doubt(support)) if support is not None else ()
+    return "".join(warning(doubt) for doubt in doubts if doubt)

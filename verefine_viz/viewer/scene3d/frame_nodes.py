@@ -13,14 +13,15 @@ from scipy.spatial import KDTree
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import apply, transform
-from verefine_viz.core.observation import Observation
+from verefine_viz.core.observation import TILT_SHOWN_DEG, Observation, Support
 from verefine_viz.core.palette import Image, class_image, difference_scale, distance_scale
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.scores import ScoreMaps
+from verefine_viz.pictures.surroundings_meshes import SOLID_COLOR, SURFACE_COLOR, drawn_surroundings
 from verefine_viz.viewer.commands import CloudColors
 from verefine_viz.viewer.drawing.ruler import ruler_of
 from verefine_viz.viewer.drawing.score_maps import map_over
-from verefine_viz.viewer.scene3d.pose_nodes import place
+from verefine_viz.viewer.scene3d.pose_nodes import add_mesh, add_wireframe, edges, place
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 
 IMAGE_PLANE_M = 0.12
@@ -245,6 +246,7 @@ class GroundNodes:
             plane_color=(120, 150, 190), plane_opacity=0.22,
         )  # fmt: skip
         place(self._grid, T)
+        self._surroundings = _surroundings_nodes(scene, support, centre, side / 2)
         radius = float(np.percentile(np.linalg.norm(points - points.mean(axis=0), axis=1), 90))
         away = apply(T_world_cam, np.zeros((1, 3)))[0] - centre
         beside = np.cross(away, [0.0, 0.0, 1.0])
@@ -255,12 +257,45 @@ class GroundNodes:
         back = np.array([[0.008, 0, 0.02], [-0.008, 0, 0.02], [0, 0.008, 0.02], [0, -0.008, 0.02]])
         barbs = tip + back
         strokes = np.array([(tail, tip), *((tip, barb) for barb in barbs)])
-        self._gravity = scene.add_line_segments(
-            "/world/gravity", strokes, (250, 220, 90), thickness=3, thickness_units="screen"
-        )
+        self._gravity = [
+            scene.add_line_segments("/world/gravity", strokes, (250, 220, 90), thickness=3, thickness_units="screen")
+        ]
+        if support is not None and support.tilt_deg > TILT_SHOWN_DEG:
+            normal = np.array([(tail, tail - 0.10 * up)])
+            self._gravity.append(
+                scene.add_line_segments("/world/normal", normal, SURFACE_COLOR, thickness=3, thickness_units="screen")
+            )
 
     def show(self, snapshot: Snapshot) -> None:
         """Shows or hides it; where no support is known there is nothing to show."""
         layers, is_known = snapshot.options.layers, snapshot.problem.observation.support is not None
-        self._grid.visible = "plane" in layers and is_known
-        self._gravity.visible = "gravity" in layers and is_known
+        self._grid.visible = "plane" in layers and is_known and not self._surroundings
+        for node in self._surroundings:
+            node.visible = "plane" in layers
+        for node in self._gravity:
+            node.visible = "gravity" in layers and is_known
+
+
+def _surroundings_nodes(
+    scene: viser.SceneApi, support: Support | None, centre_world: Float, reach_m: float
+) -> list[viser.SceneNodeHandle]:
+    """What supports and stops the objects instead of a plane; unknown objects as a solid with its edges and number."""
+    if support is None or support.surroundings is None:
+        return []
+    drawn = drawn_surroundings(support.surroundings, centre_world, reach_m)
+    nodes: list[viser.SceneNodeHandle] = []
+    for name, mesh, color, opacity in (
+        ("surfaces", drawn.surfaces, SURFACE_COLOR, 0.3),
+        ("solids", drawn.solids, SOLID_COLOR, 0.45),
+    ):
+        if len(mesh[1]):
+            nodes.append(add_mesh(scene, f"/world/{name}", mesh, color, opacity))
+            nodes.append(add_wireframe(scene, f"/world/{name}/edges", edges(*mesh), color, 1.2))
+    for one, color in drawn.unknown:
+        mesh, name = (one.model.vertices, one.model.faces), f"/world/unknown/{one.number}"
+        if not one.is_dropped:
+            nodes.append(add_mesh(scene, name, mesh, color, 0.55))
+        nodes.append(add_wireframe(scene, f"{name}/edges", edges(*mesh), color, 1.6))
+        top = one.model.vertices[one.model.vertices[:, 2].argmax()]
+        nodes.append(scene.add_label(f"{name}/number", f"unknown {one.number}", position=top, visible=False))
+    return nodes

@@ -13,7 +13,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
-from verefine_viz.core.settings import Change, Edit, Session
+from verefine_viz.core.settings import SURROUNDINGS, Change, Edit, Session
 from verefine_viz.core.text_format import first_of, listed
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
 from verefine_viz.session.edits import edits_of
@@ -256,6 +256,8 @@ class Workspace:
         same = not changes and not old.session.edits and not old.session.changes
         tools = old if same else old.restarted(merged((*ended, nested(changes))))
         problem = tools.ordered(self.work.problem) if "dependency" in nested(changes) else self.work.problem
+        if any(name in SURROUNDINGS for name in nested(changes).get("physics", ())):
+            problem = tools.surrounded(problem)
         work = self._begin(tools, problem)
         if tools is not self.tools:  # The other frames were run with other settings.
             self._works = {}

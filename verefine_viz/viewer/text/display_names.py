@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from verefine_viz.core.palette import ARM_COLORS, RGB
 from verefine_viz.core.problem import Hypothesis, Target
+from verefine_viz.core.surroundings import SUPPORT_ID, unknown_number
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.methods.registry import method_of
@@ -43,6 +44,14 @@ def in_focus(snapshot: Snapshot) -> ObjectState:
 def counted(n: int, name: str) -> str:
     """As in: 1 pose, 2 poses."""
     return f"{n} {name}{'s' if n != 1 else ''}"
+
+
+def without_model(instance_id: int | None) -> str:
+    """What is touched that is no object of the frame: the table, or an unknown object; "" for objects with a model."""
+    if instance_id is None or instance_id > SUPPORT_ID:
+        return ""
+    number = unknown_number(instance_id)
+    return "table" if number is None else f"unknown object {number}"
 
 
 def method_name(name: str) -> str:

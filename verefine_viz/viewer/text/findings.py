@@ -15,6 +15,7 @@ from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.state.batch_gallery import Entry
 from verefine_viz.viewer.text.display_names import counted, in_focus, is_correct
 from verefine_viz.viewer.text.plausibility_verdict import (
+    gravity_doubt,
     plane_doubt,
     unsupported_stacking,
     unsupported_stacking_warning,
@@ -72,8 +73,8 @@ def _support(snapshot: Snapshot) -> list[Finding]:
         given = snapshot.session.scene.gravity != "plane"
         remedy = "Check scene.gravity" if given else "Give scene.gravity"
         return [Finding(f"No physics: {note}. {remedy}, or choose a frame that shows the table.", red=True)]
-    doubt = plane_doubt(support)
-    return [*([Finding(doubt, cause=Cause.PLANE)] if doubt else []), *_hulls(snapshot)]
+    doubts = [doubt for doubt in (plane_doubt(support), gravity_doubt(support)) if doubt]
+    return [*(Finding(doubt, cause=Cause.PLANE) for doubt in doubts), *_hulls(snapshot)]
 
 
 def _hulls(snapshot: Snapshot) -> list[Finding]:

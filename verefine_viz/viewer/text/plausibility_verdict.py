@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
 
-from verefine_viz.core.observation import Support
+from verefine_viz.core.observation import TILT_SHOWN_DEG, Support
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.text_format import first_of
 from verefine_viz.methods.registry import method_of
@@ -42,12 +42,13 @@ def _unsupported_stacking(problem: Problem) -> dict[int, str]:
     for edge in problem.dependencies.edges if problem.dependencies else ():
         if edge.kind == "support" and edge.state != "cut" and edge.first in labels and edge.second in labels:
             on.setdefault(edge.second, []).append(labels[edge.first])
-    stacked = {}
+    support, stacked = problem.observation.support, {}
+    is_plane = support is None or support.surroundings is None  # Surroundings support what stands on no model.
     for target in problem.targets:
         own, height_m = target.instance.instance_id, height_above_plane_m(target)
         if own in on:
             stacked[own] = f"stands on {' and '.join(on[own])}"
-        elif height_m is not None and height_m > RAISED_M:
+        elif is_plane and height_m is not None and height_m > RAISED_M:
             stacked[own] = f"stands {height_m * 1e3:.0f} mm above the table"
     return stacked
 
@@ -116,11 +117,24 @@ def plausibility_verdict(plausibility: Any, o: ObjectState, scene: SceneState) -
 PLANE_SHARE = 0.4
 """A plane that holds less of the background is doubted. Right ones of the eight YCB-Video frames at hand hold 43-74 %,
 walls in them 24-37 %, the board beside the box of the built-in failure 23 %."""
+GRAVITY_FROM = {"plane": "its normal", "world": "the camera's pose", "given": "scene.gravity"}
+"""Where gravity comes from, in words."""
 SHARE_HINT = (
     "The rest is what else is in view: walls, things without a model. A doubtful plane holds less than "
     f"{PLANE_SHARE:.0%}; look in 3D whether it lies on the table."
 )
 """What the share of the background on the plane means."""
+
+
+def gravity_doubt(support: Support) -> str:
+    """That gravity and the support plane disagree; empty where they do not."""
+    if support.tilt_deg <= TILT_SHOWN_DEG:
+        return ""
+    return (
+        f"The support plane is tilted by {support.tilt_deg:.1f}° against gravity "
+        f"({GRAVITY_FROM[support.gravity_source]}): the table leans, or one of the two is wrong. 3D shows both: yellow "
+        "gravity, blue the plane's normal."
+    )
 
 
 def plane_doubt(support: Support) -> str:

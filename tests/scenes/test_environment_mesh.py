@@ -1,0 +1,136 @@
+"""Surroundings out of a mesh: where it is, what becomes of its flat parts, and what is wrong with a file or a pose."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from tests.fakes import box_problem
+from verefine_viz.core.errors import InputError, SettingsError
+from verefine_viz.core.geometry import inverse, transform
+from verefine_viz.core.observation import Observation
+from verefine_viz.core.problem import Placed
+from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.core.surroundings import Surroundings
+from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.scenes.environment_mesh import mesh_surroundings
+from verefine_viz.session.files import resolve
+
+PROBLEM = box_problem()
+SUPPORT = PROBLEM.observation.support
+assert SUPPORT is not None
+MIDDLE = (SUPPORT.T_world_cam @ PROBLEM.instances[0].T_cam_obj_gt)[:3, 3]
+"""Of the box, 40 mm above the table z = 0."""
+
+
+def written(folder: Path, mesh: trimesh.Trimesh, scale: float = 1.0) -> str:
+    mesh = mesh.copy()
+    mesh.apply_scale(scale)
+    path = folder / "cell.ply"
+    mesh.export(path)
+    return str(path)
+
+
+def table(top_m: float = 0.0, thick_m: float = 0.05) -> trimesh.Trimesh:
+    """A board below the box, in the support's world."""
+    board = trimesh.creation.box([0.6, 0.4, thick_m])
+    board.apply_translation([MIDDLE[0], MIDDLE[1], top_m - thick_m / 2])
+    return board
+
+
+def of_mesh(observation: Observation = PROBLEM.observation, **physics: Any) -> Surroundings:
+    assert SUPPORT is not None
+    return mesh_surroundings(PhysicsSettings(support="mesh", **physics), observation, SUPPORT)
+
+
+def rows(T: np.ndarray) -> tuple[float, ...]:
+    return tuple(float(x) for x in T.ravel())
+
+
+@pytest.mark.parametrize("unit_m", [1.0, 0.001])
+def test_a_mesh_in_the_cameras_frame_and_in_the_worlds_is_the_same(tmp_path: Path, unit_m: float) -> None:
+    assert SUPPORT is not None
+    path = written(tmp_path, table(), 1 / unit_m)
+    T_cam_world = inverse(SUPPORT.T_world_cam)
+    camera = of_mesh(mesh=path, mesh_unit_m=unit_m, mesh_frame="camera", mesh_pose=rows(T_cam_world))
+    mapped = replace(PROBLEM.observation, T_map_cam=transform(np.eye(3), [1.0, 2.0, 3.0]) @ SUPPORT.T_world_cam)
+    pose = rows(transform(np.eye(3), [1.0, 2.0, 3.0]))
+    world = of_mesh(mapped, mesh=path, mesh_unit_m=unit_m, mesh_pose=pose)
+    assert len(camera.solids) == len(world.solids) == 6
+    for one, other in zip(camera.solids, world.solids, strict=True):
+        np.testing.assert_allclose(np.sort(one.vertices, axis=0), np.sort(other.vertices, axis=0), atol=1e-5)
+    assert [round(float(s.heights(MIDDLE[None])[0]), 4) for s in world.surfaces] == [0.04]
+
+
+@pytest.mark.parametrize("start_mm", [5.0, 0.0, -20.0])
+def test_an_object_rests_on_the_mesh_also_from_inside(tmp_path: Path, start_mm: float) -> None:
+    """A board whose two top triangles meet below the middle of the object."""
+    assert SUPPORT is not None
+    T_cam_world = inverse(SUPPORT.T_world_cam)
+    around = of_mesh(mesh=written(tmp_path, table(0.02)), mesh_frame="camera", mesh_pose=rows(T_cam_world))
+    support = replace(SUPPORT, surroundings=around)
+    model = next(iter(PROBLEM.models.values()))
+    start = transform(np.eye(3), [MIDDLE[0], MIDDLE[1], 0.02 + 0.03 + 1e-3 * start_mm])
+    moving = Placed(0, model, T_cam_world @ start)
+    path = BulletSimulator(PhysicsSettings(collider="hull")).settle(moving, (), support, 120)
+    end = SUPPORT.T_world_cam @ path.T_cam_obj
+    np.testing.assert_allclose(end[:3, 3], [MIDDLE[0], MIDDLE[1], 0.05], atol=0.002)
+
+
+def test_an_open_sheet_gets_its_thickness_away_from_the_camera(tmp_path: Path) -> None:
+    """A wall behind the box, one sheet."""
+    assert SUPPORT is not None
+    sheet = trimesh.Trimesh([[-0.3, 0, 0], [0.3, 0, 0], [0.3, 0, 0.3], [-0.3, 0, 0.3]], [[0, 1, 2], [0, 2, 3]])
+    sheet.apply_translation([MIDDLE[0], MIDDLE[1] + 0.1, 0])
+    pose = rows(inverse(SUPPORT.T_world_cam))
+    around = of_mesh(mesh=written(tmp_path, sheet), mesh_frame="camera", mesh_pose=pose)
+    assert len(around.solids) == 1
+    assert around.surfaces == ()
+    y = around.solids[0].vertices[:, 1]
+    assert (y.min(), y.max()) == (pytest.approx(MIDDLE[1] + 0.1, abs=1e-4), pytest.approx(MIDDLE[1] + 0.13, abs=1e-4))
+
+
+def test_the_largest_surface_is_the_first(tmp_path: Path) -> None:
+    assert SUPPORT is not None
+    step = trimesh.creation.box([0.1, 0.1, 0.02])
+    step.apply_translation([MIDDLE[0] + 0.2, MIDDLE[1], 0.01])
+    both = trimesh.util.concatenate([step, table()])
+    pose = rows(inverse(SUPPORT.T_world_cam))
+    around = of_mesh(mesh=written(tmp_path, both), mesh_frame="camera", mesh_pose=pose)
+    assert [round(float(s.heights(MIDDLE[None])[0]), 4) for s in around.surfaces] == [0.04, 0.02]
+    # Without depth on the objects nothing shows what is near: all of the mesh counts.
+    empty = replace(PROBLEM.observation, depth_m=np.zeros_like(PROBLEM.observation.depth_m))
+    assert len(of_mesh(empty, mesh=str(tmp_path / "cell.ply"), mesh_frame="camera", mesh_pose=pose).solids) == 12
+
+
+@pytest.mark.parametrize(
+    ("physics", "error", "words"),
+    [
+        ({}, SettingsError, "physics.mesh names no file"),
+        ({"mesh": "there/is/none.ply"}, InputError, "none.ply"),
+        ({"mesh_frame": "world"}, InputError, "does not say where its camera is"),
+        ({"mesh_pose": (1.0, 2.0)}, InputError, "has 2 numbers, expected 16"),
+        ({"mesh_pose": tuple(range(16))}, InputError, "physics.mesh_pose"),
+        ({"mesh_unit_m": 0.001}, InputError, "nothing within 0.5 m of the objects"),
+    ],
+)
+def test_what_is_wrong_is_one_line(tmp_path: Path, physics: dict[str, Any], error: type[Exception], words: str) -> None:
+    moved = table()
+    moved.apply_translation([0, 0, 5.0])
+    given = {"mesh_frame": "camera", "mesh": written(tmp_path, moved), **physics}
+    if not physics:
+        given["mesh"] = ""
+    with pytest.raises(error, match=words) as raised:
+        of_mesh(**given)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_mesh_that_is_not_read_is_refused() -> None:
+    with pytest.raises(SettingsError, match=r'physics\.mesh is set, but physics\.support is "plane"'):
+        resolve({"physics": {"mesh": "cell.ply"}})
+    assert resolve({"physics": {"mesh": "cell.ply", "support": "mesh"}}).physics.mesh == "cell.ply"
