@@ -1,4 +1,4 @@
-"""The command line: ``verefine-viz view | batch | estimate | evaluate | study | report | datasets | replay | doctor``.
+"""The command line: ``verefine-viz view | batch | estimate | evaluate | study | train | report | datasets | …``.
 
 Exit codes: 0 done, 1 some frames failed or a check did not pass, 2 bad usage or input, 3 a recording that ended early,
 130 stopped by Ctrl-C, 143 by SIGTERM, 129 as the terminal was closed (SIGHUP).
@@ -32,6 +32,7 @@ from verefine_viz.commands.flags import HELP_SETTINGS, SECTIONS, show_help
 from verefine_viz.commands.replay import Replay
 from verefine_viz.commands.report import Report
 from verefine_viz.commands.study import Study
+from verefine_viz.commands.train import Train
 from verefine_viz.commands.view import View
 from verefine_viz.core.errors import SettingsError, VerefineError, in_one_line, quoted, unknown
 from verefine_viz.core.paths import DISK_FULL, at_home
@@ -47,6 +48,7 @@ COMMANDS: dict[str, type[Command]] = {
     "estimate": Estimate,
     "evaluate": Evaluate,
     "study": Study,
+    "train": Train,
     "report": Report,
     "datasets": Datasets,
     "replay": Replay,

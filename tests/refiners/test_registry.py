@@ -24,7 +24,7 @@ def test_identity_changes_nothing() -> None:
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
-    said = "unknown refiner 'ipc'; did you mean 'icp'? available: icp, trimmed_icp, identity"
+    said = "unknown refiner 'ipc'; did you mean 'icp'? available: icp, trimmed_icp, depth_net, depth_net_icp, identity"
     with pytest.raises(SettingsError, match=f"^{re.escape(said)}$"):
         make_refiner("ipc", Session())
 

@@ -148,6 +148,8 @@ class RunFile(_Lenient):
     """What it took, in words."""
     machine: dict[str, str | int] = {}
     packages: dict[str, str] = {}
+    weights: dict[str, str] = {}
+    """Hashes of the learned refiner's weights."""
 
 
 def read_run(folder: Path) -> RunFile:

@@ -14,7 +14,8 @@ from pathlib import Path
 import verefine_viz
 
 PACKAGES = (
-    "numpy", "scipy", "numba", "open3d", "trimesh", "pybullet", "coacd", "moderngl", "viser", "rerun-sdk", "pydantic",
+    "numpy", "scipy", "numba", "open3d", "trimesh", "pybullet", "coacd", "moderngl", "onnxruntime",
+    "viser", "rerun-sdk", "pydantic",
 )  # fmt: skip
 SHARE = 0.8
 """Of the machine's memory that all workers together may take, unless a limit is given."""

@@ -37,6 +37,7 @@ from verefine_viz.observation.given_order import Entries, checked, read_orders
 from verefine_viz.scenes.frames import frame_name, parse_frame
 from verefine_viz.scenes.models import ModelLibrary
 from verefine_viz.scenes.source import SceneSource
+from verefine_viz.session.session_refiners import weights_of
 from verefine_viz.session.toolbox import Toolbox
 
 NEEDED_BYTES = 1_000_000
@@ -346,6 +347,10 @@ class _Batch:
         return ()
 
     @cached_property
+    def _weights(self) -> dict[str, str]:
+        return weights_of(self.session)
+
+    @cached_property
     def _source(self) -> SceneSource:
         return Toolbox(self.session).source
 
@@ -372,6 +377,7 @@ class _Batch:
             memory=self._memory(),
             machine=machine(),
             packages=package_versions(),
+            weights=self._weights,
         )
         self.folder.write_json(RUN_FILE, run.model_dump(exclude_unset=True))
 

@@ -70,7 +70,7 @@ def _verify(recording: Path) -> int:
     from verefine_viz.recording.reader import Recorded
     from verefine_viz.recording.verify import run_again, verify
     from verefine_viz.session.engine import Run
-    from verefine_viz.session.toolbox import check_refiners
+    from verefine_viz.session.session_refiners import check_refiners
 
     def again(recorded: Recorded) -> Run:
         check_refiners(recorded.session, f"recording {recording}", "verify", f"replay {recording} --verify")

@@ -57,7 +57,7 @@ class View:
             session = _recorded_session(recording, self.other)
         elif self.session is not None and self.session.is_dir():
             from verefine_viz.batch.index import find_runs
-            from verefine_viz.session.toolbox import check_refiners
+            from verefine_viz.session.session_refiners import check_refiners
             from verefine_viz.viewer.state.batch_gallery import read_gallery
 
             if note := find_runs(self.session).note:

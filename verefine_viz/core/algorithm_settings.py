@@ -52,6 +52,15 @@ class TricpSettings(Settings):
     """Observed points closer than this to an object already placed are left out [m]; 0 keeps all."""
 
 
+class DepthNetSettings(Settings):
+    """The learned depth refiner. docs/methods.md 4.4."""
+
+    weights: InputPath = ""
+    """ONNX file of `verefine-viz train depth_net`, relative to the session file; "" = the weights of the package."""
+    iterations: Annotated[int, Field(ge=1, le=100)] = 4
+    """Steps of the network per refiner call."""
+
+
 class PpfSettings(Settings):
     """Point pair features. docs/methods.md 6; defaults as measured on real frames (bench/estimators.py)."""
 

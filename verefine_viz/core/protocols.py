@@ -18,10 +18,22 @@ from verefine_viz.core.settings import ScoreSettings
 
 
 class Refiner(Protocol):
-    """Improves a pose from the observed cloud."""
+    """Improves a pose from what was observed.
+
+    ``target`` has it all: the cloud and the mask of the instance, depth, colour and camera of the frame, the model. A
+    refiner that draws the model has a renderer of its own (rendering/mesh.py, rendering/rasterizer.py).
+    """
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
         """The refined pose (4, 4). ``fixed`` are objects already placed, whose points a refiner may leave out."""
+        ...
+
+
+class PoolRefiner(Refiner, Protocol):
+    """A refiner that takes several poses of one object at once, as networks do."""
+
+    def refine_all(self, target: Target, Ts_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        """N refined poses (N, 4, 4), each with the bits that :meth:`refine` gives it alone."""
         ...
 
 

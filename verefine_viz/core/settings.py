@@ -14,6 +14,7 @@ from pydantic import Field
 from verefine_viz.core.algorithm_settings import (
     BreakpointSettings,
     DependencySettings,
+    DepthNetSettings,
     IcpSettings,
     MctsSettings,
     PcsSettings,
@@ -236,6 +237,7 @@ class Session(Settings):
     method: MethodSettings = MethodSettings()
     icp: IcpSettings = IcpSettings()
     tricp: TricpSettings = TricpSettings()
+    depth_net: DepthNetSettings = DepthNetSettings()
     mcts: MctsSettings = MctsSettings()
     dependency: DependencySettings = DependencySettings()
     ppf: PpfSettings = PpfSettings()

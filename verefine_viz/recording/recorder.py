@@ -32,6 +32,7 @@ from verefine_viz.recording.recorded_layout import Layout, layout_of
 from verefine_viz.recording.recording_file import RecordingFile, journal_path, part_path
 from verefine_viz.recording.views import blueprint_of
 from verefine_viz.session.files import session_toml
+from verefine_viz.session.session_refiners import weights_of
 
 SCHEMA = 4
 """Of the recording; a reader refuses others. 4: written by rerun's own SDK, iterations with their checksums."""
@@ -39,7 +40,18 @@ BLOCK = 200
 """Iterations that are drawn together; the journal holds them until then."""
 BLOCK_WITH_MAPS = 10
 """The same where score maps are recorded, which are large: of a file that is truncated, what lies before is saved."""
-PACKAGES = ("verefine-viz", "numpy", "numba", "scipy", "pybullet", "open3d", "coacd", "trimesh", "rerun-sdk")
+PACKAGES = (
+    "verefine-viz",
+    "numpy",
+    "numba",
+    "scipy",
+    "pybullet",
+    "open3d",
+    "coacd",
+    "trimesh",
+    "onnxruntime",
+    "rerun-sdk",
+)
 
 
 class Recorder:
@@ -247,7 +259,7 @@ def properties(session: Session, problem: Problem, layout: Layout) -> dict[str, 
         "settings": settings,
         "session": _toml(settings),
         "layout": layout.to_json(),
-        "versions": json.dumps(versions()),
+        "versions": json.dumps(versions(session)),
     }
 
 
@@ -257,9 +269,13 @@ def _toml(settings: str) -> str:
     return session_toml(Session.model_validate_json(settings))
 
 
+def versions(session: Session) -> dict[str, str]:
+    """Python, the packages and the weights whose numbers enter a run of the session."""
+    return _installed() | weights_of(session)
+
+
 @cache
-def versions() -> dict[str, str]:
-    """Python and the packages whose numbers enter a run."""
+def _installed() -> dict[str, str]:
     installed = {"python": platform.python_version(), "machine": platform.machine()}
     for package in PACKAGES:
         try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -160,7 +160,7 @@ def verify(path: Path, make_run: MakeRun | None = None) -> Verification:
             break
     words = None
     if first_and_real:
-        words = _in_words(first_and_real, largest, len(recorded.iterations), recorded.versions)
+        words = _in_words(first_and_real, largest, recorded)
     return Verification(n_same, words, run.n_iterations, recorded.is_complete)
 
 
@@ -192,7 +192,7 @@ def _differences(iteration: Iteration, run: Run) -> list[Difference]:
     return list(differences(iteration, as_recorded(run.step())))
 
 
-def _in_words(first_and_real: list[tuple[int, Difference]], largest: float, n: int, recorded: Mapping[str, str]) -> str:
+def _in_words(first_and_real: list[tuple[int, Difference]], largest: float, recorded: Recorded) -> str:
     """The first difference and, where that is rounding and more follows, the first that is not."""
     (index, first), changed = first_and_real[0], _changed(recorded)
     text = f"iteration {index}: {first.words}"
@@ -200,8 +200,8 @@ def _in_words(first_and_real: list[tuple[int, Difference]], largest: float, n: i
         return f"{text}; recorded with {changed}" if changed else text
     if largest <= ROUNDING:
         text += (
-            f"; only last digits differ, in all {n} iterations by {largest:.1g} at most, and everything else is the "
-            "same: in effect it is the same run"
+            f"; only last digits differ, in all {len(recorded.iterations)} iterations by {largest:.1g} at most, and "
+            "everything else is the same: in effect it is the same run"
         )
     else:
         index, real = first_and_real[1]
@@ -211,7 +211,7 @@ def _in_words(first_and_real: list[tuple[int, Difference]], largest: float, n: i
     return f"{text}; another state of the program, or another machine, computes last digits differently (same versions)"
 
 
-def _changed(recorded: Mapping[str, str]) -> str:
-    """What is installed in another version here, which may be the reason."""
-    here = versions()
-    return ", ".join(f"{n} {v} (here {here.get(n)})" for n, v in recorded.items() if here.get(n) != v)
+def _changed(recorded: Recorded) -> str:
+    """What is here in another version, or with other weights, which may be the reason."""
+    here = versions(recorded.session)
+    return ", ".join(f"{n} {v} (here {here.get(n)})" for n, v in recorded.versions.items() if here.get(n) != v)

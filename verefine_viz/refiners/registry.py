@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import dropwhile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import SettingsError, unknown
@@ -19,6 +20,9 @@ from verefine_viz.core.protocols import Refiner
 from verefine_viz.core.settings import Session
 from verefine_viz.refiners.icp import Icp
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
+
+if TYPE_CHECKING:
+    from verefine_viz.refiners.depth_net import DepthNet
 
 _OWN = __name__.partition(".")[0]
 _PACKAGE = Path(__file__).parents[1]
@@ -77,11 +81,35 @@ class Identity:
         return T_cam_obj
 
 
+def _depth_net(session: Session) -> DepthNet:
+    # onnxruntime is heavy, and most runs do without.
+    from verefine_viz.refiners.depth_net import DepthNet
+
+    return DepthNet(session.depth_net, session.score.simplify_mm)
+
+
+def _depth_net_icp(session: Session) -> Refiner:
+    from verefine_viz.refiners.depth_net import DepthNetIcp
+
+    return DepthNetIcp(_depth_net(session), session.icp)
+
+
+def _depth_net_hash(session: Session) -> str:
+    from verefine_viz.learned.onnx_network import hash_of, read_weights
+    from verefine_viz.refiners.depth_net import weights_path
+
+    return hash_of(read_weights(weights_path(session.depth_net)))
+
+
 REFINERS: dict[str, Callable[[Session], Refiner]] = {
     "icp": lambda session: Icp(session.icp),
     "trimmed_icp": lambda session: TrimmedIcp(session.tricp),
+    "depth_net": _depth_net,
+    "depth_net_icp": _depth_net_icp,
     "identity": lambda session: Identity(),
 }
+WEIGHTS: dict[str, Callable[[Session], str]] = {"depth_net": _depth_net_hash, "depth_net_icp": _depth_net_hash}
+"""The hash of the weights of each learned refiner, by which recordings and run.json name them."""
 
 
 def make_refiner(name: str, session: Session) -> Refiner:

@@ -22,7 +22,7 @@ Layer = tuple[str, Raw]
 """Where settings were written ("s.toml", "command line"), and what was written there, nested as in a session file."""
 TYPED = "command line"
 """Where settings come from that are in no file, in messages."""
-DURING_A_RUN = ("method", "icp", "tricp", "mcts", "score", "physics")
+DURING_A_RUN = ("method", "icp", "tricp", "depth_net", "mcts", "score", "physics")
 """Sections that can change from one iteration to the next; of physics, what is simulated but not in which world."""
 AT_ITS_START = (*DURING_A_RUN, "dependency")
 """Sections that can change when a run begins again on the same frame."""
@@ -164,10 +164,9 @@ def _merged(base: Raw, top: Raw) -> dict[str, Any]:
 
 
 def _with_absolute_paths(raw: Raw, folder: Path) -> dict[str, Any]:
-    """Paths of scene.dataset, scene.masks, hypotheses.files, dependency.order_file and physics.mesh made absolute."""
+    """Every path of a session made absolute: of data set, masks, results files, order file, weights and mesh."""
     out = _merged({}, raw)
-    scene, hypotheses, dependency = out.get("scene"), out.get("hypotheses"), out.get("dependency")
-    physics = out.get("physics")
+    scene, hypotheses = out.get("scene"), out.get("hypotheses")
     if isinstance(scene, Mapping):
         scene = dict(scene)
         if isinstance(scene.get("dataset"), str) and scene["dataset"]:
@@ -178,10 +177,10 @@ def _with_absolute_paths(raw: Raw, folder: Path) -> dict[str, Any]:
     if isinstance(hypotheses, Mapping) and isinstance(hypotheses.get("files"), list | tuple):
         files = [_absolute(f, folder) if isinstance(f, str) else f for f in hypotheses["files"]]
         out["hypotheses"] = {**hypotheses, "files": files}
-    if isinstance(dependency, Mapping) and isinstance(dependency.get("order_file"), str) and dependency["order_file"]:
-        out["dependency"] = {**dependency, "order_file": _absolute(dependency["order_file"], folder)}
-    if isinstance(physics, Mapping) and isinstance(physics.get("mesh"), str) and physics["mesh"]:
-        out["physics"] = {**physics, "mesh": _absolute(physics["mesh"], folder)}
+    for section, field in (("dependency", "order_file"), ("depth_net", "weights"), ("physics", "mesh")):
+        fields = out.get(section)
+        if isinstance(fields, Mapping) and isinstance(fields.get(field), str) and fields[field]:
+            out[section] = {**fields, field: _absolute(fields[field], folder)}
     return out
 
 

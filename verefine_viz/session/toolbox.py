@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import cache, cached_property, partial
 from typing import Any
 
-from verefine_viz.core.errors import InputError, SettingsError, ShapeError, VerefineError, unknown
+from verefine_viz.core.errors import InputError, ShapeError, VerefineError, unknown
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
@@ -21,7 +21,7 @@ from verefine_viz.methods.physim_mcts import make_physim_mcts, mcts_physics, mct
 from verefine_viz.methods.registry import make_method, method_of
 from verefine_viz.observation.dependency_graph import dependency_graph
 from verefine_viz.physics.simulator import BulletSimulator
-from verefine_viz.refiners.registry import REFINERS, make_refiner
+from verefine_viz.refiners.registry import make_refiner
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 from verefine_viz.rendering.colour import ColourStore
 from verefine_viz.rendering.explained import ExplainedPixels
@@ -293,34 +293,3 @@ def _within_reach(problem: Problem) -> Problem:
     if not notes:
         return problem
     return replace(problem, instances=tuple(instance for instance, _ in checked), notes=(*problem.notes, *notes))
-
-
-def check_refiners(session: Session, what: str, to_do: str, words: str) -> None:
-    """Checks that this program has every refiner with which something was made.
-
-    Args:
-        session: how it was made.
-        what: what was made, as "recording run.rrd".
-        to_do: what was to be done with it now, as "verify".
-        words: the words that do so, as "replay run.rrd --verify".
-
-    Raises:
-        SettingsError: a refiner is not there; the text says through which program to do it.
-    """
-    for name in _refiners_of(session):
-        if name not in REFINERS:
-            raise SettingsError(
-                f"{what} was made with the refiner {name!r}, which this program does not have "
-                f"(it has {', '.join(REFINERS)}); {to_do} it through the program that does, as in the README's "
-                f'"Your own refiner": python PROGRAM.py {words}'
-            )
-
-
-def _refiners_of(session: Session) -> Iterator[str]:
-    """The refiners that a run of the session needs, also after settings that change during the run."""
-    stages = [session]
-    for change in sorted(session.changes, key=lambda change: change.after_iteration):
-        stages.append(changed(stages[-1], change.settings))
-    for stage in stages:
-        if not method_of(stage.method.name).has_tree:  # It has a refiner of its own.
-            yield stage.method.refiner

@@ -126,7 +126,7 @@ class SettingsPanel:
         self._label_estimate()
         self._fields["method.discount"].visible = method_of(snapshot.session.method.name).has_passes
         self._fields["tricp.trim"].visible = snapshot.session.method.refiner == "trimmed_icp"
-        self._fields["icp.max_iterations"].visible = snapshot.session.method.refiner == "icp"
+        self._fields["icp.max_iterations"].visible = snapshot.session.method.refiner in ("icp", "depth_net_icp")
         self._fields["dependency.rule"].visible = len(snapshot.problem.instances) > 1
         self._fields["hypotheses.seed"].visible = snapshot.session.hypotheses.source == "perturb"
 

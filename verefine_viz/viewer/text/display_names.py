@@ -61,7 +61,8 @@ def method_name(name: str) -> str:
 
 def refiner_name(name: str) -> str:
     """As people write it."""
-    return {"trimmed_icp": "trimmed ICP"}.get(name, name.upper())
+    names = {"trimmed_icp": "trimmed ICP", "depth_net": "depth net", "depth_net_icp": "depth net + ICP"}
+    return names.get(name, name.upper())
 
 
 # Hypotheses.

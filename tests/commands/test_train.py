@@ -1,0 +1,43 @@
+"""``verefine-viz train``: what it refuses, and what it says without torch."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from verefine_viz import cli
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["depth_nett", "--out", "net.onnx"], "invalid choice"),
+        (["depth_net"], "--out"),
+        (["depth_net", "--out", "net.pth"], "--out is net.pth, expected a name that ends in .onnx"),
+        (["depth_net", "--out", "net.onnx", "--minutes", "0"], "--minutes is 0, expected more than 0"),
+        (["depth_net", "--out", "net.onnx", "--minutes", "nan"], "--minutes is nan, expected more than 0"),
+        (["depth_net", "--out", "net.onnx", "--steps", "0"], "--steps is 0, expected from 1"),
+        (["depth_net", "--out", "net.onnx", "--seed", "-1"], "--seed is -1, expected from 0"),
+    ],
+)
+def test_bad_words_are_one_line(
+    words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["train", *words]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_torch_it_names_the_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in [name for name in sys.modules if name.startswith("verefine_viz.training")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    assert cli.main(["train", "depth_net", "--out", str(tmp_path / "net.onnx")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("verefine-viz: training needs torch: pip install 'verefine-viz[torch]'")

@@ -1,0 +1,54 @@
+"""``verefine-viz train``: trains a network of the learned refiners on made-up views."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from verefine_viz.core.errors import SettingsError, UnavailableError
+from verefine_viz.core.paths import check_file
+
+NEEDED = ("torch", "onnx", "onnxscript")
+"""Packages of the extra ``torch``."""
+MOST_STEPS, MOST_MINUTES = 10_000_000, 100_000
+
+
+@dataclass(frozen=True)
+class Train:
+    """Train a network on made-up views, on one processor core. Stopped or killed, the same command goes on."""
+
+    network: Annotated[Literal["depth_net"], tyro.conf.Positional]
+    """depth_net: the depth refiner that knows no object."""
+    out: Path
+    """ONNX file; its model card goes beside it as JSON, and until it is done a checkpoint."""
+    minutes: float = 25.0
+    """How long it trains: the number of steps follows from the speed of the first ones."""
+    steps: int | None = None
+    """Number of steps instead; with the same seed it gives the same weights again on the same machine."""
+    seed: int = 0
+    """Of weights and views."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        check_file(self.out, "depth_net.onnx")
+        if self.out.suffix != ".onnx":
+            raise SettingsError(f"--out is {self.out}, expected a name that ends in .onnx")
+        if not 0 < self.minutes <= MOST_MINUTES:
+            raise SettingsError(f"--minutes is {self.minutes:g}, expected more than 0 and at most {MOST_MINUTES}")
+        if self.steps is not None and not 1 <= self.steps <= MOST_STEPS:
+            raise SettingsError(f"--steps is {self.steps}, expected from 1 to {MOST_STEPS}")
+        if not 0 <= self.seed < 2**32:
+            raise SettingsError(f"--seed is {self.seed}, expected from 0 to {2**32 - 1}")
+        try:
+            from verefine_viz.training.train_command import train_depth_net
+        except ModuleNotFoundError as error:
+            if (error.name or "").partition(".")[0] not in NEEDED:
+                raise
+            raise UnavailableError(
+                f"training needs {error.name}: pip install 'verefine-viz[torch]' "
+                "(the weights of the package need nothing more)"
+            ) from None
+        return train_depth_net(self.out, self.seed, self.steps, self.minutes)

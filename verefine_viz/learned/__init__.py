@@ -1,0 +1,1 @@
+"""Learned networks as they are used: what they see, the files they come from, their inference."""

@@ -1,0 +1,136 @@
+"""A learned refiner: a small network sees depth, observed and rendered, and gives a step. docs/methods.md 4.4.
+
+It knows no object: it was trained on shapes that are in no data set. What it sees is a crop around the object at the
+current pose (:mod:`verefine_viz.learned.depth_crops`). Its step is coarse and its basin wide; ICP with a tight gate,
+called after it, makes the rest of the way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.algorithm_settings import DepthNetSettings, IcpSettings
+from verefine_viz.core.arrays import Float, finite
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.problem import Placed, Target
+from verefine_viz.learned.depth_crops import FORMAT, Crops, Extent, crops_at, extent_of, moved_by
+from verefine_viz.learned.onnx_network import PACKAGED, OnnxNetwork
+from verefine_viz.refiners.icp import Icp
+from verefine_viz.rendering.prepared import MeshStore
+
+NETWORK = "depth_net"
+"""Its name in weights and settings."""
+LARGEST_RAD, LARGEST_SHIFT = np.deg2rad(60.0), 1.0
+"""Steps are shortened to this [rad], [radii]: weights that were trained badly must not throw an object out of sight."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One step of the network from N poses."""
+
+    channels: NDArray[np.float32]
+    """(N, C, S, S) what it saw."""
+    answers: Float
+    """(N, 7) what it answered; 0 where nothing could be seen."""
+    Ts_cam_obj: Float
+    """(N, 4, 4) the poses after it [m]."""
+
+
+def weights_path(settings: DepthNetSettings) -> Path:
+    """The file of the weights that the settings name."""
+    return Path(settings.weights) if settings.weights else PACKAGED / f"{NETWORK}.onnx"
+
+
+class DepthNet:
+    """Refines poses by steps of the network.
+
+    Args:
+        settings: weights and number of steps.
+        simplify_mm: deviation of the mesh that is drawn, that of the score, so that one mesh serves both [mm].
+
+    Raises:
+        InputError: the weights cannot be read, or are of another network.
+    """
+
+    def __init__(self, settings: DepthNetSettings, simplify_mm: float) -> None:
+        self.settings = settings
+        self._network = OnnxNetwork(weights_path(settings), NETWORK, FORMAT)
+        self._meshes = MeshStore(simplify_mm)
+        self._extents: WeakKeyDictionary[ObjectModel, Extent] = WeakKeyDictionary()
+
+    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        """The refined pose (4, 4); the given one where the mask holds no depth or the model does not show.
+
+        Raises:
+            InputError: the network's answer is not finite.
+        """
+        return self.refine_all(target, T_cam_obj[None], fixed)[0]
+
+    def refine_all(self, target: Target, Ts_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        """N refined poses (N, 4, 4), each with the bits that :meth:`refine` gives it alone."""
+        return self.steps(target, Ts_cam_obj)[-1].Ts_cam_obj
+
+    def steps(self, target: Target, Ts_cam_obj: Float) -> list[Step]:
+        """Every step from N poses (N, 4, 4), with what the network saw and answered."""
+        observation, instance = target.observation, target.instance
+        mesh, extent = self._meshes.get(target.model), self._extent(target.model)
+        Ts = finite(Ts_cam_obj, "poses to refine", (None, 4, 4))
+        steps = []
+        for _ in range(self.settings.iterations):
+            crops = crops_at(observation.depth_m, instance.mask, observation.camera, mesh, extent, Ts)
+            steps.append(step_from(Ts, crops, self._network, extent))
+            Ts = steps[-1].Ts_cam_obj
+        return steps
+
+    def _extent(self, model: ObjectModel) -> Extent:
+        extent = self._extents.get(model)
+        if extent is None:
+            extent = self._extents[model] = extent_of(model.vertices, model.diameter_m)
+        return extent
+
+
+class DepthNetIcp:
+    """The network first, then ICP with the tight gate throughout: what is far away is done, and must not be undone.
+
+    Args:
+        net: what goes first.
+        icp: settings of what follows, but for the gate.
+    """
+
+    def __init__(self, net: DepthNet, icp: IcpSettings) -> None:
+        self._net, self._icp = net, Icp(icp.model_copy(update={"gate": "published"}))
+
+    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        """The refined pose (4, 4); as :meth:`DepthNet.refine`."""
+        return self._icp.refine(target, self._net.refine(target, T_cam_obj, fixed), fixed)
+
+    def refine_all(self, target: Target, Ts_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        """N refined poses (N, 4, 4), each with the bits that :meth:`refine` gives it alone."""
+        return np.stack([self._icp.refine(target, T, fixed) for T in self._net.refine_all(target, Ts_cam_obj, fixed)])
+
+
+def step_from(Ts_cam_obj: Float, crops: Crops, network: OnnxNetwork, extent: Extent) -> Step:
+    """The network's step from N poses (N, 4, 4) with their crops; a pose whose crop shows nothing stays as it is."""
+    answers = network(crops.channels)
+    answers[~crops.is_usable] = 0.0
+    poses = [
+        moved_by(T, _shortened(answer), R, extent) if is_usable else T
+        for T, answer, R, is_usable in zip(Ts_cam_obj, answers, crops.Rs_crop_cam, crops.is_usable, strict=True)
+    ]
+    return Step(crops.channels, answers, np.stack(poses))
+
+
+def _shortened(answer: Float) -> Float:
+    """The step (6,) of an answer, turn and shift no longer than what a step may be."""
+    step = answer[:6].copy()
+    for part, longest in ((step[:3], LARGEST_RAD), (step[3:], LARGEST_SHIFT)):
+        length = float(np.sqrt(part @ part))
+        if length > longest:
+            part *= longest / length
+    return step

@@ -1,0 +1,1 @@
+"""Training of the networks: synthetic views, losses, export. Needs the extra ``torch``."""

@@ -1,0 +1,84 @@
+"""The network of ``depth_net`` and its loss. docs/methods.md 4.4."""
+
+# pyright: reportMissingImports=false
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from verefine_viz.learned.depth_crops import ANSWERS, CHANNELS, SIDE_PX
+
+WIDTHS = (16, 32, 80)
+"""Channels at half, a quarter and an eighth of the crop's size."""
+HIDDEN = 128
+"""Numbers from which the answer is made."""
+SMALLEST = 0.1
+"""Added to the error at the start, by which the error left is divided [radii]: near poses count more, not endlessly."""
+FLOOR = 0.003
+"""Errors below this are one to the predicted error [radii]."""
+CERTAINTY_WEIGHT = 0.05
+"""Of the predicted error's own loss."""
+
+
+class _Block(nn.Module):
+    """Two convolutions of 3 × 3 beside a shortcut."""
+
+    def __init__(self, n_in: int, n_out: int, stride: int) -> None:
+        super().__init__()
+        self.first = nn.Conv2d(n_in, n_out, 3, stride, 1, bias=False)
+        self.first_norm = nn.BatchNorm2d(n_out)
+        self.second = nn.Conv2d(n_out, n_out, 3, 1, 1, bias=False)
+        self.second_norm = nn.BatchNorm2d(n_out)
+        self.shortcut: nn.Module = nn.Identity()
+        if stride > 1:
+            self.shortcut = nn.Sequential(nn.Conv2d(n_in, n_out, 1, stride, bias=False), nn.BatchNorm2d(n_out))
+
+    def forward(self, x: Tensor) -> Tensor:
+        y = torch.relu(self.first_norm(self.first(x)))
+        return torch.relu(self.second_norm(self.second(y)) + self.shortcut(x))
+
+
+class DepthNetModel(nn.Module):
+    """Crops (B, C, S, S) → answers (B, 7): a residual CNN whose last map keeps where things are."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        a, b, c = WIDTHS
+        self.stem = nn.Sequential(
+            nn.Conv2d(len(CHANNELS), a, 5, 2, 2, bias=False), nn.BatchNorm2d(a), nn.ReLU(), _Block(a, a, 1)
+        )
+        self.trunk = nn.Sequential(_Block(a, b, 2), _Block(b, b, 1), _Block(b, c, 2), _Block(c, c, 1))
+        side = SIDE_PX // 8
+        self.head = nn.Sequential(
+            nn.Flatten(), nn.Linear(c * side * side, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, ANSWERS)
+        )
+
+    def forward(self, crops: Tensor) -> Tensor:
+        return self.head(self.trunk(self.stem(crops)))
+
+
+def rotations(vectors: Tensor) -> Tensor:
+    """The rotations (B, 3, 3) of rotation vectors (B, 3) [rad]."""
+    squared = (vectors * vectors).sum(dim=1)[:, None, None]
+    angle = torch.sqrt(squared + 1e-12)
+    x, y, z = vectors.unbind(dim=1)
+    zero = torch.zeros_like(x)
+    K = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], dim=1).reshape(-1, 3, 3)
+    return torch.eye(3) + torch.sin(angle) / angle * K + (1 - torch.cos(angle)) / angle**2 * (K @ K)
+
+
+def errors_left(answers: Tensor, points: Tensor, wanted: Tensor) -> Tensor:
+    """Mean distance (B,) of points (B, P, 3) moved by the answers to where they should be [radii]."""
+    moved = points @ rotations(answers[:, :3]).transpose(1, 2) + answers[:, None, 3:6]
+    return torch.sqrt(((moved - wanted) ** 2).sum(dim=2) + 1e-10).mean(dim=1)
+
+
+def loss_of(answers: Tensor, points: Tensor, wanted: Tensor) -> tuple[Tensor, Tensor]:
+    """What training lowers, and the mean error left (both scalar).
+
+    The first is the error left as a share of the error before, and how far off the predicted logarithm of it is.
+    """
+    left = errors_left(answers, points, wanted)
+    before = (points - wanted).norm(dim=2).mean(dim=1)
+    certainty = (answers[:, 6] - torch.log(left.detach() + FLOOR)).abs()
+    return (left / (before + SMALLEST) + CERTAINTY_WEIGHT * certainty).mean(), left.detach().mean()

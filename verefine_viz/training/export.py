@@ -1,0 +1,55 @@
+"""Writes a trained network as ONNX, with its model card inside and beside it."""
+
+# pyright: reportMissingImports=false
+from __future__ import annotations
+
+import io
+import json
+import logging
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import onnx
+import torch
+from torch import Tensor, nn
+
+from verefine_viz.core.paths import atomic
+from verefine_viz.learned.onnx_network import CARD
+
+OPSET = 18
+"""Of ONNX's operators: one that every onnxruntime of pyproject.toml knows."""
+
+
+def onnx_bytes(model: nn.Module, example: Tensor, card: Mapping[str, Any]) -> bytes:
+    """A network that takes (N, …) like ``example``, with any N, as an ONNX file's content."""
+    content = io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Of the exporter's own parts.
+        logging.getLogger("torch.onnx").setLevel(logging.ERROR)
+        program = torch.onnx.export(
+            model.eval(),
+            (example,),
+            dynamo=True,
+            opset_version=OPSET,
+            dynamic_shapes=({0: torch.export.Dim("n")},),
+            verbose=False,
+        )
+    assert program is not None
+    program.save(content)
+    exported = onnx.load_from_string(content.getvalue())
+    onnx.helper.set_model_props(exported, {CARD: json.dumps(card)})
+    return exported.SerializeToString(deterministic=True)
+
+
+def write_network(path: Path, content: bytes, card: Mapping[str, Any]) -> None:
+    """Writes the network to ``path`` and its card to the same name with ``.json``, each whole or not at all.
+
+    Raises:
+        InputError: a file cannot be written.
+    """
+    with atomic(path) as part:
+        part.write_bytes(content)
+    with atomic(path.with_suffix(".json")) as part:
+        part.write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")

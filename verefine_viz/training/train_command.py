@@ -1,0 +1,117 @@
+"""What ``verefine-viz train`` does: train, export, measure, write the model card."""
+
+# pyright: reportMissingImports=false
+from __future__ import annotations
+
+import platform
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import torch
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+from rich.progress import Progress as Bar
+
+import verefine_viz
+from verefine_viz.learned.depth_crops import CHANNELS, FORMAT, SIDE_PX
+from verefine_viz.learned.onnx_network import OnnxNetwork
+from verefine_viz.refiners.depth_net import NETWORK
+from verefine_viz.training.depth_net_samples import LARGEST_DEG, LARGEST_SHIFT
+from verefine_viz.training.export import onnx_bytes, write_network
+from verefine_viz.training.held_out import measured
+from verefine_viz.training.synthetic_views import DISTANCE_M, FOCAL_PX, LEAST_VISIBLE, OBJECT_PX, OFF_AXIS_DEG
+from verefine_viz.training.train_depth_net import BATCH_SIZE, Progress, Trained, train
+from verefine_viz.training.training_shapes import DIAMETER_M, N_HELD_OUT, N_RANDOM
+
+EVERY_S = 30.0
+"""Without a terminal, a line after so many seconds."""
+LOSSES = 20
+"""Of the course of the loss, how many numbers the card has."""
+
+
+def train_depth_net(out: Path, seed: int, n_steps: int | None, minutes: float) -> int:
+    """Trains the network into ``out``; the exit code. Beside it lies a checkpoint until it is done.
+
+    Raises:
+        InputError: something cannot be written, or the checkpoint is of another training.
+    """
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    checkpoint = out.with_name(f"{out.name}.checkpoint")
+    columns = TextColumn(NETWORK), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[note]}")
+    printed_at = perf_counter()
+    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        row = bar.add_task(NETWORK, total=n_steps, note="drawing views")
+
+        def report(now: Progress) -> None:
+            nonlocal printed_at
+            bar.update(row, completed=now.step, total=now.n_steps, note=in_words(now))
+            if not console.is_terminal and perf_counter() - printed_at > EVERY_S:
+                printed_at = perf_counter()
+                console.print(f"step {now.step} of {now.n_steps or '?'}, {in_words(now)}")
+
+        trained = train(seed, n_steps, minutes, checkpoint, report)
+    console.print("Measuring it on shapes that it has not seen.")
+    card = card_of(trained, seed, out.name)
+    example = torch.zeros(2, len(CHANNELS), SIDE_PX, SIDE_PX)
+    write_network(out, onnx_bytes(trained.model, example, card), card)
+    card["held_out"] = measured(OnnxNetwork(out, NETWORK, FORMAT))
+    content = onnx_bytes(trained.model, example, card)
+    write_network(out, content, card)
+    checkpoint.unlink(missing_ok=True)
+    console.print(escape(f"{out}: {len(content) / 1e6:.2f} MB; {out.with_suffix('.json')}: its model card"))
+    for line in card["held_out"]:
+        console.print(
+            f"from {line['start_deg']:.0f}°: {line['median_start_percent_of_diameter']:.1f} % of the diameter → "
+            f"{line['median_percent_of_diameter']:.1f} %, {line['share_below_10_percent']:.0%} below 10 %"
+        )
+    console.print(escape(f"To use it: --method.refiner {NETWORK}_icp --depth-net.weights {out}"))
+    return 0
+
+
+def in_words(now: Progress) -> str:
+    """``loss 0.312, 4.5 % of the diameter left, 12 min to go``."""
+    left = "" if now.minutes_left is None else f", {now.minutes_left:.0f} min to go"
+    return f"loss {now.loss:.3f}, {50 * now.error:.1f} % of the diameter left after a step{left}"
+
+
+def card_of(trained: Trained, seed: int, file: str) -> dict[str, Any]:
+    """The model card, but for what is measured."""
+    every = max(1, len(trained.losses) // LOSSES)
+    shown = [*trained.losses[::every], trained.losses[-1]] if trained.losses else []
+    return {
+        "network": NETWORK,
+        "format": FORMAT,
+        "purpose": "refines the 6D pose of any rigid object from one depth image, its mask and its model",
+        "command": f"verefine-viz train {NETWORK} --out {file} --steps {trained.n_steps} --seed {seed}",
+        "seed": seed,
+        "steps": trained.n_steps,
+        "samples": trained.n_steps * BATCH_SIZE,
+        "parameters": sum(p.numel() for p in trained.model.parameters()),
+        "data": {
+            "views": "made up: an object among others on a table, sensor noise, holes, occluders, masks too wide, too "
+            "narrow, with a neighbour's pixels, or without a part",
+            "shapes": f"{N_RANDOM - N_HELD_OUT} objects of pybullet_data/random_urdfs (zlib licence, as Bullet) and "
+            "solids by formula, stretched at random; no object of a data set or of a built-in scene",
+            "held_out": f"the other {N_HELD_OUT} objects of pybullet_data/random_urdfs, and solids with other seeds",
+        },
+        "trained_range": {
+            "rotation_deg": LARGEST_DEG,
+            "shift_radii": LARGEST_SHIFT,
+            "diameter_m": list(DIAMETER_M),
+            "distance_m": list(DISTANCE_M),
+            "focal_px": list(FOCAL_PX),
+            "object_px": list(OBJECT_PX),
+            "off_axis_deg": OFF_AXIS_DEG,
+            "least_visible_share": LEAST_VISIBLE,
+        },
+        "loss": [{"step": s, "loss": round(a, 4), "error_radii": round(b, 4)} for s, a, b in dict.fromkeys(shown)],
+        "made_with": {
+            "verefine-viz": verefine_viz.__version__,
+            "torch": torch.__version__,
+            "numpy": np.__version__,
+            "python": platform.python_version(),
+        },
+    }

@@ -1,0 +1,167 @@
+"""Trains ``depth_net``: same seed and number of steps, same weights on the same machine, stopped in between or not."""
+
+# pyright: reportMissingImports=false
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.optim.swa_utils import AveragedModel
+
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.paths import atomic
+from verefine_viz.training.depth_net_model import DepthNetModel, loss_of
+from verefine_viz.training.depth_net_samples import TrainingBatches
+
+BATCH_SIZE = 128
+PEAK_RATE = 2e-3
+"""Largest learning rate; it rises to it over ``WARM_UP`` steps and then falls to 0 as a cosine does."""
+WARM_UP = 200
+WEIGHT_DECAY = 1e-4
+AVERAGED = 0.998
+"""Share of the averaged weights that a step leaves, once there were many steps: the average is what is exported."""
+TIMED_STEPS = (5, 25)
+"""The steps that are timed to make a number of steps of a number of minutes."""
+SAVED_EVERY_S = 60.0
+"""Time between two checkpoints [s]."""
+REPORTED_EVERY = 20
+"""Steps between two reports."""
+CHECKPOINT_FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a training is."""
+
+    step: int
+    n_steps: int | None
+    """None until the first steps are timed."""
+    loss: float
+    """Mean of the last reports."""
+    error: float
+    """Mean error left after one step of the network [radii]."""
+    minutes_left: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """What a training results in."""
+
+    model: nn.Module
+    n_steps: int
+    losses: tuple[tuple[int, float, float], ...]
+    """(step, loss, error [radii]), means between reports."""
+
+
+def train(
+    seed: int,
+    n_steps: int | None,
+    minutes: float,
+    checkpoint: Path,
+    report: Callable[[Progress], None],
+    batch_size: int = BATCH_SIZE,
+) -> Trained:
+    """Trains from the checkpoint, if there is one, or from the start.
+
+    Args:
+        seed: of weights and data.
+        n_steps: how many steps; None = as many as fit into ``minutes`` at the speed of the first ones.
+        minutes: see ``n_steps``.
+        checkpoint: written every minute; it goes on from there.
+        report: called every few steps.
+        batch_size: crops of a step.
+
+    Raises:
+        InputError: the checkpoint is of another training, or damaged.
+    """
+    torch.set_num_threads(1)  # Sums over pixels depend on the number of threads.
+    torch.manual_seed(seed)
+    model = DepthNetModel().to(memory_format=torch.channels_last)  # pyright: ignore
+    average = AveragedModel(model, avg_fn=averaged, use_buffers=True)
+    optimizer = torch.optim.AdamW(model.parameters(), weight_decay=WEIGHT_DECAY)
+    step, losses = 0, []
+    if checkpoint.exists():
+        saved = _read(checkpoint, seed, batch_size, n_steps)
+        model.load_state_dict(saved["model"])
+        average.load_state_dict(saved["average"])
+        optimizer.load_state_dict(saved["optimizer"])
+        step, n_steps, losses = saved["step"], saved["n_steps"], [tuple(row) for row in saved["losses"]]
+    batches = TrainingBatches(seed, batch_size, step)
+    recent: list[tuple[float, float]] = []
+    began = saved_at = perf_counter()
+    first_step = step
+    timed_from = 0.0
+    model.train()
+    while n_steps is None or step < n_steps:
+        batch = batches.next()
+        crops, points, wanted = (torch.from_numpy(a) for a in (batch.crops, batch.points, batch.wanted))
+        loss, error = loss_of(model(crops.to(memory_format=torch.channels_last)), points, wanted)
+        for group in optimizer.param_groups:
+            group["lr"] = learning_rate(step, n_steps)
+        optimizer.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(model.parameters(), 1.0)
+        optimizer.step()
+        average.update_parameters(model)
+        step += 1
+        recent.append((float(loss.detach()), float(error)))
+        if n_steps is None and step == TIMED_STEPS[0]:
+            timed_from = perf_counter()
+        if n_steps is None and step == TIMED_STEPS[1]:
+            seconds = (perf_counter() - timed_from) / (TIMED_STEPS[1] - TIMED_STEPS[0])
+            n_steps = max(step, int(60 * minutes / seconds))
+        if step % REPORTED_EVERY == 0 or step == n_steps:
+            losses.append((step, *(float(x) for x in np.mean(recent, axis=0))))
+            recent.clear()
+            pace = (perf_counter() - began) / (step - first_step)
+            left = None if n_steps is None else (n_steps - step) * pace / 60
+            report(Progress(step, n_steps, losses[-1][1], losses[-1][2], left))
+            if n_steps is not None and (perf_counter() - saved_at > SAVED_EVERY_S or step == n_steps):
+                state = {"model": model.state_dict(), "average": average.state_dict()}
+                state |= {"optimizer": optimizer.state_dict(), "losses": losses, "n_steps": n_steps, "step": step}
+                state |= {"seed": seed, "batch_size": batch_size, "format": CHECKPOINT_FORMAT}
+                with atomic(checkpoint) as part:
+                    torch.save(state, part)
+                saved_at = perf_counter()
+    return Trained(average.module.eval(), step, tuple(losses))
+
+
+def averaged(average: Tensor, latest: Tensor, n_averaged: Tensor | int) -> Tensor:
+    """The average after another step; at first it forgets quickly: a short training exports no early weights."""
+    n = int(n_averaged)
+    return average + (latest - average) * (1.0 - min(AVERAGED, (1 + n) / (10 + n)))
+
+
+def learning_rate(step: int, n_steps: int | None) -> float:
+    """Of a step, counted from 0."""
+    rising = min(1.0, (step + 1) / WARM_UP)
+    done = 0.0 if n_steps is None else step / n_steps
+    return PEAK_RATE * rising * 0.5 * (1.0 + float(np.cos(np.pi * done)))
+
+
+def _read(checkpoint: Path, seed: int, batch_size: int, n_steps: int | None) -> dict[str, Any]:
+    """The checkpoint's content.
+
+    Raises:
+        InputError: it is of another training, or damaged.
+    """
+    try:
+        saved = torch.load(checkpoint, weights_only=True)  # Numbers and arrays only: nothing is unpickled.
+        is_ours = saved["format"] == CHECKPOINT_FORMAT
+        own = (saved["seed"], saved["batch_size"])
+    except Exception as error:
+        raise InputError(
+            f"checkpoint {checkpoint} cannot be read ({type(error).__name__}); delete it to begin again"
+        ) from None
+    if not is_ours or own != (seed, batch_size) or (n_steps is not None and n_steps != saved["n_steps"]):
+        raise InputError(
+            f"checkpoint {checkpoint} is of a training with seed {saved['seed']} and {saved['n_steps']} steps; "
+            "give the same, or delete it to begin again"
+        )
+    return saved
