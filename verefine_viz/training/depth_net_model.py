@@ -12,7 +12,7 @@ WIDTHS = (16, 32, 80)
 """Channels at half, a quarter and an eighth of the crop's size."""
 HIDDEN = 128
 """Numbers from which the answer is made."""
-SMALLEST = 0.1
+SMALLEST = 0.3
 """Added to the error at the start, by which the error left is divided [radii]: near poses count more, not endlessly."""
 FLOOR = 0.003
 """Errors below this are one to the predicted error [radii]."""
@@ -32,6 +32,7 @@ class _Block(nn.Module):
         self.shortcut: nn.Module = nn.Identity()
         if stride > 1:
             self.shortcut = nn.Sequential(nn.Conv2d(n_in, n_out, 1, stride, bias=False), nn.BatchNorm2d(n_out))
+        nn.init.zeros_(self.second_norm.weight)  # At first a block is its shortcut, which trains quicker.
 
     def forward(self, x: Tensor) -> Tensor:
         y = torch.relu(self.first_norm(self.first(x)))
@@ -49,9 +50,12 @@ class DepthNetModel(nn.Module):
         )
         self.trunk = nn.Sequential(_Block(a, b, 2), _Block(b, b, 1), _Block(b, c, 2), _Block(c, c, 1))
         side = SIDE_PX // 8
-        self.head = nn.Sequential(
-            nn.Flatten(), nn.Linear(c * side * side, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, ANSWERS)
-        )
+        # Without this norm the head dies at the learning rate that the trunk needs, and learns shifts but no turns.
+        hidden = nn.Linear(c * side * side, HIDDEN, bias=False), nn.BatchNorm1d(HIDDEN), nn.ReLU()
+        answer = nn.Linear(HIDDEN, ANSWERS)
+        nn.init.zeros_(answer.weight)  # The first answer is no step.
+        nn.init.zeros_(answer.bias)
+        self.head = nn.Sequential(nn.Flatten(), *hidden, answer)
 
     def forward(self, crops: Tensor) -> Tensor:
         return self.head(self.trunk(self.stem(crops)))

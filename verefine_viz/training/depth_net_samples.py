@@ -16,6 +16,8 @@ from verefine_viz.training.training_shapes import LOSS_POINTS
 
 LARGEST_DEG, LARGEST_SHIFT = 60.0, 0.8
 """How far poses are from the ground truth at most [deg], [radii]: the range that a network is trained on."""
+NEAR, NEAR_REACH = 0.3, 0.3
+"""Share of poses that are near, and how near, as a share of those two: where the later steps of a call begin."""
 VIEWS_HELD = 384
 """Views of which a batch is drawn."""
 NEW_VIEWS = 2
@@ -85,10 +87,10 @@ def extent(view: View) -> Extent:
 
 
 def start_near(view: View, rng: np.random.Generator) -> Float:
-    """A pose (4, 4) near the ground truth; near ones are more likely, as most calls of a refiner begin there."""
-    scale = rng.random()
-    turn = axis_angle(random_unit_vector(rng), np.deg2rad(LARGEST_DEG) * scale * rng.random() ** 0.7)
-    shift = random_unit_vector(rng) * LARGEST_SHIFT * view.shape.radius_m * scale * rng.random() ** 0.7
+    """A pose (4, 4) around the ground truth; every angle and every length of the shift is as likely as another."""
+    reach = NEAR_REACH if rng.random() < NEAR else 1.0
+    turn = axis_angle(random_unit_vector(rng), np.deg2rad(LARGEST_DEG) * reach * rng.random())
+    shift = random_unit_vector(rng) * LARGEST_SHIFT * view.shape.radius_m * reach * rng.random()
     return transform(turn @ view.T_cam_obj[:3, :3], view.T_cam_obj[:3, 3] + shift)
 
 
