@@ -154,6 +154,9 @@ def test_several_poses_are_seen_as_each_alone() -> None:
 
 
 def test_compiles_once_for_all_kinds_of_input() -> None:
-    """Read-only arrays are another type to numba: a frame's are, those of training are not."""
-    test_several_poses_are_seen_as_each_alone()
+    """Read-only arrays are another type to numba: a frame's and a model's are, those of training are not."""
+    T = transform(np.eye(3), [0.0, 0.0, 0.6])
+    depth_m, mask, camera = pictured(T)
+    for vertices in (MODEL.vertices, MODEL.vertices.copy()):
+        crops_at(np.float32(depth_m), mask, camera, render_mesh(vertices, MODEL.faces), EXTENT, T[None])
     assert len(fill_crop.signatures) == 1

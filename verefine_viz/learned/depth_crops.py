@@ -86,15 +86,20 @@ def crops_at(
     channels = np.zeros((n, len(CHANNELS), SIDE_PX, SIDE_PX), np.float32)
     Rs_crop_cam, is_usable = np.empty((n, 3, 3)), np.zeros(n, np.bool_)
     pinhole = camera.fx, camera.fy, camera.cx, camera.cy
-    depth_m, mask = depth_m.view(), mask.view()
-    # As those of a frame are: to numba a read-only array is another type, for which it would compile everything again.
-    depth_m.flags.writeable = mask.flags.writeable = False
+    depth_m, mask, arrays = _read_only(depth_m), _read_only(mask), [_read_only(a) for a in mesh.arrays]
     for k in range(n):
         T = np.array(Ts_cam_obj[k], dtype=np.float64, order="C")
         is_usable[k] = fill_crop(
-            depth_m, mask, *pinhole, *mesh.arrays, extent.centre_obj, extent.radius_m, T, channels[k], Rs_crop_cam[k]
+            depth_m, mask, *pinhole, *arrays, extent.centre_obj, extent.radius_m, T, channels[k], Rs_crop_cam[k]
         )
     return Crops(channels, Rs_crop_cam, is_usable)
+
+
+def _read_only(array: NDArray) -> NDArray:
+    """A view as a frame's arrays are: to numba others are of another type, for which it compiles everything again."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 @njit(cache=True, nogil=True)

@@ -20,8 +20,8 @@ from verefine_viz.learned.depth_crops import CHANNELS, FORMAT, SIDE_PX
 from verefine_viz.learned.onnx_network import OnnxNetwork
 from verefine_viz.refiners.depth_net import NETWORK
 from verefine_viz.training.depth_net_samples import LARGEST_DEG, LARGEST_SHIFT
-from verefine_viz.training.export import onnx_bytes, write_network
 from verefine_viz.training.held_out import measured
+from verefine_viz.training.onnx_export import onnx_bytes, write_network
 from verefine_viz.training.synthetic_views import DISTANCE_M, FOCAL_PX, LEAST_VISIBLE, OBJECT_PX, OFF_AXIS_DEG
 from verefine_viz.training.train_depth_net import BATCH_SIZE, Progress, Trained, train
 from verefine_viz.training.training_shapes import DIAMETER_M, N_HELD_OUT, N_RANDOM
