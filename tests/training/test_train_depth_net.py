@@ -11,6 +11,7 @@ import pytest
 from tests.nothing_skipped import NO_TORCH
 from verefine_viz import cli
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.geometry import axis_angle, random_unit_vector, transform
 from verefine_viz.learned.depth_crops import FORMAT, rotation_by
 from verefine_viz.learned.onnx_network import OnnxNetwork
 
@@ -19,7 +20,7 @@ torch = pytest.importorskip("torch", reason=NO_TORCH)
 from verefine_viz.training import depth_net_samples, held_out, train_depth_net  # noqa: E402
 from verefine_viz.training.depth_net_model import DepthNetModel, errors_left, loss_of, rotations  # noqa: E402
 from verefine_viz.training.onnx_export import onnx_bytes  # noqa: E402
-from verefine_viz.training.train_depth_net import Trained, learning_rate, train  # noqa: E402
+from verefine_viz.training.train_depth_net import PEAK_RATE, Trained, learning_rate, train  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("long_run")
 BATCH = 8
@@ -72,6 +73,28 @@ def test_same_seed_same_weights_and_stopping_changes_nothing(tmp_path: Path, mon
     resumed = trained(tmp_path, 6, "stopped")
     assert weights(resumed.model) == weights(whole.model)
     assert resumed.losses == whole.losses
+
+
+def test_turns_are_learned_at_the_rate_of_the_training() -> None:
+    """Poses that are only turned, again and again: a network whose head dies leaves them as they are."""
+    rng = np.random.default_rng(2)
+    views = depth_net_samples.held_out_views(12)
+    poses = [v.T_cam_obj @ transform(axis_angle(random_unit_vector(rng), 0.6), np.zeros(3)) for v in views * 3]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(depth_net_samples, "start_near", lambda view, rng: poses.pop(0))
+        batch = depth_net_samples.batch_of(views * 3, rng)
+    crops, points, wanted = (torch.from_numpy(a) for a in (batch.crops, batch.points, batch.wanted))
+    torch.manual_seed(0)
+    model = DepthNetModel()
+    optimizer = torch.optim.AdamW(model.parameters(), lr=PEAK_RATE)
+    errors = []
+    for _ in range(60):
+        loss, error = loss_of(model(crops), points, wanted)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        errors.append(float(error))
+    assert errors[-1] < 0.2 * errors[0]
 
 
 def test_a_checkpoint_of_another_training_is_refused(tmp_path: Path) -> None:
