@@ -94,6 +94,13 @@ def test_a_step_is_never_longer_than_it_may_be(tmp_path: Path) -> None:
     assert np.allclose(T[:3, :3].T @ T[:3, :3], np.eye(3), atol=1e-12)
 
 
+def test_a_step_within_the_error_that_it_leaves_is_not_taken(tmp_path: Path) -> None:
+    """A step of 0.1 radii: taken where less than that is expected to be left, not where more is."""
+    for left, is_taken in ((0.05, True), (0.3, False)):
+        T = with_weights(tmp_path, np.array([0, 0, 0, 0.1, 0, 0, np.log(left)])).refine(TARGET, START)
+        assert (np.linalg.norm(T[:3, 3] - START[:3, 3]) > 1e-3) == is_taken
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_answers_depend_on_the_arguments_only(name: str) -> None:
     used, fresh = (make_refiner(name, Session()) for _ in range(2))

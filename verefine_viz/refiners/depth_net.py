@@ -28,6 +28,11 @@ NETWORK = "depth_net"
 """Its name in weights and settings."""
 LARGEST_RAD, LARGEST_SHIFT = np.deg2rad(60.0), 1.0
 """Steps are shortened to this [rad], [radii]: weights that were trained badly must not throw an object out of sight."""
+TURN_RADII = 0.6
+"""How far a turn by 1 rad moves an object's points on average, about [radii]."""
+LEAST_SHARE = 0.7
+"""A step shorter than this share of the error that the network expects after it is not taken: it would wander, a call
+after another, about poses that depth cannot tell apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,17 +125,18 @@ def step_from(Ts_cam_obj: Float, crops: Crops, network: OnnxNetwork, extent: Ext
     answers = network(crops.channels)
     answers[~crops.is_usable] = 0.0
     poses = [
-        moved_by(T, _shortened(answer), R, extent) if is_usable else T
+        moved_by(T, _taken(answer), R, extent) if is_usable else T
         for T, answer, R, is_usable in zip(Ts_cam_obj, answers, crops.Rs_crop_cam, crops.is_usable, strict=True)
     ]
     return Step(crops.channels, answers, np.stack(poses))
 
 
-def _shortened(answer: Float) -> Float:
-    """The step (6,) of an answer, turn and shift no longer than what a step may be."""
+def _taken(answer: Float) -> Float:
+    """The step (6,) of an answer (7,), turn and shift no longer than what a step may be; 0 where it is not worth it."""
     step = answer[:6].copy()
     for part, longest in ((step[:3], LARGEST_RAD), (step[3:], LARGEST_SHIFT)):
         length = float(np.sqrt(part @ part))
         if length > longest:
             part *= longest / length
-    return step
+    moved = TURN_RADII * np.sqrt(step[:3] @ step[:3]) + np.sqrt(step[3:] @ step[3:])
+    return step if moved > LEAST_SHARE * np.exp(answer[6]) else np.zeros(6)
