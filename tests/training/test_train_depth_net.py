@@ -17,9 +17,9 @@ from verefine_viz.learned.onnx_network import OnnxNetwork
 
 torch = pytest.importorskip("torch", reason=NO_TORCH)
 
+from verefine_viz.networks.network_export import onnx_bytes  # noqa: E402
 from verefine_viz.training import depth_net_samples, held_out, train_depth_net  # noqa: E402
 from verefine_viz.training.depth_net_model import DepthNetModel, errors_left, loss_of, rotations  # noqa: E402
-from verefine_viz.training.onnx_export import onnx_bytes  # noqa: E402
 from verefine_viz.training.train_depth_net import PEAK_RATE, Trained, learning_rate, train  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("long_run")
@@ -116,7 +116,7 @@ def test_the_exported_network_answers_as_the_model(tmp_path: Path) -> None:
     model = DepthNetModel().eval()
     card = {"network": "depth_net", "format": FORMAT}
     x = torch.randn(5, 6, 40, 40)
-    (tmp_path / "net.onnx").write_bytes(onnx_bytes(model, x[:2], card))
+    (tmp_path / "net.onnx").write_bytes(onnx_bytes(model, (x[:2],), ({0: torch.export.Dim("n")},), card))
     network = OnnxNetwork(tmp_path / "net.onnx", "depth_net", FORMAT)
     with torch.no_grad():
         np.testing.assert_allclose(network(x.numpy()), model(x), atol=1e-4)

@@ -61,6 +61,26 @@ class DepthNetSettings(Settings):
     """Steps of the network per refiner call."""
 
 
+class DenseFusionSettings(Settings):
+    """DenseFusion, estimator and refiner. docs/methods.md 4.3 and 5."""
+
+    weights: InputPath = ""
+    """PoseNet: official .pth file (which needs the extra `torch` once), or ONNX file of `verefine-viz train
+    densefusion`; relative to the session file."""
+    refiner_weights: InputPath = ""
+    """PoseRefineNet: the same."""
+    classes: tuple[Index, ...] = ()
+    """Ids of the objects in the order of the network's classes; none = as the weights have it: of official ones the
+    21 objects of YCB-Video or the 13 of LINEMOD, whose order and frames are known."""
+    points: Annotated[int, Field(ge=0, le=10_000)] = 0
+    """Points of the mask that the networks see; 0 = as in training, official: 1000 on YCB-Video, 500 on LINEMOD."""
+    iterations: Annotated[int, Field(ge=1, le=100)] = 1
+    """Steps of PoseRefineNet per refiner call. Paper Sec. V: 2 in all, shared out over 2 iterations
+    (`method.iterations = 2`)."""
+    seed: Seed = 0
+    """Seeds the points, and which of their poses make up the pool."""
+
+
 class PpfSettings(Settings):
     """Point pair features. docs/methods.md 6; defaults as measured on real frames (bench/estimators.py)."""
 

@@ -13,6 +13,7 @@ from pydantic import Field
 
 from verefine_viz.core.algorithm_settings import (
     BreakpointSettings,
+    DenseFusionSettings,
     DependencySettings,
     DepthNetSettings,
     IcpSettings,
@@ -55,9 +56,9 @@ class SceneSettings(Settings):
 class HypothesesSettings(Settings):
     """Where the initial poses come from."""
 
-    source: Literal["results", "perturb", "ppf", "pcs"] = "perturb"
+    source: Literal["results", "perturb", "ppf", "pcs", "densefusion"] = "perturb"
     """results: BOP results files, a row per hypothesis. perturb: ground truth, disturbed as in the paper's ablation.
-    ppf: point pair features. pcs: congruent point sets (Super4PCS)."""
+    ppf: point pair features. pcs: congruent point sets (Super4PCS). densefusion: the network, with weights of yours."""
     files: tuple[InputPath, ...] = ()
     """Results files (CSV), relative to the session file; the most trusted first: they take turns in the pool, the best
     row of each, then the second best, …"""
@@ -73,7 +74,7 @@ class HypothesesSettings(Settings):
     """Whether a promising pose's flips, at which the shape looks nearly the same (a box turned over, a can turned about
     its axis), compete with it: scored, without a call of the refiner. Only where colour counts, for depth alone often
     chooses the wrong one (docs/methods.md 1.11)."""
-    estimate: tuple[tuple[str, Index, Literal["ppf", "pcs"]], ...] = ()
+    estimate: tuple[tuple[str, Index, Literal["ppf", "pcs", "densefusion"]], ...] = ()
     """Instances whose initial poses come from an estimator instead, each with its frame, as [["50/1", 4, "ppf"]]."""
 
 
@@ -238,6 +239,7 @@ class Session(Settings):
     icp: IcpSettings = IcpSettings()
     tricp: TricpSettings = TricpSettings()
     depth_net: DepthNetSettings = DepthNetSettings()
+    densefusion: DenseFusionSettings = DenseFusionSettings()
     mcts: MctsSettings = MctsSettings()
     dependency: DependencySettings = DependencySettings()
     ppf: PpfSettings = PpfSettings()

@@ -24,7 +24,21 @@ def _pcs(session: Session) -> Estimator:
     return Pcs(session.pcs)
 
 
-ESTIMATORS: dict[str, Callable[[Session], Estimator]] = {"ppf": _ppf, "pcs": _pcs}
+def _densefusion(session: Session) -> Estimator:
+    from verefine_viz.estimators.densefusion_pool import DenseFusionPool
+
+    return DenseFusionPool(session.densefusion)
+
+
+def _densefusion_hash(session: Session) -> str:
+    from verefine_viz.networks.densefusion_weights import weights_hash
+
+    return weights_hash(session.densefusion, with_refiner=False)
+
+
+ESTIMATORS: dict[str, Callable[[Session], Estimator]] = {"ppf": _ppf, "pcs": _pcs, "densefusion": _densefusion}
+WEIGHTS: dict[str, Callable[[Session], str]] = {"densefusion": _densefusion_hash}
+"""The hash of the weights of each learned estimator, by which recordings and run.json name them."""
 
 
 def make_estimator(name: str, session: Session) -> Estimator:

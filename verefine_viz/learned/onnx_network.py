@@ -41,7 +41,7 @@ class ModelCard:
 
 
 class OnnxNetwork:
-    """A network that takes one array (N, …) and gives one (N, M), both float32.
+    """A network that takes arrays and gives arrays of float32: one (N, …) and (N, M) where it is called.
 
     Args:
         path: the ONNX file.
@@ -69,21 +69,26 @@ class OnnxNetwork:
         if self.card is None or (self.card.network, self.card.format) != (name, format):
             what = "a network without a model card" if self.card is None else f"{self.card.network} {self.card.format}"
             raise InputError(f"weights {path} hold {what}, expected {name} {format}; see verefine-viz train {name}")
-        self._input = self._session.get_inputs()[0].name
+        self._inputs = [given.name for given in self._session.get_inputs()]
 
     def __call__(self, x: NDArray[np.float32]) -> NDArray[np.float64]:
-        """The answers (N, M) to inputs (N, …).
+        """The answers (N, M) to inputs (N, …); see :meth:`answers`."""
+        (answers,) = self.answers(x)
+        return answers
+
+    def answers(self, *inputs: NDArray[Any]) -> tuple[NDArray[np.float64], ...]:
+        """All that it answers to inputs in their order.
 
         Raises:
-            InputError: an answer is not finite, or the network takes another shape.
+            InputError: an answer is not finite, or the network takes other inputs.
         """
         try:
-            (answers,) = self._session.run(None, {self._input: x})
+            results = self._session.run(None, dict(zip(self._inputs, inputs, strict=True)))
         except Exception as error:
             raise InputError(f"weights {self.path} cannot be used: {_first_line(error)}") from None
-        answers = np.asarray(answers, dtype=np.float64)
-        if not np.isfinite(answers).all():
-            raise InputError(f"weights {self.path} give NaN or infinity; train them again, or use those of the package")
+        answers = tuple(np.asarray(result, dtype=np.float64) for result in results)
+        if not all(np.isfinite(answer).all() for answer in answers):
+            raise InputError(f"weights {self.path} give NaN or infinity; train them again, or use others")
         return answers
 
 

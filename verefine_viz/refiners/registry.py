@@ -101,14 +101,31 @@ def _depth_net_hash(session: Session) -> str:
     return hash_of(read_weights(weights_path(session.depth_net)))
 
 
+def _densefusion(session: Session) -> Refiner:
+    from verefine_viz.refiners.densefusion_refiner import DenseFusionRefiner
+
+    return DenseFusionRefiner(session.densefusion)
+
+
+def _densefusion_hash(session: Session) -> str:
+    from verefine_viz.networks.densefusion_weights import weights_hash
+
+    return weights_hash(session.densefusion, with_refiner=True)
+
+
 REFINERS: dict[str, Callable[[Session], Refiner]] = {
     "icp": lambda session: Icp(session.icp),
     "trimmed_icp": lambda session: TrimmedIcp(session.tricp),
     "depth_net": _depth_net,
     "depth_net_icp": _depth_net_icp,
+    "densefusion": _densefusion,
     "identity": lambda session: Identity(),
 }
-WEIGHTS: dict[str, Callable[[Session], str]] = {"depth_net": _depth_net_hash, "depth_net_icp": _depth_net_hash}
+WEIGHTS: dict[str, Callable[[Session], str]] = {
+    "depth_net": _depth_net_hash,
+    "depth_net_icp": _depth_net_hash,
+    "densefusion": _densefusion_hash,
+}
 """The hash of the weights of each learned refiner, by which recordings and run.json name them."""
 
 

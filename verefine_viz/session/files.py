@@ -22,7 +22,7 @@ Layer = tuple[str, Raw]
 """Where settings were written ("s.toml", "command line"), and what was written there, nested as in a session file."""
 TYPED = "command line"
 """Where settings come from that are in no file, in messages."""
-DURING_A_RUN = ("method", "icp", "tricp", "depth_net", "mcts", "score", "physics")
+DURING_A_RUN = ("method", "icp", "tricp", "depth_net", "densefusion", "mcts", "score", "physics")
 """Sections that can change from one iteration to the next; of physics, what is simulated but not in which world."""
 AT_ITS_START = (*DURING_A_RUN, "dependency")
 """Sections that can change when a run begins again on the same frame."""
@@ -177,7 +177,13 @@ def _with_absolute_paths(raw: Raw, folder: Path) -> dict[str, Any]:
     if isinstance(hypotheses, Mapping) and isinstance(hypotheses.get("files"), list | tuple):
         files = [_absolute(f, folder) if isinstance(f, str) else f for f in hypotheses["files"]]
         out["hypotheses"] = {**hypotheses, "files": files}
-    for section, field in (("dependency", "order_file"), ("depth_net", "weights"), ("physics", "mesh")):
+    for section, field in (
+        ("dependency", "order_file"),
+        ("depth_net", "weights"),
+        ("densefusion", "weights"),
+        ("densefusion", "refiner_weights"),
+        ("physics", "mesh"),
+    ):
         fields = out.get(section)
         if isinstance(fields, Mapping) and isinstance(fields.get(field), str) and fields[field]:
             out[section] = {**fields, field: _absolute(fields[field], folder)}

@@ -1,4 +1,4 @@
-"""The refiners of a session: whether this program has them, and the weights of those that are learned."""
+"""The refiners of a session: whether this program has them; and the weights of all that is learned in it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.settings import Session
+from verefine_viz.estimators.registry import WEIGHTS as ESTIMATOR_WEIGHTS
 from verefine_viz.methods.registry import method_of
 from verefine_viz.refiners.registry import REFINERS, WEIGHTS
 from verefine_viz.session.files import changed
@@ -35,11 +36,17 @@ def check_refiners(session: Session, what: str, to_do: str, words: str) -> None:
 
 def weights_of(session: Session) -> dict[str, str]:
     """The hashes of the weights that a run of the session uses, by name: ``depth_net weights``; those that it changes
-    to are numbered.
+    to are numbered. Those of its initial poses are named ``densefusion estimator weights``.
 
     Raises:
+        SettingsError: weights are not named.
         InputError: a file of weights cannot be read.
     """
+    h = session.hypotheses
+    sources = {h.source, *(name for *_, name in h.estimate)}
+    estimators = {
+        f"{name} estimator weights": ESTIMATOR_WEIGHTS[name](session) for name in sources & ESTIMATOR_WEIGHTS.keys()
+    }
     hashes: dict[str, str] = {}
     for stage in _with_refiner(session):
         if stage.method.refiner in WEIGHTS:
@@ -47,7 +54,7 @@ def weights_of(session: Session) -> dict[str, str]:
             if digest not in hashes.values():
                 n = len(hashes)
                 hashes[f"{stage.method.refiner} weights{f' ({n + 1})' if n else ''}"] = digest
-    return hashes
+    return estimators | hashes
 
 
 def _with_refiner(session: Session) -> Iterator[Session]:

@@ -69,8 +69,9 @@ class Toolbox:
     def estimators(self) -> Mapping[str, Estimator]:
         """Those that the session's initial poses come from, by name."""
         h = self.session.hypotheses
-        names = {h.source} & {"ppf", "pcs"} | {name for *_, name in h.estimate}
-        from verefine_viz.estimators.registry import make_estimator
+        from verefine_viz.estimators.registry import ESTIMATORS, make_estimator
+
+        names = {h.source} & ESTIMATORS.keys() | {name for *_, name in h.estimate}
 
         return {name: make_estimator(name, self.session) for name in sorted(names)}
 

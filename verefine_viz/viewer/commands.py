@@ -197,7 +197,7 @@ class Estimate(OpenCommand):
     """New initial poses for one object of the open frame, as a new branch; the others of the frame stay."""
 
     instance_id: int
-    estimator: Literal["ppf", "pcs", "session"]
+    estimator: Literal["ppf", "pcs", "densefusion", "session"]
     """session: back to those that the session gives its other objects."""
 
 

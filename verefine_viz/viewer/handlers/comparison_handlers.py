@@ -35,7 +35,7 @@ def _branch_with(space: Workspace, changes: Changes) -> Branch:
     session = variant(base.tools.session, changes)
     tools = _tools(space, base.tools, session)
     same_start = not {n.partition(".")[0] for n, _, _ in settings_between(base.tools.session, session)} & {
-        "hypotheses", "dependency", "ppf", "pcs",
+        "hypotheses", "dependency", "ppf", "pcs", "densefusion",
     }  # fmt: skip
     problem = base.run.problem
     if any(name in _WORLD for name, _, _ in settings_between(base.tools.session, session)):

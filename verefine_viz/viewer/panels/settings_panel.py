@@ -30,7 +30,12 @@ PAIRS = (
 )
 """What shares a row."""
 RIGHT_FROM_PX, LABEL_PX = 138, 58
-ESTIMATORS: dict[str, Literal["ppf", "pcs", "session"]] = {"ppf": "ppf", "pcs": "pcs", "the session's": "session"}
+ESTIMATORS: dict[str, Literal["ppf", "pcs", "densefusion", "session"]] = {
+    "ppf": "ppf",
+    "pcs": "pcs",
+    "DenseFusion": "densefusion",
+    "the session's": "session",
+}
 NAME_PX = 90
 """Room for an object's name in the button that estimates."""
 

@@ -61,7 +61,9 @@ def method_name(name: str) -> str:
 
 def refiner_name(name: str) -> str:
     """As people write it."""
-    names = {"trimmed_icp": "trimmed ICP", "depth_net": "depth net", "depth_net_icp": "depth net + ICP"}
+    names = {"trimmed_icp": "trimmed ICP", "depth_net": "depth net", "depth_net_icp": "depth net + ICP"} | {
+        "densefusion": "DenseFusion"
+    }
     return names.get(name, name.upper())
 
 

@@ -1,4 +1,4 @@
-"""Writes a trained network as ONNX, with its model card inside and beside it."""
+"""Writes a network of torch as ONNX, with its model card inside and beside it."""
 
 # pyright: reportMissingImports=false
 from __future__ import annotations
@@ -7,7 +7,7 @@ import io
 import json
 import logging
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,23 +22,33 @@ OPSET = 18
 """Of ONNX's operators: one that every onnxruntime of pyproject.toml knows."""
 
 
-def onnx_bytes(model: nn.Module, example: Tensor, card: Mapping[str, Any]) -> bytes:
-    """A network that takes (N, …) like ``example``, with any N, as an ONNX file's content."""
+def onnx_bytes(
+    model: nn.Module,
+    examples: tuple[Tensor, ...],
+    sizes: Sequence[Mapping[int, Any] | None],
+    card: Mapping[str, Any],
+) -> bytes:
+    """A network as an ONNX file's content.
+
+    Args:
+        model: the network.
+        examples: what goes in, in order.
+        sizes: of each, which of its axes may have another size (``torch.export.Dim``).
+        card: its model card.
+    """
     content = io.BytesIO()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Of the exporter's own parts.
         logging.getLogger("torch.onnx").setLevel(logging.ERROR)
         program = torch.onnx.export(
-            model.eval(),
-            (example,),
-            dynamo=True,
-            opset_version=OPSET,
-            dynamic_shapes=({0: torch.export.Dim("n")},),
-            verbose=False,
+            model.eval(), examples, dynamo=True, opset_version=OPSET, dynamic_shapes=tuple(sizes), verbose=False
         )
     assert program is not None
     program.save(content)
     exported = onnx.load_from_string(content.getvalue())
+    for node in exported.graph.node:  # Where in which file it was made: another for each computer.
+        del node.metadata_props[:]
+        node.doc_string = ""
     onnx.helper.set_model_props(exported, {CARD: json.dumps(card)})
     return exported.SerializeToString(deterministic=True)
 

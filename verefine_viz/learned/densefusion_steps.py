@@ -1,0 +1,217 @@
+"""DenseFusion's two networks as they are used: a pose from each point of an object, and a step from a pose.
+
+docs/methods.md 5.3. Poses are those of the models of the frame. The official YCB-Video weights mean other models,
+shifted against those of BOP; their poses are converted on the way in and out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from verefine_viz.core.algorithm_settings import DenseFusionSettings
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.geometry import nearest_rotation, transform
+from verefine_viz.core.problem import Target
+from verefine_viz.learned.densefusion_input import ObjectCrop, crop_of
+from verefine_viz.learned.onnx_network import OnnxNetwork
+
+POSE_NET, REFINE_NET = "densefusion_pose", "densefusion_refine"
+"""Names of the networks in model cards."""
+FORMAT = 1
+"""Of what goes in and comes out; weights of another one are refused."""
+SMALLEST_NORM = 1e-12
+"""A quaternion shorter than this has no direction."""
+
+# BOP moved the YCB-Video models by these (bop_toolkit, dataset_info.md of YCB-V) [mm].
+YCBV_SHIFTS_MM = (
+    (1.3360, -0.5000, 3.5105), (0.5575, 1.7005, 4.8050), (-0.9520, 1.4670, 4.3645), (-0.0240, -1.5270, 8.4035),
+    (1.2995, 2.4870, -11.8290), (-0.1565, 0.1150, 4.2625), (1.1645, -4.2015, 3.1190), (1.4460, -0.5915, 3.6085),
+    (2.4195, 0.3075, 8.0715), (-18.6730, 12.1915, -1.4635), (5.3370, 5.8855, 25.6115), (4.9290, -2.4800, -13.2920),
+    (-0.2270, 0.7950, -2.9675), (-8.4675, -0.6995, -1.6145), (9.0710, 20.9360, -2.1190), (1.4265, -2.5305, 17.1890),
+    (7.0535, -28.1320, 0.0420), (0.0460, -2.1040, 0.3500), (10.5180, -1.9640, -0.4745), (-0.3950, -10.4130, 0.1620),
+    (-0.0805, 0.0805, -8.2435),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Classes:
+    """What a network's classes are."""
+
+    obj_ids: tuple[int, ...]
+    """In the order of the classes."""
+    n_points: int
+    """With how many points it was trained."""
+    shifts_mm: Mapping[int, tuple[float, float, float]]
+    """By obj_id, by what a model of the frame is moved against that of the training [mm]; none = not at all."""
+
+
+YCBV = Classes(tuple(range(1, 22)), 1000, dict(enumerate(YCBV_SHIFTS_MM, 1)))
+"""Of the official YCB-Video weights."""
+LINEMOD = Classes((1, 2, 4, 5, 6, 8, 9, 10, 11, 12, 13, 14, 15), 500, {})
+"""Of the official LINEMOD weights."""
+OFFICIAL_CLASSES = {len(known.obj_ids): known for known in (YCBV, LINEMOD)}
+"""By the number of classes, which tells the official weights apart."""
+POINTS = 500
+"""Of a network that states no number."""
+
+
+def classes_of(network: OnnxNetwork, settings: DenseFusionSettings) -> Classes:
+    """What the network's classes are: as the settings have it, else as its card has it.
+
+    Raises:
+        InputError: the settings name another number of classes than it has, or none, and its own are unknown.
+    """
+    assert network.card is not None
+    about = network.card.about
+    n, n_points = int(about["n_classes"]), settings.points or int(about.get("points", POINTS))
+    if settings.classes:
+        if len(settings.classes) != n:
+            raise InputError(
+                f"weights {network.path} have {n} classes, densefusion.classes names {len(settings.classes)} objects"
+            )
+        return Classes(settings.classes, n_points, {})
+    if "classes" in about:
+        return Classes(tuple(about["classes"]), n_points, {})
+    if n not in OFFICIAL_CLASSES:
+        raise InputError(
+            f"weights {network.path} have {n} classes, neither the 21 of YCB-Video nor the 13 of LINEMOD; "
+            "name the ids of their objects in densefusion.classes"
+        )
+    known = OFFICIAL_CLASSES[n]
+    return Classes(known.obj_ids, settings.points or known.n_points, known.shifts_mm)
+
+
+@dataclass(frozen=True, eq=False)
+class Colours:
+    """What PoseNet makes of a crop for PoseRefineNet."""
+
+    points: Float
+    """(1, N, 3) [m], in the camera's frame."""
+    described: Float
+    """(1, E, N) the colours around them."""
+
+
+@dataclass(frozen=True, eq=False)
+class PixelPoses:
+    """A pose from each point."""
+
+    Ts_cam_obj: Float
+    """(N, 4, 4) [m]."""
+    confidences: Float
+    """(N,) in (0, 1)."""
+    colours: Colours
+    n_distinct: int
+    """The first so many come from distinct points."""
+
+
+class DenseFusionPose:
+    """PoseNet with its classes.
+
+    Args:
+        path: the ONNX file.
+        settings: classes, number of points and seed.
+
+    Raises:
+        InputError: the weights cannot be used, or do not fit the settings.
+    """
+
+    def __init__(self, path: Path, settings: DenseFusionSettings) -> None:
+        self.network = OnnxNetwork(path, POSE_NET, FORMAT)
+        self.classes = classes_of(self.network, settings)
+        self._seed = settings.seed
+
+    def poses(self, target: Target) -> PixelPoses | None:
+        """A pose from each point of the object; None where its mask holds no depth.
+
+        Raises:
+            InputError: the frame has no colour, the network does not know the object, or its answer is not finite.
+        """
+        crop = self._crop(target)
+        if crop is None:
+            return None
+        index = index_of(self.classes, target.model.obj_id, self.network)
+        quats, offsets, confidences, described = self.network.answers(crop.image, crop.points, crop.chosen, index)
+        points = crop.points.astype(np.float64)
+        Ts = np.tile(np.eye(4), (len(quats), 1, 1))
+        Ts[:, :3, :3] = rotations_of(quats, self.network)
+        Ts[:, :3, 3] = points[0] + offsets
+        Ts = Ts @ shift_of(self.classes, target.model.obj_id, -1)
+        return PixelPoses(Ts, confidences, Colours(points, described), crop.n_distinct)
+
+    def _crop(self, target: Target) -> ObjectCrop | None:
+        o, mask = target.observation, target.instance.mask
+        if o.rgb is None:
+            raise InputError("DenseFusion needs a colour image, and this frame has none; choose another refiner")
+        return crop_of(o.rgb, o.depth_m, mask, o.camera, self.classes.n_points, self._seed)
+
+
+class DenseFusionSteps:
+    """PoseRefineNet with its classes.
+
+    Args:
+        path: the ONNX file.
+        settings: as for :class:`DenseFusionPose`.
+
+    Raises:
+        InputError: the weights cannot be used, or do not fit the settings.
+    """
+
+    def __init__(self, path: Path, settings: DenseFusionSettings) -> None:
+        self.network = OnnxNetwork(path, REFINE_NET, FORMAT)
+        self.classes = classes_of(self.network, settings)
+
+    def refined(self, T_cam_obj: Float, colours: Colours, obj_id: int, n_steps: int) -> Float:
+        """The pose (4, 4) [m] after so many steps of the network.
+
+        Raises:
+            InputError: the network does not know the object, or its answer is not finite.
+        """
+        index = index_of(self.classes, obj_id, self.network)
+        T = T_cam_obj @ shift_of(self.classes, obj_id, 1)
+        described = colours.described.astype(np.float32)
+        for _ in range(n_steps):
+            # Seen from the object: were the pose right, the points would lie on the model.
+            points_obj = (colours.points - T[:3, 3]) @ T[:3, :3]
+            quat, shift = self.network.answers(points_obj.astype(np.float32), described, index)
+            T = T @ transform(rotations_of(quat[None], self.network)[0], shift)
+            T[:3, :3] = nearest_rotation(T[:3, :3])
+        return T @ shift_of(self.classes, obj_id, -1)
+
+
+def index_of(classes: Classes, obj_id: int, network: OnnxNetwork) -> np.ndarray:
+    """(1,) number of an object's class.
+
+    Raises:
+        InputError: it is none of the classes.
+    """
+    if obj_id not in classes.obj_ids:
+        raise InputError(f"weights {network.path}: {unknown('object', obj_id, classes.obj_ids)}")
+    return np.array([classes.obj_ids.index(obj_id)], np.int64)
+
+
+def shift_of(classes: Classes, obj_id: int, sign: int) -> Float:
+    """(4, 4) what, from the right, turns a pose of the frame's model into one of the training's (1), or back (-1)."""
+    return transform(np.eye(3), sign * np.array(classes.shifts_mm.get(obj_id, (0.0, 0.0, 0.0))) / 1000)
+
+
+def rotations_of(quats_wxyz: Float, network: OnnxNetwork) -> Float:
+    """The rotations (N, 3, 3) of quaternions (N, 4) of any length.
+
+    Raises:
+        InputError: one has no length.
+    """
+    lengths = np.linalg.norm(quats_wxyz, axis=1, keepdims=True)
+    if lengths.min() < SMALLEST_NORM:
+        raise InputError(f"weights {network.path} give a quaternion without length; train them again, or use others")
+    w, x, y, z = (quats_wxyz / lengths).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.array(rows).transpose(2, 0, 1)

@@ -1,0 +1,1 @@
+"""Learned networks in torch: their layers, files of weights, and ONNX made of them."""

@@ -1,0 +1,93 @@
+"""Opens DenseFusion's weights: ONNX of ``verefine-viz train``, or official ``.pth``, made into ONNX once.
+
+What is made of a ``.pth`` file is cached by the file's hash; from then on torch is not needed for it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import platformdirs
+
+from verefine_viz.core.algorithm_settings import DenseFusionSettings
+from verefine_viz.core.errors import SettingsError, UnavailableError
+from verefine_viz.core.paths import atomic, one_at_a_time
+from verefine_viz.learned.densefusion_steps import POSE_NET, REFINE_NET, DenseFusionPose, DenseFusionSteps
+from verefine_viz.learned.onnx_network import hash_of, read_weights
+
+CACHE_FORMAT = 1
+"""Of the ONNX files in the cache: raise it where they are made in another way."""
+_FIELDS = {POSE_NET: "weights", REFINE_NET: "refiner_weights"}
+
+
+def pose_network(settings: DenseFusionSettings) -> DenseFusionPose:
+    """PoseNet with the weights that the settings name.
+
+    Raises:
+        SettingsError: they name none.
+        InputError: the weights cannot be used.
+        UnavailableError: they are a ``.pth`` file, and torch is not installed.
+    """
+    return DenseFusionPose(onnx_file(_path(settings, POSE_NET), POSE_NET), settings)
+
+
+def refine_network(settings: DenseFusionSettings) -> DenseFusionSteps:
+    """PoseRefineNet with the weights that the settings name; raises as :func:`pose_network`."""
+    return DenseFusionSteps(onnx_file(_path(settings, REFINE_NET), REFINE_NET), settings)
+
+
+def weights_hash(settings: DenseFusionSettings, with_refiner: bool) -> str:
+    """The hash of the weights' file, and of those of the refiner.
+
+    Raises:
+        SettingsError, InputError: as :func:`pose_network`.
+    """
+    names = (POSE_NET, REFINE_NET) if with_refiner else (POSE_NET,)
+    return " ".join(hash_of(read_weights(_path(settings, name))) for name in names)
+
+
+def onnx_file(path: Path, name: str) -> Path:
+    """The ONNX file of weights: themselves, or what is made of a ``.pth`` file.
+
+    Args:
+        path: the weights.
+        name: of the network, ``POSE_NET`` or ``REFINE_NET``.
+
+    Raises:
+        InputError: the ``.pth`` file cannot be read, or holds no such network.
+        UnavailableError: torch is needed to read it, and not installed.
+    """
+    if path.suffix != ".pth":
+        return path
+    content = read_weights(path)
+    made = _cache() / f"{hash_of(content)}-{name}-{CACHE_FORMAT}.onnx"
+    if made.exists():
+        return made
+    try:
+        from verefine_viz.networks.official_weights import onnx_of_pth
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] not in ("torch", "onnx", "onnxscript"):
+            raise
+        raise UnavailableError(
+            f"weights {path} need {error.name} once, to be made into ONNX: pip install 'verefine-viz[torch]'"
+        ) from None
+    with one_at_a_time(made.with_suffix(".lock"), lambda _: None, ""):
+        if not made.exists():
+            converted = onnx_of_pth(content, path, name)
+            with atomic(made) as part:
+                part.write_bytes(converted)
+    return made
+
+
+def _path(settings: DenseFusionSettings, name: str) -> Path:
+    field = _FIELDS[name]
+    if not getattr(settings, field):
+        raise SettingsError(
+            f"densefusion.{field} is empty; name a .pth file of the official weights, or an .onnx file of "
+            "verefine-viz train densefusion (none comes with this package)"
+        )
+    return Path(getattr(settings, field))
+
+
+def _cache() -> Path:
+    return Path(platformdirs.user_cache_dir("verefine-viz")) / "densefusion"
