@@ -182,7 +182,7 @@ def test_official_weights_just_work_and_are_converted_once(
     target = coloured_target(4)
     poses = pose.poses(target)
     assert poses is not None
-    crop = pose._crop(target)
+    crop = pose.crop(target)
     assert crop is not None
     state = torch.load(pose_file, weights_only=True)
     with torch.no_grad():

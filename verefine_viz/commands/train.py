@@ -14,23 +14,35 @@ from verefine_viz.core.paths import check_file
 
 NEEDED = ("torch", "onnx", "onnxscript")
 """Packages of the extra ``torch``."""
-MOST_STEPS, MOST_MINUTES = 10_000_000, 100_000
+MOST_STEPS, MOST_MINUTES, MOST_POINTS = 10_000_000, 100_000, 10_000
 
 
 @dataclass(frozen=True)
 class Train:
     """Train a network on made-up views, on one processor core. Stopped or killed, the same command goes on."""
 
-    network: Annotated[Literal["depth_net"], tyro.conf.Positional]
-    """depth_net: the depth refiner that knows no object."""
+    network: Annotated[Literal["depth_net", "densefusion"], tyro.conf.Positional]
+    """depth_net: the depth refiner that knows no object. densefusion: both networks of it, for given objects."""
     out: Path
-    """ONNX file; its model card goes beside it as JSON, and until it is done a checkpoint."""
+    """ONNX file; its model card goes beside it as JSON, and until it is done a checkpoint. Of densefusion the refiner's
+    goes to the same name with _refine."""
     minutes: float = 25.0
     """How long it trains: the number of steps follows from the speed of the first ones."""
     steps: int | None = None
     """Number of steps instead; with the same seed it gives the same weights again on the same machine."""
     seed: int = 0
     """Of weights and views."""
+    dataset: Path | None = None
+    """densefusion: folder of a BOP data set whose models it learns; without, it learns the objects of the built-in
+    scenes."""
+    split: str = ""
+    """densefusion: split of the data set with annotated frames (train_pbr, train_real); empty = made-up views of its
+    models."""
+    slim: bool = True
+    """densefusion: small networks (1.7 million parameters) for a processor, or with --no-slim the official ones (23
+    million)."""
+    points: int = 500
+    """densefusion: points of a mask that the networks see."""
 
     def run(self, arguments: Sequence[str]) -> int:
         check_file(self.out, "depth_net.onnx")
@@ -42,7 +54,12 @@ class Train:
             raise SettingsError(f"--steps is {self.steps}, expected from 1 to {MOST_STEPS}")
         if not 0 <= self.seed < 2**32:
             raise SettingsError(f"--seed is {self.seed}, expected from 0 to {2**32 - 1}")
+        if not 2 <= self.points <= MOST_POINTS:
+            raise SettingsError(f"--points is {self.points}, expected from 2 to {MOST_POINTS}")
+        if self.split and self.dataset is None:
+            raise SettingsError("--split is set without --dataset; name the folder of the BOP data set")
         try:
+            from verefine_viz.training.densefusion_command import train_both
             from verefine_viz.training.train_command import train_depth_net
         except ModuleNotFoundError as error:
             if (error.name or "").partition(".")[0] not in NEEDED:
@@ -51,4 +68,8 @@ class Train:
                 f"training needs {error.name}: pip install 'verefine-viz[torch]' "
                 "(the weights of the package need nothing more)"
             ) from None
+        if self.network == "densefusion":
+            return train_both(
+                self.out, self.slim, self.dataset, self.split, self.points, self.seed, self.steps, self.minutes
+            )
         return train_depth_net(self.out, self.seed, self.steps, self.minutes)

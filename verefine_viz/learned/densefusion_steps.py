@@ -131,19 +131,22 @@ class DenseFusionPose:
         Raises:
             InputError: the frame has no colour, the network does not know the object, or its answer is not finite.
         """
-        crop = self._crop(target)
-        if crop is None:
-            return None
-        index = index_of(self.classes, target.model.obj_id, self.network)
+        crop = self.crop(target)
+        return None if crop is None else self.poses_of(crop, target.model.obj_id)
+
+    def poses_of(self, crop: ObjectCrop, obj_id: int) -> PixelPoses:
+        """The same of a crop."""
+        index = index_of(self.classes, obj_id, self.network)
         quats, offsets, confidences, described = self.network.answers(crop.image, crop.points, crop.chosen, index)
         points = crop.points.astype(np.float64)
         Ts = np.tile(np.eye(4), (len(quats), 1, 1))
         Ts[:, :3, :3] = rotations_of(quats, self.network)
         Ts[:, :3, 3] = points[0] + offsets
-        Ts = Ts @ shift_of(self.classes, target.model.obj_id, -1)
+        Ts = Ts @ shift_of(self.classes, obj_id, -1)
         return PixelPoses(Ts, confidences, Colours(points, described), crop.n_distinct)
 
-    def _crop(self, target: Target) -> ObjectCrop | None:
+    def crop(self, target: Target) -> ObjectCrop | None:
+        """What the network sees of the object; None where its mask holds no depth."""
         o, mask = target.observation, target.instance.mask
         if o.rgb is None:
             raise InputError("DenseFusion needs a colour image, and this frame has none; choose another refiner")

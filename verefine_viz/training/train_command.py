@@ -5,15 +5,12 @@ from __future__ import annotations
 
 import platform
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 import torch
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
-from rich.progress import Progress as Bar
 
 import verefine_viz
 from verefine_viz.learned.depth_crops import CHANNELS, FORMAT, SIDE_PX
@@ -22,13 +19,11 @@ from verefine_viz.networks.network_export import onnx_bytes, write_network
 from verefine_viz.refiners.depth_net import NETWORK
 from verefine_viz.training.depth_net_samples import LARGEST_DEG, LARGEST_SHIFT
 from verefine_viz.training.held_out import measured
-from verefine_viz.training.onnx_export import onnx_bytes, write_network
+from verefine_viz.training.progress_bar import Progress, shown_progress
 from verefine_viz.training.synthetic_views import DISTANCE_M, FOCAL_PX, LEAST_VISIBLE, OBJECT_PX, OFF_AXIS_DEG
-from verefine_viz.training.train_depth_net import BATCH_SIZE, Progress, Trained, train
+from verefine_viz.training.train_depth_net import BATCH_SIZE, Trained, train
 from verefine_viz.training.training_shapes import DIAMETER_M, N_HELD_OUT, N_RANDOM
 
-EVERY_S = 30.0
-"""Without a terminal, a line after so many seconds."""
 LOSSES = 20
 """Of the course of the loss, how many numbers the card has."""
 
@@ -41,18 +36,7 @@ def train_depth_net(out: Path, seed: int, n_steps: int | None, minutes: float) -
     """
     console = Console(stderr=True, highlight=False, soft_wrap=True)
     checkpoint = out.with_name(f"{out.name}.checkpoint")
-    columns = TextColumn(NETWORK), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[note]}")
-    printed_at = perf_counter()
-    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        row = bar.add_task(NETWORK, total=n_steps, note="drawing views")
-
-        def report(now: Progress) -> None:
-            nonlocal printed_at
-            bar.update(row, completed=now.step, total=now.n_steps, note=in_words(now))
-            if not console.is_terminal and perf_counter() - printed_at > EVERY_S:
-                printed_at = perf_counter()
-                console.print(f"step {now.step} of {now.n_steps or '?'}, {in_words(now)}")
-
+    with shown_progress(console, NETWORK, n_steps, in_words) as report:
         trained = train(seed, n_steps, minutes, checkpoint, report)
     console.print("Measuring it on shapes that it has not seen.")
     card = card_of(trained, seed, out.name)
@@ -73,9 +57,8 @@ def train_depth_net(out: Path, seed: int, n_steps: int | None, minutes: float) -
 
 
 def in_words(now: Progress) -> str:
-    """``loss 0.312, 4.5 % of the diameter left, 12 min to go``."""
-    left = "" if now.minutes_left is None else f", {now.minutes_left:.0f} min to go"
-    return f"loss {now.loss:.3f}, {50 * now.error:.1f} % of the diameter left after a step{left}"
+    """``loss 0.312, 4.5 % of the diameter left after a step``."""
+    return f"loss {now.loss:.3f}, {50 * now.error:.1f} % of the diameter left after a step"
 
 
 def card_of(trained: Trained, seed: int, file: str) -> dict[str, Any]:

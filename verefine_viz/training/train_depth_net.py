@@ -7,17 +7,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 
-from verefine_viz.core.errors import InputError
-from verefine_viz.core.paths import atomic
+from verefine_viz.training.checkpoints import read_checkpoint, write_checkpoint
 from verefine_viz.training.depth_net_model import DepthNetModel, loss_of
 from verefine_viz.training.depth_net_samples import TrainingBatches
+from verefine_viz.training.progress_bar import Progress
 
 BATCH_SIZE = 128
 PEAK_RATE = 2e-3
@@ -32,21 +31,6 @@ SAVED_EVERY_S = 60.0
 """Time between two checkpoints [s]."""
 REPORTED_EVERY = 20
 """Steps between two reports."""
-CHECKPOINT_FORMAT = 1
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far a training is."""
-
-    step: int
-    n_steps: int | None
-    """None until the first steps are timed."""
-    loss: float
-    """Mean of the last reports."""
-    error: float
-    """Mean error left after one step of the network [radii]."""
-    minutes_left: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +69,10 @@ def train(
     model = DepthNetModel().to(memory_format=torch.channels_last)  # pyright: ignore
     average = AveragedModel(model, avg_fn=averaged, use_buffers=True)
     optimizer = torch.optim.AdamW(model.parameters(), weight_decay=WEIGHT_DECAY)
+    made_with = {"seed": seed, "batch_size": batch_size}
     step, losses = 0, []
     if checkpoint.exists():
-        saved = _read(checkpoint, seed, batch_size, n_steps)
+        saved = read_checkpoint(checkpoint, made_with, n_steps)
         model.load_state_dict(saved["model"])
         average.load_state_dict(saved["average"])
         optimizer.load_state_dict(saved["optimizer"])
@@ -125,9 +110,7 @@ def train(
             if n_steps is not None and (perf_counter() - saved_at > SAVED_EVERY_S or step == n_steps):
                 state = {"model": model.state_dict(), "average": average.state_dict()}
                 state |= {"optimizer": optimizer.state_dict(), "losses": losses, "n_steps": n_steps, "step": step}
-                state |= {"seed": seed, "batch_size": batch_size, "format": CHECKPOINT_FORMAT}
-                with atomic(checkpoint) as part:
-                    torch.save(state, part)
+                write_checkpoint(checkpoint, made_with, state)
                 saved_at = perf_counter()
     return Trained(average.module.eval(), step, tuple(losses))
 
@@ -143,25 +126,3 @@ def learning_rate(step: int, n_steps: int | None) -> float:
     rising = min(1.0, (step + 1) / WARM_UP)
     done = 0.0 if n_steps is None else step / n_steps
     return PEAK_RATE * rising * 0.5 * (1.0 + float(np.cos(np.pi * done)))
-
-
-def _read(checkpoint: Path, seed: int, batch_size: int, n_steps: int | None) -> dict[str, Any]:
-    """The checkpoint's content.
-
-    Raises:
-        InputError: it is of another training, or damaged.
-    """
-    try:
-        saved = torch.load(checkpoint, weights_only=True)  # Numbers and arrays only: nothing is unpickled.
-        is_ours = saved["format"] == CHECKPOINT_FORMAT
-        own = (saved["seed"], saved["batch_size"])
-    except Exception as error:
-        raise InputError(
-            f"checkpoint {checkpoint} cannot be read ({type(error).__name__}); delete it to begin again"
-        ) from None
-    if not is_ours or own != (seed, batch_size) or (n_steps is not None and n_steps != saved["n_steps"]):
-        raise InputError(
-            f"checkpoint {checkpoint} is of a training with seed {saved['seed']} and {saved['n_steps']} steps; "
-            "give the same, or delete it to begin again"
-        )
-    return saved

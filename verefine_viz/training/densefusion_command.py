@@ -1,0 +1,167 @@
+"""What ``verefine-viz train densefusion`` does: train, export both networks, measure, write the model cards."""
+
+# pyright: reportMissingImports=false
+from __future__ import annotations
+
+import platform
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from rich.console import Console
+from rich.markup import escape
+from scipy.spatial import KDTree
+
+import verefine_viz
+from verefine_viz.core.algorithm_settings import DenseFusionSettings
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import apply, nearest_rotation
+from verefine_viz.learned.densefusion_input import crop_of
+from verefine_viz.learned.densefusion_steps import FORMAT, POSE_NET, REFINE_NET, DenseFusionPose, DenseFusionSteps
+from verefine_viz.networks.densefusion_networks import (
+    OFFICIAL,
+    SLIM,
+    pose_net_example,
+    refine_net_example,
+)
+from verefine_viz.networks.network_export import onnx_bytes, write_network
+from verefine_viz.training.coloured_scenes import ColouredScenes, LabelledObject, coloured_scenes
+from verefine_viz.training.progress_bar import Progress, shown_progress
+from verefine_viz.training.train_densefusion import BATCH_SIZE, POSE_SHARE, TrainedDenseFusion, train_densefusion
+
+LOSSES = 20
+"""Of the course of the loss, how many numbers a card has."""
+HELD_OUT_PICTURES = 40
+"""Pictures on which the networks are measured, …"""
+HELD_OUT_SEED = 2**31
+"""… with a seed that is added to the training's."""
+
+
+def train_both(
+    out: Path,
+    slim: bool,
+    dataset: Path | None,
+    split: str,
+    n_points: int,
+    seed: int,
+    n_steps: int | None,
+    minutes: float,
+) -> int:
+    """Trains PoseNet into ``out`` and PoseRefineNet beside it, ``*_refine.onnx``; the exit code.
+
+    Raises:
+        VerefineError: something cannot be read or written, or the checkpoint is of another training.
+    """
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    checkpoint = out.with_name(f"{out.name}.checkpoint")
+    scenes = coloured_scenes(dataset, split, seed)
+    size = SLIM if slim else OFFICIAL
+    with shown_progress(console, "densefusion", n_steps, in_words) as report:
+        trained = train_densefusion(scenes, size, n_points, seed, n_steps, minutes, checkpoint, report)
+    files = {POSE_NET: out, REFINE_NET: out.with_name(f"{out.stem}_refine.onnx")}
+    models = {POSE_NET: trained.pose, REFINE_NET: trained.refine}
+    examples = {POSE_NET: pose_net_example(), REFINE_NET: refine_net_example(size.colour)}
+    command = f"verefine-viz train densefusion --out {out.name} --steps {trained.n_steps} --seed {seed}"
+    command += f" --points {n_points}" + ("" if slim else " --no-slim")
+    command += f" --dataset {dataset.resolve().name}" if dataset else ""
+    command += f" --split {split}" if split else ""
+    cards = {name: card_of(name, trained, scenes, n_points, seed, command) for name in files}
+    for name, file in files.items():
+        example, sizes = examples[name]
+        write_network(file, onnx_bytes(models[name], example, sizes, cards[name]), cards[name])
+    console.print("Measuring them on pictures that they have not seen.")
+    measured = measured_on(coloured_scenes(dataset, split, seed + HELD_OUT_SEED), files[POSE_NET], files[REFINE_NET])
+    for name, file in files.items():
+        example, sizes = examples[name]
+        # Frames of a data set are drawn from the same frames again.
+        cards[name]["measured_on"] = "the same frames in another order" if split else "other made-up views"
+        cards[name]["measured"] = measured
+        content = onnx_bytes(models[name], example, sizes, cards[name])
+        write_network(file, content, cards[name])
+        console.print(escape(f"{file}: {len(content) / 1e6:.2f} MB; {file.with_suffix('.json')}: its model card"))
+    checkpoint.unlink(missing_ok=True)
+    for what, row in measured.items():
+        console.print(
+            f"{what}: ADD(-S) {row['median_percent_of_diameter']:.1f} % of the diameter (median of {row['n']}), "
+            f"{row['share_below_10_percent']:.0%} below 10 %"
+        )
+    console.print(
+        escape(
+            f"To use them: --densefusion.weights {files[POSE_NET]} --densefusion.refiner-weights {files[REFINE_NET]}"
+        )
+    )
+    return 0
+
+
+def in_words(now: Progress) -> str:
+    """``loss 0.0312, ADD(-S) 12.3 mm``."""
+    return f"loss {now.loss:.4f}, ADD(-S) {1000 * now.error:.1f} mm"
+
+
+def card_of(
+    name: str, trained: TrainedDenseFusion, scenes: ColouredScenes, n_points: int, seed: int, command: str
+) -> dict[str, Any]:
+    """The model card, but for what is measured."""
+    every = max(1, len(trained.losses) // LOSSES)
+    shown = [*trained.losses[::every], trained.losses[-1]] if trained.losses else []
+    parameters = sum(p.numel() for p in (trained.pose if name == POSE_NET else trained.refine).parameters())
+    return {
+        "network": name,
+        "format": FORMAT,
+        "n_classes": len(scenes.obj_ids),
+        "classes": list(scenes.obj_ids),
+        "points": n_points,
+        "purpose": "DenseFusion: the 6D pose of the objects that it was trained on, from a colour and depth image",
+        "command": command,
+        "seed": seed,
+        "steps": trained.n_steps,
+        "steps_of_pose_net": round(POSE_SHARE * trained.n_steps),
+        "samples": trained.n_steps * BATCH_SIZE,
+        "parameters": parameters,
+        "data": scenes.described,
+        "loss": [{"step": s, "loss": round(a, 5), "add_m": round(b, 5)} for s, a, b in dict.fromkeys(shown)],
+        "made_with": {
+            "verefine-viz": verefine_viz.__version__,
+            "torch": torch.__version__,
+            "numpy": np.__version__,
+            "python": platform.python_version(),
+        },
+    }
+
+
+def measured_on(scenes: ColouredScenes, pose_file: Path, refine_file: Path) -> dict[str, dict[str, Any]]:
+    """ADD(-S) as a share of the diameter: of the most confident pose, and after two steps of refinement."""
+    pose, steps = (
+        DenseFusionPose(pose_file, DenseFusionSettings()),
+        DenseFusionSteps(refine_file, DenseFusionSettings()),
+    )
+    errors: list[tuple[float, float]] = []
+    for k in range(HELD_OUT_PICTURES):
+        for seen in scenes.picture(k):
+            crop = crop_of(seen.rgb, seen.depth_m, seen.mask, seen.camera, pose.classes.n_points, 0)
+            if crop is None:
+                continue
+            poses = pose.poses_of(crop, seen.model.obj_id)
+            T = poses.Ts_cam_obj[int(poses.confidences.argmax())]
+            T[:3, :3] = nearest_rotation(T[:3, :3])
+            refined = steps.refined(T, poses.colours, seen.model.obj_id, 2)
+            errors.append((error_of(seen, T), error_of(seen, refined)))
+    rows = {}
+    for what, shares in zip(("pose_net", "after_two_steps"), np.array(errors).reshape(-1, 2).T, strict=True):
+        rows[what] = {
+            "n": len(shares),
+            "median_percent_of_diameter": round(100 * float(np.median(shares)), 2) if len(shares) else 0.0,
+            "share_below_10_percent": round(float((shares < 0.1).mean()), 3) if len(shares) else 0.0,
+        }
+    return rows
+
+
+def error_of(seen: LabelledObject, T_cam_obj: Float) -> float:
+    """ADD, or ADD-S of a symmetric object, as a share of its diameter."""
+    at_pose, wanted = apply(T_cam_obj, seen.model.points), apply(seen.T_cam_obj, seen.model.points)
+    if seen.model.is_symmetric:
+        distances = KDTree(wanted).query(at_pose)[0]
+    else:
+        distances = np.linalg.norm(at_pose - wanted, axis=1)
+    return float(distances.mean()) / seen.model.diameter_m
