@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from tests.nothing_skipped import NO_TORCH
 from verefine_viz import cli
@@ -18,7 +19,7 @@ from verefine_viz.learned.densefusion_input import ObjectCrop
 from verefine_viz.learned.densefusion_steps import DenseFusionPose
 from verefine_viz.training import coloured_scenes as scenes_module
 from verefine_viz.training import densefusion_samples
-from verefine_viz.training.coloured_scenes import MadeUpScenes, coloured_scenes
+from verefine_viz.training.coloured_scenes import coloured_scenes
 from verefine_viz.training.densefusion_samples import Sample
 
 torch = pytest.importorskip("torch", reason=NO_TORCH)
@@ -132,26 +133,19 @@ def test_three_quarters_of_the_steps_are_pose_nets() -> None:
 
 
 @pytest.mark.usefixtures("_few_pictures")
-def test_a_pictures_poses_and_masks_are_those_of_its_depth() -> None:
+def test_a_pictures_poses_and_masks_are_those_of_its_depth(monkeypatch: pytest.MonkeyPatch) -> None:
     """Points of the mask lie on the model at its pose."""
-    from scipy.spatial import KDTree
-
+    monkeypatch.setattr(scenes_module, "_detected", lambda visible, rng: visible)
     made_up = coloured_scenes(None, "", 3)
-    assert isinstance(made_up, MadeUpScenes)
-    n = 0
-    for k in range(3):
-        for seen in made_up.picture(k):
-            n += 1
-            cloud = seen.camera.back_project(seen.depth_m)[seen.mask & (seen.depth_m > 0)]
-            T = seen.T_cam_obj
-            away = KDTree(seen.model.vertices).query((cloud - T[:3, 3]) @ T[:3, :3])[0]
-            assert np.median(away) < 0.1 * seen.model.diameter_m
-            lo, hi = seen.model.vertices.min(axis=0) - 0.02, seen.model.vertices.max(axis=0) + 0.02
-            inside = (((cloud - T[:3, 3]) @ T[:3, :3] > lo) & ((cloud - T[:3, 3]) @ T[:3, :3] < hi)).all(axis=1)
-            assert inside.mean() > 0.7  # A mask may be a little too wide.
-        again = coloured_scenes(None, "", 3).picture(k)
-        assert [a.rgb.tobytes() for a in again] == [b.rgb.tobytes() for b in made_up.picture(k)]
-    assert n >= 3
+    pictures = [made_up.picture(k) for k in range(3)]
+    assert sum(map(len, pictures)) >= 3
+    for seen in (o for picture in pictures for o in picture):
+        cloud = seen.camera.back_project(seen.depth_m)[seen.mask & (seen.depth_m > 0)]
+        T = seen.T_cam_obj
+        away = KDTree(seen.model.points).query((cloud - T[:3, 3]) @ T[:3, :3])[0]
+        assert np.quantile(away, 0.9) < 0.1 * seen.model.diameter_m
+    again = coloured_scenes(None, "", 3).picture(1)
+    assert [o.rgb.tobytes() for o in again] == [o.rgb.tobytes() for o in pictures[1]]
 
 
 def trained(folder: Path, checkpoint: str, n_steps: int = 8, report: Any = lambda now: None) -> TrainedDenseFusion:

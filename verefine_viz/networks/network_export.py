@@ -49,8 +49,14 @@ def onnx_bytes(
     for node in exported.graph.node:  # Where in which file it was made: another for each computer.
         del node.metadata_props[:]
         node.doc_string = ""
-    onnx.helper.set_model_props(exported, {CARD: json.dumps(card)})
-    return exported.SerializeToString(deterministic=True)
+    return with_card(exported.SerializeToString(), card)
+
+
+def with_card(content: bytes, card: Mapping[str, Any]) -> bytes:
+    """The same ONNX file with this model card instead of its own."""
+    network = onnx.load_from_string(content)
+    onnx.helper.set_model_props(network, {CARD: json.dumps(card)})
+    return network.SerializeToString(deterministic=True)
 
 
 def write_network(path: Path, content: bytes, card: Mapping[str, Any]) -> None:

@@ -25,7 +25,7 @@ from verefine_viz.networks.densefusion_networks import (
     pose_net_example,
     refine_net_example,
 )
-from verefine_viz.networks.network_export import onnx_bytes, write_network
+from verefine_viz.networks.network_export import onnx_bytes, with_card, write_network
 from verefine_viz.training.coloured_scenes import ColouredScenes, LabelledObject, coloured_scenes
 from verefine_viz.training.progress_bar import Progress, shown_progress
 from verefine_viz.training.train_densefusion import BATCH_SIZE, POSE_SHARE, TrainedDenseFusion, train_densefusion
@@ -67,19 +67,19 @@ def train_both(
     command += f" --dataset {dataset.resolve().name}" if dataset else ""
     command += f" --split {split}" if split else ""
     cards = {name: card_of(name, trained, scenes, n_points, seed, command) for name in files}
+    contents = {name: onnx_bytes(models[name], *examples[name], cards[name]) for name in files}
     for name, file in files.items():
-        example, sizes = examples[name]
-        write_network(file, onnx_bytes(models[name], example, sizes, cards[name]), cards[name])
+        write_network(file, contents[name], cards[name])
     console.print("Measuring them on pictures that they have not seen.")
     measured = measured_on(coloured_scenes(dataset, split, seed + HELD_OUT_SEED), files[POSE_NET], files[REFINE_NET])
     for name, file in files.items():
-        example, sizes = examples[name]
         # Frames of a data set are drawn from the same frames again.
         cards[name]["measured_on"] = "the same frames in another order" if split else "other made-up views"
         cards[name]["measured"] = measured
-        content = onnx_bytes(models[name], example, sizes, cards[name])
-        write_network(file, content, cards[name])
-        console.print(escape(f"{file}: {len(content) / 1e6:.2f} MB; {file.with_suffix('.json')}: its model card"))
+        write_network(file, with_card(contents[name], cards[name]), cards[name])
+        console.print(
+            escape(f"{file}: {len(contents[name]) / 1e6:.2f} MB; {file.with_suffix('.json')}: its model card")
+        )
     checkpoint.unlink(missing_ok=True)
     for what, row in measured.items():
         console.print(

@@ -15,7 +15,7 @@ from rich.markup import escape
 import verefine_viz
 from verefine_viz.learned.depth_crops import CHANNELS, FORMAT, SIDE_PX
 from verefine_viz.learned.onnx_network import OnnxNetwork
-from verefine_viz.networks.network_export import onnx_bytes, write_network
+from verefine_viz.networks.network_export import onnx_bytes, with_card, write_network
 from verefine_viz.refiners.depth_net import NETWORK
 from verefine_viz.training.depth_net_samples import LARGEST_DEG, LARGEST_SHIFT
 from verefine_viz.training.held_out import measured
@@ -41,10 +41,10 @@ def train_depth_net(out: Path, seed: int, n_steps: int | None, minutes: float) -
     console.print("Measuring it on shapes that it has not seen.")
     card = card_of(trained, seed, out.name)
     example, sizes = (torch.zeros(2, len(CHANNELS), SIDE_PX, SIDE_PX),), ({0: torch.export.Dim("n")},)
-    write_network(out, onnx_bytes(trained.model, example, sizes, card), card)
-    card["held_out"] = measured(OnnxNetwork(out, NETWORK, FORMAT))
     content = onnx_bytes(trained.model, example, sizes, card)
     write_network(out, content, card)
+    card["held_out"] = measured(OnnxNetwork(out, NETWORK, FORMAT))
+    write_network(out, with_card(content, card), card)
     checkpoint.unlink(missing_ok=True)
     console.print(escape(f"{out}: {len(content) / 1e6:.2f} MB; {out.with_suffix('.json')}: its model card"))
     for line in card["held_out"]:
