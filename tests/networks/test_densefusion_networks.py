@@ -29,8 +29,8 @@ from verefine_viz.networks.densefusion_networks import (  # noqa: E402
     Size,
     pose_net_example,
 )
-from verefine_viz.networks.network_export import onnx_bytes  # noqa: E402
 from verefine_viz.networks.official_weights import loaded  # noqa: E402
+from verefine_viz.networks.onnx_export import onnx_bytes  # noqa: E402
 
 SHAPES = Path(__file__).parents[3] / "shared" / "data" / "golden" / "densefusion_state_shapes.json"
 State = dict[str, Any]

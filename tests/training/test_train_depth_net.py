@@ -17,7 +17,7 @@ from verefine_viz.learned.onnx_network import OnnxNetwork
 
 torch = pytest.importorskip("torch", reason=NO_TORCH)
 
-from verefine_viz.networks.network_export import onnx_bytes  # noqa: E402
+from verefine_viz.networks.onnx_export import onnx_bytes  # noqa: E402
 from verefine_viz.training import depth_net_samples, held_out, train_depth_net  # noqa: E402
 from verefine_viz.training.depth_net_model import DepthNetModel, errors_left, loss_of, rotations  # noqa: E402
 from verefine_viz.training.train_depth_net import PEAK_RATE, Trained, learning_rate, train  # noqa: E402

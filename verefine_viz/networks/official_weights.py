@@ -20,7 +20,7 @@ from verefine_viz.networks.densefusion_networks import (
     pose_net_example,
     refine_net_example,
 )
-from verefine_viz.networks.network_export import onnx_bytes
+from verefine_viz.networks.onnx_export import onnx_bytes
 
 LAST_LAYER = {POSE_NET: "conv4_r.weight", REFINE_NET: "conv3_r.weight"}
 """Its rows are four for each class."""

@@ -25,7 +25,7 @@ from verefine_viz.networks.densefusion_networks import (
     pose_net_example,
     refine_net_example,
 )
-from verefine_viz.networks.network_export import onnx_bytes, with_card, write_network
+from verefine_viz.networks.onnx_export import onnx_bytes, with_card, write_network
 from verefine_viz.training.coloured_scenes import ColouredScenes, LabelledObject, coloured_scenes
 from verefine_viz.training.progress_bar import Progress, shown_progress
 from verefine_viz.training.train_densefusion import BATCH_SIZE, POSE_SHARE, TrainedDenseFusion, train_densefusion

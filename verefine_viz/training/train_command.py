@@ -15,7 +15,7 @@ from rich.markup import escape
 import verefine_viz
 from verefine_viz.learned.depth_crops import CHANNELS, FORMAT, SIDE_PX
 from verefine_viz.learned.onnx_network import OnnxNetwork
-from verefine_viz.networks.network_export import onnx_bytes, with_card, write_network
+from verefine_viz.networks.onnx_export import onnx_bytes, with_card, write_network
 from verefine_viz.refiners.depth_net import NETWORK
 from verefine_viz.training.depth_net_samples import LARGEST_DEG, LARGEST_SHIFT
 from verefine_viz.training.held_out import measured
