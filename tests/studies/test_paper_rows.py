@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from verefine_viz.session.files import load_session
-from verefine_viz.studies.paper_tables import ROWS, missing_rows
+from verefine_viz.studies.paper_tables import ROWS, missing_rows, tables
 
 
 def test_built_in_scenes_make_none_of_the_papers_rows_and_each_reason_names_the_data_set() -> None:
@@ -26,8 +26,22 @@ def test_rows_are_there_with_their_data_set_and_initial_poses(tmp_path: Path) ->
     assert "needs the data set" not in sentence
 
 
-def test_what_nobody_can_run_here_says_why(tmp_path: Path) -> None:
+def test_rows_with_densefusion_need_its_initial_poses(tmp_path: Path) -> None:
     scene = {"source": "bop", "dataset": str(tmp_path / "ycbv")}
     (sentence,) = (s for s in missing_rows([load_session(None, {"scene": scene})]) if "YCB-Video" in s)
-    assert "DenseFusion and its refiner are not part of this package" in sentence
+    assert 'needs initial poses by DenseFusion (source = "densefusion")' in sentence
     assert "needs the data set" not in sentence
+    theirs = load_session(None, {"scene": scene, "hypotheses": {"source": "densefusion"}})
+    assert not any("YCB-Video" in s for s in missing_rows([theirs]))
+
+
+def test_a_sessions_own_refiner_gets_rows_as_well() -> None:
+    labels = {
+        refiner: [c.label for c in tables(refiner=refiner).panels[0].curves] for refiner in ("icp", "densefusion")
+    }
+    assert not any("DF-R" in label for label in labels["icp"])
+    more = [label for label in labels["densefusion"] if label not in labels["icp"]]
+    assert [label for label in more if label.endswith(", 2")] == [
+        "DF-R, 2", "DF-R + PIR, 2", "DF-R + SIR, 2", "DF-R + RIR, 2", "DF-R + VF_b, 2", "DF-R + VF_d, 2",
+    ]  # fmt: skip
+    assert len(more) == 12

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from tests.nothing_skipped import NO_TORCH
+from tests.nothing_skipped import NO_DATA, NO_TORCH
+from tests.scenes.bop_folder import make
 from verefine_viz import cli
 from verefine_viz.core.algorithm_settings import DenseFusionSettings
 from verefine_viz.core.errors import InputError
@@ -30,6 +31,7 @@ from verefine_viz.training.densefusion_loss import distances, pose_loss, refine_
 from verefine_viz.training.train_densefusion import TrainedDenseFusion, phase, refining_loss  # noqa: E402
 
 POINTS = 40
+DATA = Path(__file__).parents[3] / "shared" / "data"
 
 
 @pytest.fixture
@@ -197,3 +199,36 @@ def test_the_command_writes_both_networks_with_cards(tmp_path: Path) -> None:
     net = DenseFusionPose(out, DenseFusionSettings())
     assert net.classes.n_points == POINTS
     assert sum(p.stat().st_size for p in out.parent.glob("*.onnx")) < 8_000_000
+
+
+@pytest.mark.usefixtures("_few_pictures")
+def test_the_annotated_frames_of_a_folder_are_learned_from(tmp_path: Path) -> None:
+    dataset = make(tmp_path).root
+    frames = coloured_scenes(dataset, "test", 0)
+    pictures = [frames.picture(k) for k in range(4)]
+    assert {o.model.obj_id for picture in pictures for o in picture} <= set(frames.obj_ids)
+    samples = densefusion_samples.TrainingSamples(frames, 0, POINTS, 4).next()
+    again = densefusion_samples.TrainingSamples(frames, 0, POINTS, 4).next()
+    for sample, same in zip(samples, again, strict=True):
+        assert sample.crop.points.shape == (1, POINTS, 3)
+        assert np.array_equal(sample.crop.image, same.crop.image)
+        assert np.array_equal(sample.wanted, same.wanted)
+
+
+def test_models_without_colours_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="has no colours; DenseFusion learns from colour"):
+        coloured_scenes(make(tmp_path).root, "", 0)
+
+
+@pytest.mark.data
+@pytest.mark.usefixtures("long_run")
+def test_real_models_and_frames_are_learned_from() -> None:
+    if not DATA.exists():
+        pytest.skip(NO_DATA)
+    for dataset, split in ((DATA / "lm", ""), (DATA / "lm", "test"), (DATA / "ycbv", "test")):
+        scenes = coloured_scenes(dataset, split, 0)
+        picture = next(filter(None, map(scenes.picture, range(9))))
+        for seen in picture:
+            cloud = seen.camera.back_project(seen.depth_m)[seen.mask & (seen.depth_m > 0)]
+            away = KDTree(seen.model.points).query((cloud - seen.T_cam_obj[:3, 3]) @ seen.T_cam_obj[:3, :3])[0]
+            assert np.median(away) < 0.15 * seen.model.diameter_m

@@ -16,6 +16,8 @@ from verefine_viz.studies.disturbance import disturbed, with_ground_truth
 from verefine_viz.studies.study_plan import Claim, Curve, Panel, Study
 
 REFINERS = {"icp": "ICP", "trimmed_icp": "TrICP"}
+DF_R = {"densefusion": "DF-R"}
+"""As the paper calls it; other refiners are called by their names."""
 SHORT, LONG = 2, 10
 """Refiner calls per hypothesis (Table I)."""
 ROTATION_DEG, TRANSLATION_MM, HYPOTHESES = 30.0, 30.0, 5
@@ -25,20 +27,23 @@ SEVERAL = (("+ RIR", "rir"), ("+ VF_b", "vf_breadth"), ("+ VF_d", "vf_depth"))
 TREND = "PIR < SIR < RIR < VF_b < VF_d where objects touch; PHYSIM-MCTS below VF_b at many times its duration"
 
 
-def tables(quick: bool = False, own_initial_poses: bool = False) -> Study:
+def tables(quick: bool = False, own_initial_poses: bool = False, refiner: str = "icp") -> Study:
     """One panel with one x: every row is a curve.
 
     Args:
-        quick: ICP only, and the short budget.
+        quick: ICP only (and ``refiner``), and the short budget.
         own_initial_poses: the session's own initial poses instead of disturbed ground truth.
+        refiner: the session's; it is added where it is none of ``REFINERS``.
     """
     curves: list[Curve] = []
-    refiners = dict(list(REFINERS.items())[:1]) if quick else REFINERS
-    for refiner, name in refiners.items():
+    refiners = dict(list(REFINERS.items())[:1]) if quick else dict(REFINERS)
+    if refiner not in REFINERS:
+        refiners[refiner] = DF_R.get(refiner, refiner)
+    for key, name in refiners.items():
         for budget in (SHORT,) if quick else (SHORT, LONG):
             for suffix, method in (*SINGLE, *SEVERAL):
                 label = f"{name} {suffix}".strip() + f", {budget}"
-                curves.append(Curve(label, _settings(method, refiner, budget)))
+                curves.append(Curve(label, _settings(method, key, budget)))
     budget = SHORT if quick else LONG
     mcts: Mapping[str, Any] = {"expansions": budget * HYPOTHESES}
     curves.append(Curve(f"PHYSIM-MCTS, {budget}", {"method": {"name": "physim_mcts"}, "mcts": mcts}))
@@ -63,8 +68,7 @@ def _far(problem: Problem, x: float, seed: int) -> Problem:
     return disturbed(problem, HYPOTHESES, ROTATION_DEG, TRANSLATION_MM, seed)
 
 
-NO_DENSEFUSION = "DenseFusion and its refiner are not part of this package"
-SOURCES = {"ppf": "point pair features", "pcs": "congruent point sets"}
+SOURCES = {"ppf": "point pair features", "pcs": "congruent point sets", "densefusion": "DenseFusion"}
 GIVEN = {"perturb": "disturbed ground truth", "results": "results files"} | SOURCES
 
 
@@ -80,14 +84,14 @@ class PaperRows:
     parts: str
     """Initial poses, refiner and methods, in words."""
     source: str
-    """``hypotheses.source`` of the initial poses; empty: not here at all."""
+    """``hypotheses.source`` of the initial poses."""
 
 
 ROWS = (
-    PaperRows("I", "lm", "LINEMOD", "DenseFusion alone, + PIR, + SIR (2 calls), + RIR (10 calls)", ""),
+    PaperRows("I", "lm", "LINEMOD", "DenseFusion alone, + PIR, + SIR (2 calls), + RIR (10 calls)", "densefusion"),
     PaperRows("I", "lm", "LINEMOD", "PPF with ICP alone, + PIR, + SIR, + RIR", "ppf"),
     PaperRows("II", "xapc", "Extended APC", "Super4PCS with TrICP: PHYSIM-MCTS, RIR, VF_b, VF_d", "pcs"),
-    PaperRows("III", "ycbv", "YCB-Video", "DenseFusion alone, + PIR, + SIR, + RIR, + VF_b, + VF_d", ""),
+    PaperRows("III", "ycbv", "YCB-Video", "DenseFusion alone, + PIR, + SIR, + RIR, + VF_b, + VF_d", "densefusion"),
 )
 
 
@@ -107,9 +111,7 @@ def _reason(rows: PaperRows, session: Session) -> str:
     here = Path(session.scene.dataset).name if session.scene.source == "bop" else ""
     if here != rows.dataset:
         reasons.append(f"needs the data set {rows.dataset}, these are {here or 'built-in scenes'}")
-    if not rows.source:
-        reasons.append(NO_DENSEFUSION)
-    elif session.hypotheses.source != rows.source:
+    if session.hypotheses.source != rows.source:
         given = GIVEN[session.hypotheses.source]
         reasons.append(f'needs initial poses by {SOURCES[rows.source]} (source = "{rows.source}"), these are {given}')
     return "; ".join(reasons)

@@ -39,6 +39,8 @@ class StudyRequest:
     quick: bool = False
     own_initial_poses: bool = False
     """The tables start from the session's own initial poses instead of disturbed ground truth."""
+    refiner: str = "icp"
+    """The session's; the tables have it besides their own."""
 
     def study(self) -> Study:
         """
@@ -50,7 +52,7 @@ class StudyRequest:
         if self.name == "robustness":
             return robustness(self.quick)
         if self.name == "tables":
-            return tables(self.quick, self.own_initial_poses)
+            return tables(self.quick, self.own_initial_poses, self.refiner)
         raise SettingsError(unknown("study", self.name, STUDIES))
 
 

@@ -49,8 +49,9 @@ def run_one(
         VerefineError: the session, a frame or ``out`` cannot be used.
     """
     sessions = scenes(name, session, overrides, quick)
-    source = next(iter(sessions.values())).hypotheses.source
-    request = StudyRequest(name, quick, own_initial_poses=session is not None and source != "perturb")
+    first = next(iter(sessions.values()))
+    own_initial_poses = session is not None and first.hypotheses.source != "perturb"
+    request = StudyRequest(name, quick, own_initial_poses, first.method.refiner)
     n_seeds = seeds if seeds is not None else QUICK_SEEDS if quick else SEEDS
     if request.own_initial_poses and name == "tables":
         n_seeds = 1  # nothing is drawn
