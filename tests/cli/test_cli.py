@@ -66,7 +66,7 @@ def test_every_field_of_a_session_file_has_an_option(capsys: pytest.CaptureFixtu
     for section, value in Session().model_dump().items():
         if isinstance(value, dict):
             for field in value.keys() - set(flags.NOT_OPTIONS):
-                assert f"--{section}.{field.replace('_', '-')} " in text
+                assert f"--{section}.{field} ".replace("_", "-") in text
         elif section not in flags.NOT_OPTIONS:
             assert f"--{section} " in text
     assert fields

@@ -20,6 +20,7 @@ from verefine_viz import cli
         (["depth_net", "--out", "net.onnx", "--minutes", "nan"], "--minutes is nan, expected more than 0"),
         (["depth_net", "--out", "net.onnx", "--steps", "0"], "--steps is 0, expected from 1"),
         (["depth_net", "--out", "net.onnx", "--seed", "-1"], "--seed is -1, expected from 0"),
+        (["depth_net", "--out", "net.onnx", "--dataset", "lm"], "--dataset is read by train densefusion only"),
         (["densefusion", "--out", "net.onnx", "--points", "1"], "--points is 1, expected from 2"),
         (["densefusion", "--out", "net.onnx", "--split", "train_pbr"], "--split is set without --dataset"),
     ],

@@ -56,6 +56,8 @@ class Train:
             raise SettingsError(f"--seed is {self.seed}, expected from 0 to {2**32 - 1}")
         if not 2 <= self.points <= MOST_POINTS:
             raise SettingsError(f"--points is {self.points}, expected from 2 to {MOST_POINTS}")
+        if self.network == "depth_net" and self.dataset is not None:
+            raise SettingsError("--dataset is read by train densefusion only; depth_net knows no object")
         if self.split and self.dataset is None:
             raise SettingsError("--split is set without --dataset; name the folder of the BOP data set")
         try:
