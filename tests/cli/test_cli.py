@@ -169,7 +169,7 @@ def test_words_that_make_no_command(words: list[str], expected: str, capsys: pyt
         (["--dependency.cut", "1"], "[INT INT [INT INT ...]]"),
         (
             ["--hypotheses.estimate", "50/1", "x", "ppf", "--scene.seed", "1"],
-            "[STR INT {ppf,pcs} [STR INT {ppf,pcs} ...]]",
+            "[STR INT {ppf,pcs,densefusion} [STR INT {ppf,pcs,densefusion} ...]]",
         ),
     ],
 )

@@ -131,7 +131,7 @@ def test_a_session_without_an_estimator_is_refused(
     session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said = refused(capsys, session, "--out", tmp_path / "pool.csv")
-    assert said.startswith("hypotheses.source is 'perturb', expected an estimator (ppf, pcs)")
+    assert said.startswith("hypotheses.source is 'perturb', expected an estimator (ppf, pcs, densefusion)")
     assert not (tmp_path / "pool.csv").exists()
 
 

@@ -79,6 +79,7 @@ def test_answers_depend_on_the_arguments_only(tmp_path: Path) -> None:
     used, fresh = (make_refiner("densefusion", session(tmp_path)) for _ in range(2))
     first = used.refine(TARGET, START)
     assert not np.array_equal(first, START)
+    assert np.allclose(first[:3, :3].T @ first[:3, :3], np.eye(3), atol=1e-12)
     for h in TARGET.instance.hypotheses:
         used.refine(TARGET, h.T_cam_obj)
         used.refine(coloured_target(), h.T_cam_obj)
