@@ -189,10 +189,20 @@ def _sentences(box: str) -> str:
     message, *others = paragraphs
     sentences = [" ".join(message)[:LONGEST].removesuffix(".")]
     for head, *about in others:
-        options = [row for row in about if row.startswith("--")]
+        options = [_whole_option(about[k:]) for k, row in enumerate(about) if row.startswith("--")]
         if options:
             sentences.append(f"{head.replace('Argument helptext:', 'expected')} {' or '.join(options)}")
     return "; ".join(text[:1].lower() + text[1:] for text in sentences)
+
+
+def _whole_option(rows: list[str]) -> str:
+    """An option with its values, which tyro breaks where a row is full: up to where all brackets are closed."""
+    option, *more = rows
+    for row in more:
+        if option.count("[") == option.count("]"):
+            break
+        option += row if option.endswith(",") else f" {row}"
+    return option
 
 
 def _parsed(words: list[str]) -> Command:
