@@ -86,11 +86,13 @@ def crops_at(
     channels = np.zeros((n, len(CHANNELS), SIDE_PX, SIDE_PX), np.float32)
     Rs_crop_cam, is_usable = np.empty((n, 3, 3)), np.zeros(n, np.bool_)
     pinhole = camera.fx, camera.fy, camera.cx, camera.cy
-    depth_m, mask, arrays = _read_only(depth_m), _read_only(mask), [_read_only(a) for a in mesh.arrays]
+    depth_m, mask = _read_only(depth_m), _read_only(mask)
+    vertices, faces, normals, offsets, closed = map(_read_only, mesh.arrays)
+    drawn = vertices, faces, normals, offsets, closed
     for k in range(n):
         T = np.array(Ts_cam_obj[k], dtype=np.float64, order="C")
         is_usable[k] = fill_crop(
-            depth_m, mask, *pinhole, *arrays, extent.centre_obj, extent.radius_m, T, channels[k], Rs_crop_cam[k]
+            depth_m, mask, *pinhole, *drawn, extent.centre_obj, extent.radius_m, T, channels[k], Rs_crop_cam[k]
         )
     return Crops(channels, Rs_crop_cam, is_usable)
 
