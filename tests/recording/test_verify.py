@@ -187,7 +187,7 @@ def test_a_difference_matters_more_than_an_early_end(tmp_path: Path, monkeypatch
 
 
 def test_another_version_is_named_as_the_reason_of_rounding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recorder, "versions", lambda: {"numpy": "0.0.1"})
+    monkeypatch.setattr(recorder, "versions", lambda session: {"numpy": "0.0.1"})
     record_changed(tmp_path / "run.rrd", monkeypatch, 3, lambda i: moved(i, next_number))
     found = verify(tmp_path / "run.rrd", again).difference
     assert found is not None
@@ -196,7 +196,7 @@ def test_another_version_is_named_as_the_reason_of_rounding(tmp_path: Path, monk
 
 
 def test_another_version_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recorder, "versions", lambda: {"numpy": "0.0.1"})
+    monkeypatch.setattr(recorder, "versions", lambda session: {"numpy": "0.0.1"})
     record_changed(tmp_path / "run.rrd", monkeypatch, 3, lambda i: replace(i, accepted="mixed"))
     found = verify(tmp_path / "run.rrd", again).difference
     assert found is not None
