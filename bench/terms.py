@@ -1,6 +1,6 @@
 """What colour, flips and the observed support add on real frames, and what they cost.
 
-    python -m bench.terms DATASET_FOLDER [--method rir] [--seeds 5] [--weight 0.1] [--frames 0/1 50/1] [--pool FILE.csv]
+    python -m bench.terms DATASET_FOLDER [--method rir] [--refiner icp] [--seeds 5] [--pool FILE.csv]
 
 DATASET_FOLDER is a BOP data set whose models have colours. Ground truth is disturbed by 30° and 30 mm, and by 60° and
 30 mm, five hypotheses an object, or they are those of results files; each frame is solved with the score of the paper,
@@ -92,6 +92,7 @@ def main() -> None:
     parser.add_argument("--weight", type=float, default=0.1)
     parser.add_argument("--frames", nargs="*", default=[])
     parser.add_argument("--method", default="rir")
+    parser.add_argument("--refiner", default="icp")
     parser.add_argument("--pool", type=Path, nargs="*", default=[], help="results files, instead of ground truth")
     given = parser.parse_args()
     pools: dict[str, dict[str, Any]] = {
@@ -108,8 +109,9 @@ def main() -> None:
         n_frames = 0
         for seed in range(given.seeds):
             scene = {"source": "bop", "dataset": str(given.dataset.resolve()), "frames": given.frames, "seed": seed}
+            method = {"name": given.method, "refiner": given.refiner}
             for name, row in rows(given.weight).items():
-                raw = {"scene": scene, "method": {"name": given.method}, **row.extra}
+                raw = {"scene": scene, "method": method, **row.extra}
                 box = Toolbox(resolve({**raw, "hypotheses": {**pool, "seed": seed, **row.extra.get("hypotheses", {})}}))
                 problems = [box.problem(frame) for frame in box.frames]
                 answers(box, problems[0])  # Compiled, and read what is cached.
