@@ -19,11 +19,11 @@ from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import PhysicsSettings
-from verefine_viz.core.surroundings import SupportSurface, unknown_number
+from verefine_viz.core.surroundings import SUPPORT_ID, SupportSurface, unknown_number
 from verefine_viz.physics.colliders import collider
 from verefine_viz.physics.proximity import Surface, nearness
 from verefine_viz.physics.simulator import checked_pose, plane_of
-from verefine_viz.physics.stability import IMPOSSIBLE_M, PLANE_ID, TOUCHING_M, UPWARDS
+from verefine_viz.physics.stability import IMPOSSIBLE_M, TOUCHING_M, UPWARDS
 from verefine_viz.physics.world import PLANE_FRICTION
 
 Light = Literal["green", "amber", "red"]
@@ -124,10 +124,10 @@ def plausibility(
     # The plane: its distance to a mesh is a vertex's.
     vertices = apply(T_world_obj, _solid_vertices(moving.model))
     heights_m = base.heights(vertices)
-    gaps_m = {PLANE_ID: max(float(heights_m.min()), 0.0)}
-    depths_m = {PLANE_ID: max(-float(heights_m.min()), 0.0)}
+    gaps_m = {SUPPORT_ID: max(float(heights_m.min()), 0.0)}
+    depths_m = {SUPPORT_ID: max(-float(heights_m.min()), 0.0)}
     near = [
-        (vertices, np.broadcast_to(normal, vertices.shape), heights_m, PLANE_ID, settings.friction * PLANE_FRICTION)
+        (vertices, np.broadcast_to(normal, vertices.shape), heights_m, SUPPORT_ID, settings.friction * PLANE_FRICTION)
     ]
 
     surface: Surface | None = None
@@ -143,7 +143,7 @@ def plausibility(
         near_other = nearness(surface, T_world_obj, surface_of(model), T_world_other, NEAR_M)
         gaps_m[own] = min(gaps_m.get(own, np.inf), near_other.gap_m)
         depths_m[own] = max(depths_m.get(own, 0.0), near_other.penetration_m)
-        friction_there = PLANE_FRICTION if own == PLANE_ID else settings.friction
+        friction_there = PLANE_FRICTION if own == SUPPORT_ID else settings.friction
         near.append(
             (near_other.points, near_other.normals, near_other.distances_m, own, settings.friction * friction_there)
         )
@@ -283,7 +283,7 @@ def _margin_m(polygon_xy: Float, xy: Float) -> float:
 
 
 def _named(instance_id: int, support: Support) -> str:
-    if instance_id == PLANE_ID:
+    if instance_id == SUPPORT_ID:
         return "the support plane" if support.surroundings is None else "the support"
     number = unknown_number(instance_id)
     return f"instance {instance_id}" if number is None else f"unknown object {number}"

@@ -22,9 +22,9 @@ from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Simulator
 from verefine_viz.core.records import Contacts, SimulatedPath
 from verefine_viz.core.settings import PhysicsSettings
-from verefine_viz.core.surroundings import SupportSurface, Surroundings
+from verefine_viz.core.surroundings import SUPPORT_ID, SupportSurface, Surroundings
 from verefine_viz.physics.colliders import Collider, collider
-from verefine_viz.physics.stability import PLANE_ID, Motion, Touch
+from verefine_viz.physics.stability import Motion, Touch
 from verefine_viz.physics.world import PLANE_FRICTION, BodyKey, PlacedBody, World, pybullet
 
 LEVEL = 0.75
@@ -185,7 +185,7 @@ class BulletSimulator:
             parts.setdefault(instance_id, []).append(model)
         bodies = {}
         for instance_id, models in parts.items():
-            friction = PLANE_FRICTION if instance_id == PLANE_ID else self._settings.friction
+            friction = PLANE_FRICTION if instance_id == SUPPORT_ID else self._settings.friction
             key = BodyKey(tuple(model.mesh_hash for model in models), 0, False)
             body = self._world.solid(key, [model.vertices for model in models], friction)
             bodies[PlacedBody(body, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), False)] = instance_id
@@ -199,7 +199,7 @@ class BulletSimulator:
         hashes = tuple(placed.model.mesh_hash for placed in cast)
         all_move = self._settings.placed == "dynamic"
         bodies: list[PlacedBody] = []
-        ids = {self._world.plane: PLANE_ID}
+        ids = {self._world.plane: SUPPORT_ID}
         for k, placed in enumerate(cast):
             if all_move:
                 key = BodyKey(hashes, k, True)
@@ -218,7 +218,7 @@ class BulletSimulator:
         margin_m, touches = self._settings.margin_m, []
         for p in near:
             is_plane, (px, py, _), up = p[_OTHER] == self._world.plane, p[_POINT], p[_NORMAL][2]
-            is_support = is_plane or (ids[p[_OTHER]] == PLANE_ID and up > LEVEL)
+            is_support = is_plane or (ids[p[_OTHER]] == SUPPORT_ID and up > LEVEL)
             gap_m = p[_DISTANCE] + (margin_m if is_plane else 2 * margin_m)
             touches.append(
                 Touch((px - x, py - y), up, gap_m, p[_FORCE] > 0.0 or p[_DISTANCE] <= 0.0, is_plane, is_support)

@@ -17,7 +17,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.records import Tipping
-from verefine_viz.core.surroundings import SUPPORT_ID, SupportSurface
+from verefine_viz.core.surroundings import SupportSurface
 
 TOUCHING_M = 0.002
 """Surfaces closer than this touch; less penetration than this is none (docs/methods.md 7.3)."""
@@ -33,9 +33,6 @@ DEEPEST_M = 0.05
 """What is further below a surface than this may be under it [m]."""
 HELD_DEG_S = 5.0
 """An object that touches a neighbour and turns slower than this leans on it [deg/s]."""
-
-PLANE_ID = SUPPORT_ID
-"""What :class:`core.records.Contacts` calls the support plane, and surroundings in its place."""
 
 Point = tuple[float, float]
 """Seen from above, from the centre of mass [m]."""

@@ -8,9 +8,10 @@ from typing import Any, Literal
 
 from verefine_viz.core.observation import TILT_SHOWN_DEG, Support
 from verefine_viz.core.problem import Problem, Target
+from verefine_viz.core.surroundings import SUPPORT_ID
 from verefine_viz.core.text_format import first_of
 from verefine_viz.methods.registry import method_of
-from verefine_viz.physics.stability import IMPOSSIBLE_M, PLANE_ID
+from verefine_viz.physics.stability import IMPOSSIBLE_M
 from verefine_viz.viewer.snapshot.scene_state import ObjectState, SceneState, labels_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.display_names import method_name
@@ -104,7 +105,7 @@ def plausibility_verdict(plausibility: Any, o: ObjectState, scene: SceneState) -
         if into.phase == "waiting" and into.n_iterations == 0:
             return PlausibilityVerdict("grey", f"{named}, which still waits at its initial pose: unknown yet.")
         return PlausibilityVerdict(light, f"{named}.")
-    if light == "red" and plausibility.penetrates == PLANE_ID and plausibility.penetration_mm > 1e3 * IMPOSSIBLE_M:
+    if light == "red" and plausibility.penetrates == SUPPORT_ID and plausibility.penetration_mm > 1e3 * IMPOSSIBLE_M:
         true_mm = -1e3 * (height_above_plane_m(o.target) or 0.0)
         if true_mm > 0 and plausibility.penetration_mm - true_mm <= 1e3 * IMPOSSIBLE_M:
             reason = f"so does ground truth, by {true_mm:.1f} mm: it is the measured plane that is off here"
