@@ -12,7 +12,7 @@ import pytest
 from tests.batch.frames import make_frames, write_session
 from tests.scenes.bop_folder import Made
 from verefine_viz import cli
-from verefine_viz.batch.run_batch import check
+from verefine_viz.batch.session_check import check
 from verefine_viz.session.files import load_session
 
 pytestmark = pytest.mark.usefixtures("processes")

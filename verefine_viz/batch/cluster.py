@@ -249,6 +249,6 @@ def _paths(session: Session) -> tuple[str, ...]:
     named = [scene.dataset] if scene.source == "bop" else []
     named += [scene.masks] if scene.masks not in ("mask", "mask_visib") else []
     named += hypotheses.files if hypotheses.source == "results" else ()
-    named += [session.dependency.order_file, session.depth_net.weights]
+    named += [session.dependency.order_file, session.depth_net.weights, session.physics.mesh]
     named += [session.densefusion.weights, session.densefusion.refiner_weights]
     return tuple(path for path in named if path)

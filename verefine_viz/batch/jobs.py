@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from verefine_viz.batch.folder import SESSION_FILE, RunFolder
-from verefine_viz.batch.run_batch import check
+from verefine_viz.batch.session_check import check
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
