@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from tests.fakes import box_problem
-from tests.session.test_keep_frame import box_mesh, found, kept
+from tests.session.kept_frames import box_mesh, found, kept
 from verefine_viz.batch import watch as watching
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex, read_batch

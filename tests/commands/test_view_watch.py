@@ -15,7 +15,7 @@ import psutil
 import pytest
 
 from tests.fakes import box_problem
-from tests.session.test_keep_frame import box_mesh, found, kept
+from tests.session.kept_frames import box_mesh, found, kept
 from verefine_viz.batch.index import read_batch
 from verefine_viz.cli import main
 from verefine_viz.session.files import resolve, save_session

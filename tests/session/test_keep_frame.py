@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import count
 from multiprocessing import get_context
@@ -15,13 +15,10 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from PIL import Image
 
 from tests.fakes import BOX_M, box_problem
+from tests.session.kept_frames import assert_same_files, box_mesh, files_in, found, kept, reopened
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.problem import Problem
-from verefine_viz.scenes.meshes import read_mesh
-from verefine_viz.scenes.models import model_of_mesh
 from verefine_viz.session.capture import DetectedObject, keep_frame
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
@@ -30,26 +27,6 @@ from verefine_viz.session.toolbox import Toolbox
 @pytest.fixture
 def mesh(tmp_path: Path) -> Path:
     return box_mesh(tmp_path / "box.stl")
-
-
-def box_mesh(path: Path, unit_m: float = 1.0) -> Path:
-    trimesh.creation.box(BOX_M / unit_m).export(path)
-    return path
-
-
-def kept(folder: Path, problem: Problem, objects: list[DetectedObject], **more: Any) -> str:
-    seen = problem.observation
-    return keep_frame(folder, seen.camera.K, seen.depth_m, seen.rgb, objects, **more)
-
-
-def found(problem: Problem, mesh: Path, k: int = 0, with_truth: bool = False) -> DetectedObject:
-    instance = problem.instances[k]
-    poses = {"net": np.array([h.T_cam_obj for h in instance.hypotheses])}
-    return DetectedObject(mesh, instance.mask, poses, T_cam_obj_gt=instance.T_cam_obj_gt if with_truth else None)
-
-
-def reopened(folder: Path, overrides: Mapping[str, Any] | None = None) -> Toolbox:
-    return Toolbox(load_session(folder / "session.toml", overrides))
 
 
 def test_a_kept_frame_is_the_frame(tmp_path: Path, mesh: Path) -> None:
@@ -71,43 +48,6 @@ def test_a_kept_frame_is_the_frame(tmp_path: Path, mesh: Path) -> None:
         assert [h.source for h in i.hypotheses] == ["net"] * 7
         poses = np.array([h.T_cam_obj for h in i.hypotheses])
         np.testing.assert_allclose(poses, [h.T_cam_obj for h in j.hypotheses], atol=1e-12)
-
-
-def textured_mesh(path: Path, colour: tuple[int, int, int]) -> Path:
-    """The box with a texture whose left half has another colour than its right one."""
-    image = Image.new("RGB", (8, 8), colour)
-    image.paste((9, 9, 200), (0, 0, 4, 8))
-    bare = trimesh.creation.box(BOX_M)
-    bare.unmerge_vertices()
-    uv = bare.vertices[:, :2] / BOX_M[:2] + 0.5
-    bare.visual = trimesh.visual.TextureVisuals(uv, image=image)
-    bare.export(path)
-    return path
-
-
-def test_an_object_keeps_its_texture(tmp_path: Path) -> None:
-    problem = box_problem()
-    textured = textured_mesh(tmp_path / "box.glb", (200, 9, 9))
-    for _ in range(2):
-        kept(tmp_path / "kept", problem, [found(problem, textured)])
-    before = model_of_mesh(read_mesh(textured, 1.0), 1, "box", 10, 0)
-    after = reopened(tmp_path / "kept").problem("1/2").models[1]
-    # The order of faces may have changed, their colours where they are may not.
-    rng = np.random.default_rng(0)
-    weights = rng.dirichlet([1, 1, 1], len(before.faces))
-    points = np.einsum("fk,fkj->fj", weights, before.vertices[before.faces])
-    mesh = trimesh.Trimesh(after.vertices, after.faces, process=False)
-    nearest, _, faces = trimesh.proximity.closest_point(mesh, points)
-    np.testing.assert_allclose(nearest, points, atol=1e-9)
-    there = trimesh.triangles.points_to_barycentric(after.vertices[after.faces[faces]], points)
-    expected = before.colors(np.arange(len(before.faces)), weights)
-    np.testing.assert_allclose(after.colors(faces, there), expected, atol=1)
-    assert len(np.unique(expected.round(), axis=0)) > 1
-    files = files_in(tmp_path / "kept")
-    other = found(problem, textured_mesh(tmp_path / "other.glb", (9, 200, 9)))
-    with pytest.raises(InputError, match="box is another mesh than before"):
-        kept(tmp_path / "kept", problem, [replace(other, name="box")])
-    assert_same_files(files_in(tmp_path / "kept"), files)
 
 
 def test_frames_add_up_and_name_their_objects_alike(tmp_path: Path, mesh: Path) -> None:
@@ -234,23 +174,6 @@ def killed_at(step: int, monkeypatch: pytest.MonkeyPatch, keep: Callable[[], obj
         except KeyboardInterrupt:
             return True
     return False
-
-
-def files_in(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
-def assert_same_files(got: dict[str, bytes], expected: dict[str, bytes]) -> None:
-    assert got.keys() == expected.keys()
-    for name, content in got.items():
-        if name.endswith(".csv"):  # Millimetres that are read and written again may differ in their last digit.
-            numbers = [
-                np.fromstring(c.decode().partition("\n")[2].replace(",", " "), sep=" ")
-                for c in (content, expected[name])
-            ]
-            np.testing.assert_allclose(*numbers, rtol=1e-12)
-        else:
-            assert content == expected[name], name
 
 
 def test_nothing_of_a_frame_that_was_left_half_written_stays(

@@ -9,7 +9,7 @@ import pytest
 
 from tests.calibration.sizes import WithoutTruth, scene, written
 from tests.fakes import box_problem
-from tests.session.test_keep_frame import box_mesh, found, kept
+from tests.session.kept_frames import box_mesh, found, kept
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import RunFile

@@ -12,7 +12,7 @@ import pytest
 
 from tests.fakes import box_problem
 from tests.scenes.bop_folder import make
-from tests.session.test_keep_frame import box_mesh, found, kept
+from tests.session.kept_frames import box_mesh, found, kept
 from tests.viewer.client import client, until
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
