@@ -26,7 +26,7 @@ from verefine_viz.training.densefusion_samples import Sample
 torch = pytest.importorskip("torch", reason=NO_TORCH)
 
 from verefine_viz.networks.densefusion_networks import SLIM, PoseNet, PoseRefineNet  # noqa: E402
-from verefine_viz.training import densefusion_command, train_densefusion  # noqa: E402
+from verefine_viz.training import course, densefusion_command, train_densefusion  # noqa: E402
 from verefine_viz.training.densefusion_loss import distances, pose_loss, refine_loss, rotations  # noqa: E402
 from verefine_viz.training.train_densefusion import TrainedDenseFusion, phase, refining_loss  # noqa: E402
 
@@ -41,7 +41,7 @@ def _few_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scenes_module, "FOCAL_PX", (180.0, 300.0))
     monkeypatch.setattr(densefusion_command, "HELD_OUT_PICTURES", 1)
     monkeypatch.setattr(train_densefusion, "REPORTED_EVERY", 2)
-    monkeypatch.setattr(train_densefusion, "SAVED_EVERY_S", 0.0)
+    monkeypatch.setattr(course, "SAVED_EVERY_S", 0.0)
 
 
 def tensors(rng: np.random.Generator, *shape: int) -> Any:

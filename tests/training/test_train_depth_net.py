@@ -18,7 +18,7 @@ from verefine_viz.learned.onnx_network import OnnxNetwork
 torch = pytest.importorskip("torch", reason=NO_TORCH)
 
 from verefine_viz.networks.onnx_export import onnx_bytes  # noqa: E402
-from verefine_viz.training import depth_net_samples, held_out, train_depth_net  # noqa: E402
+from verefine_viz.training import course, depth_net_samples, held_out, train_depth_net  # noqa: E402
 from verefine_viz.training.depth_net_model import DepthNetModel, errors_left, loss_of, rotations  # noqa: E402
 from verefine_viz.training.train_depth_net import PEAK_RATE, Trained, learning_rate, train  # noqa: E402
 
@@ -58,7 +58,7 @@ def test_the_right_answer_leaves_no_error_and_nothing_else_scores_better() -> No
 
 def test_same_seed_same_weights_and_stopping_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(train_depth_net, "REPORTED_EVERY", 2)
-    monkeypatch.setattr(train_depth_net, "SAVED_EVERY_S", 0.0)
+    monkeypatch.setattr(course, "SAVED_EVERY_S", 0.0)
     whole = trained(tmp_path, 6, "whole")
 
     class Killed(Exception):

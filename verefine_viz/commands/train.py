@@ -62,7 +62,7 @@ class Train:
             raise SettingsError("--split is set without --dataset; name the folder of the BOP data set")
         try:
             from verefine_viz.training.densefusion_command import train_both
-            from verefine_viz.training.train_command import train_depth_net
+            from verefine_viz.training.depth_net_command import train_depth_net
         except ModuleNotFoundError as error:
             if (error.name or "").partition(".")[0] not in NEEDED:
                 raise

@@ -15,7 +15,7 @@ import numpy as np
 from verefine_viz.core.algorithm_settings import DenseFusionSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
-from verefine_viz.core.geometry import nearest_rotation, transform
+from verefine_viz.core.geometry import nearest_rotation, rotation_of_quat_wxyz, transform
 from verefine_viz.core.problem import Target
 from verefine_viz.learned.densefusion_input import ObjectCrop, crop_of
 from verefine_viz.learned.onnx_network import OnnxNetwork
@@ -208,13 +208,6 @@ def rotations_of(quats_wxyz: Float, network: OnnxNetwork) -> Float:
     Raises:
         InputError: one has no length.
     """
-    lengths = np.linalg.norm(quats_wxyz, axis=1, keepdims=True)
-    if lengths.min() < SMALLEST_NORM:
+    if np.linalg.norm(quats_wxyz, axis=1).min() < SMALLEST_NORM:
         raise InputError(f"weights {network.path} give a quaternion without length; train them again, or use others")
-    w, x, y, z = (quats_wxyz / lengths).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.array(rows).transpose(2, 0, 1)
+    return np.stack([rotation_of_quat_wxyz(quat) for quat in quats_wxyz])

@@ -3,20 +3,16 @@
 # pyright: reportMissingImports=false
 from __future__ import annotations
 
-import platform
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from rich.console import Console
 from rich.markup import escape
-from scipy.spatial import KDTree
 
-import verefine_viz
 from verefine_viz.core.algorithm_settings import DenseFusionSettings
-from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import apply, nearest_rotation
+from verefine_viz.core.geometry import nearest_rotation
+from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.learned.densefusion_input import crop_of
 from verefine_viz.learned.densefusion_steps import FORMAT, POSE_NET, REFINE_NET, DenseFusionPose, DenseFusionSteps
 from verefine_viz.networks.densefusion_networks import (
@@ -26,12 +22,11 @@ from verefine_viz.networks.densefusion_networks import (
     refine_net_example,
 )
 from verefine_viz.networks.onnx_export import onnx_bytes, with_card, write_network
-from verefine_viz.training.coloured_scenes import ColouredScenes, LabelledObject, coloured_scenes
+from verefine_viz.training.coloured_scenes import ColouredScenes, coloured_scenes
+from verefine_viz.training.course import losses_on_card, versions
 from verefine_viz.training.progress_bar import Progress, shown_progress
 from verefine_viz.training.train_densefusion import BATCH_SIZE, POSE_SHARE, TrainedDenseFusion, train_densefusion
 
-LOSSES = 20
-"""Of the course of the loss, how many numbers a card has."""
 HELD_OUT_PICTURES = 40
 """Pictures on which the networks are measured, …"""
 HELD_OUT_SEED = 2**31
@@ -103,8 +98,6 @@ def card_of(
     name: str, trained: TrainedDenseFusion, scenes: ColouredScenes, n_points: int, seed: int, command: str
 ) -> dict[str, Any]:
     """The model card, but for what is measured."""
-    every = max(1, len(trained.losses) // LOSSES)
-    shown = [*trained.losses[::every], trained.losses[-1]] if trained.losses else []
     parameters = sum(p.numel() for p in (trained.pose if name == POSE_NET else trained.refine).parameters())
     return {
         "network": name,
@@ -120,13 +113,8 @@ def card_of(
         "samples": trained.n_steps * BATCH_SIZE,
         "parameters": parameters,
         "data": scenes.described,
-        "loss": [{"step": s, "loss": round(a, 5), "add_m": round(b, 5)} for s, a, b in dict.fromkeys(shown)],
-        "made_with": {
-            "verefine-viz": verefine_viz.__version__,
-            "torch": torch.__version__,
-            "numpy": np.__version__,
-            "python": platform.python_version(),
-        },
+        "loss": [{"step": s, "loss": round(a, 5), "add_m": round(b, 5)} for s, a, b in losses_on_card(trained.losses)],
+        "made_with": versions(),
     }
 
 
@@ -136,7 +124,7 @@ def measured_on(scenes: ColouredScenes, pose_file: Path, refine_file: Path) -> d
         DenseFusionPose(pose_file, DenseFusionSettings()),
         DenseFusionSteps(refine_file, DenseFusionSettings()),
     )
-    errors: list[tuple[float, float]] = []
+    errors: list[list[float]] = []
     for k in range(HELD_OUT_PICTURES):
         for seen in scenes.picture(k):
             crop = crop_of(seen.rgb, seen.depth_m, seen.mask, seen.camera, pose.classes.n_points, 0)
@@ -146,7 +134,7 @@ def measured_on(scenes: ColouredScenes, pose_file: Path, refine_file: Path) -> d
             T = poses.Ts_cam_obj[int(poses.confidences.argmax())]
             T[:3, :3] = nearest_rotation(T[:3, :3])
             refined = steps.refined(T, poses.colours, seen.model.obj_id, 2)
-            errors.append((error_of(seen, T), error_of(seen, refined)))
+            errors.append([pose_errors(seen.model, one, seen.T_cam_obj).relative for one in (T, refined)])
     rows = {}
     for what, shares in zip(("pose_net", "after_two_steps"), np.array(errors).reshape(-1, 2).T, strict=True):
         rows[what] = {
@@ -155,13 +143,3 @@ def measured_on(scenes: ColouredScenes, pose_file: Path, refine_file: Path) -> d
             "share_below_10_percent": round(float((shares < 0.1).mean()), 3) if len(shares) else 0.0,
         }
     return rows
-
-
-def error_of(seen: LabelledObject, T_cam_obj: Float) -> float:
-    """ADD, or ADD-S of a symmetric object, as a share of its diameter."""
-    at_pose, wanted = apply(T_cam_obj, seen.model.points), apply(seen.T_cam_obj, seen.model.points)
-    if seen.model.is_symmetric:
-        distances = KDTree(wanted).query(at_pose)[0]
-    else:
-        distances = np.linalg.norm(at_pose - wanted, axis=1)
-    return float(distances.mean()) / seen.model.diameter_m

@@ -15,7 +15,7 @@ from scipy.ndimage import binary_dilation, binary_erosion
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.geometry import axis_angle, random_unit_vector, transform
+from verefine_viz.core.geometry import axis_angle, random_unit_vector, rotation_of_quat_wxyz, transform
 from verefine_viz.rendering.rasterizer import draw_frame
 from verefine_viz.scenes.sensor import Sensor, sense
 from verefine_viz.training.training_shapes import TrainingShape, draw_shape
@@ -119,15 +119,7 @@ def _up(rng: np.random.Generator) -> Float:
 
 
 def _any_rotation(rng: np.random.Generator) -> Float:
-    q = rng.normal(size=4)
-    w, x, y, z = q / np.linalg.norm(q)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return rotation_of_quat_wxyz(rng.normal(size=4))
 
 
 def _resting(rng: np.random.Generator, shape: TrainingShape, up_cam: Float) -> Float:

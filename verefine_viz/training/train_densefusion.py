@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
 from verefine_viz.networks.densefusion_networks import PoseNet, PoseRefineNet, Size
-from verefine_viz.training.checkpoints import read_checkpoint, write_checkpoint
 from verefine_viz.training.coloured_scenes import ColouredScenes
+from verefine_viz.training.course import Course
 from verefine_viz.training.densefusion_loss import pose_loss, refine_loss, rotations
 from verefine_viz.training.densefusion_samples import Sample, TrainingSamples
 from verefine_viz.training.progress_bar import Progress
@@ -34,8 +34,6 @@ WARM_UP = 0.02
 LONGEST_GRADIENT = 1.0
 TIMED_STEPS = (3, 8)
 """The steps that are timed to make a number of steps of a number of minutes."""
-SAVED_EVERY_S = 60.0
-"""Time between two checkpoints [s]."""
 REPORTED_EVERY = 10
 """Steps between two reports."""
 
@@ -84,48 +82,38 @@ def train_densefusion(
     optimizers = [torch.optim.Adam(net.parameters(), PEAK_RATE) for net in (pose, refine)]
     made_with = {"seed": seed, "batch_size": batch_size, "n_points": n_points, "data": scenes.described}
     made_with["parameters"] = sum(p.numel() for p in pose.parameters())
-    step, losses = 0, []
-    if checkpoint.exists():
-        saved = read_checkpoint(checkpoint, made_with, n_steps)
-        for net, optimizer, name in zip((pose, refine), optimizers, ("pose", "refine"), strict=True):
+    course = Course(checkpoint, made_with, n_steps, minutes, TIMED_STEPS, REPORTED_EVERY, report)
+    saved = course.resumed()
+    for net, optimizer, name in zip((pose, refine), optimizers, ("pose", "refine"), strict=True):
+        if saved is not None:
             net.load_state_dict(saved[name])
             optimizer.load_state_dict(saved[f"{name}_optimizer"])
-        step, n_steps, losses = saved["step"], saved["n_steps"], [tuple(row) for row in saved["losses"]]
-    samples = TrainingSamples(scenes, seed, n_points, batch_size, step)
-    recent: list[tuple[float, float]] = []
-    began = saved_at = timed_from = perf_counter()
-    first_step = step
-    while n_steps is None or step < n_steps:
-        torch.manual_seed(seed * 2**31 + step)  # Of dropout: the same after a stop.
-        is_refining, share = phase(step, n_steps)
+    samples = TrainingSamples(scenes, seed, n_points, batch_size, course.step)
+
+    def state() -> dict[str, Any]:
+        return {
+            "pose": pose.state_dict(),
+            "pose_optimizer": optimizers[0].state_dict(),
+            "refine": refine.state_dict(),
+            "refine_optimizer": optimizers[1].state_dict(),
+        }
+
+    while not course.is_over:
+        torch.manual_seed(seed * 2**31 + course.step)  # Of dropout: the same after a stop.
+        is_refining, share = phase(course.step, course.n_steps)
         optimizer = optimizers[is_refining]
         for group in optimizer.param_groups:
             group["lr"] = PEAK_RATE * min(1.0, (share + 1e-3) / WARM_UP) * 0.5 * (1.0 + float(np.cos(np.pi * share)))
         optimizer.zero_grad()
+        results = []
         for sample in samples.next():
             loss, error = refining_loss(pose, refine, sample) if is_refining else posing_loss(pose, sample)
             (loss / batch_size).backward()
-            recent.append((float(loss.detach()), float(error)))
+            results.append((float(loss.detach()), float(error)))
         nn.utils.clip_grad_norm_((refine if is_refining else pose).parameters(), LONGEST_GRADIENT)
         optimizer.step()
-        step += 1
-        if n_steps is None and step == TIMED_STEPS[0]:
-            timed_from = perf_counter()
-        if n_steps is None and step == TIMED_STEPS[1]:
-            seconds = (perf_counter() - timed_from) / (TIMED_STEPS[1] - TIMED_STEPS[0])
-            n_steps = max(step, int(60 * minutes / seconds))
-        if step % REPORTED_EVERY == 0 or step == n_steps:
-            losses.append((step, *(float(x) for x in np.mean(recent, axis=0))))
-            recent.clear()
-            pace = (perf_counter() - began) / (step - first_step)
-            left = None if n_steps is None else (n_steps - step) * pace / 60
-            report(Progress(step, n_steps, losses[-1][1], losses[-1][2], left))
-            if n_steps is not None and (perf_counter() - saved_at > SAVED_EVERY_S or step == n_steps):
-                state = {"pose": pose.state_dict(), "pose_optimizer": optimizers[0].state_dict()}
-                state |= {"refine": refine.state_dict(), "refine_optimizer": optimizers[1].state_dict()}
-                write_checkpoint(checkpoint, made_with, state | {"losses": losses, "n_steps": n_steps, "step": step})
-                saved_at = perf_counter()
-    return TrainedDenseFusion(pose.eval(), refine.eval(), step, tuple(losses))
+        course.advance(results, state)
+    return TrainedDenseFusion(pose.eval(), refine.eval(), course.step, tuple(course.losses))
 
 
 def phase(step: int, n_steps: int | None) -> tuple[bool, float]:

@@ -6,14 +6,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 
-from verefine_viz.training.checkpoints import read_checkpoint, write_checkpoint
+from verefine_viz.training.course import Course
 from verefine_viz.training.depth_net_model import DepthNetModel, loss_of
 from verefine_viz.training.depth_net_samples import TrainingBatches
 from verefine_viz.training.progress_bar import Progress
@@ -27,8 +27,6 @@ AVERAGED = 0.998
 """Share of the averaged weights that a step leaves, once there were many steps: the average is what is exported."""
 TIMED_STEPS = (5, 25)
 """The steps that are timed to make a number of steps of a number of minutes."""
-SAVED_EVERY_S = 60.0
-"""Time between two checkpoints [s]."""
 REPORTED_EVERY = 20
 """Steps between two reports."""
 
@@ -70,49 +68,31 @@ def train(
     average = AveragedModel(model, avg_fn=averaged, use_buffers=True)
     optimizer = torch.optim.AdamW(model.parameters(), weight_decay=WEIGHT_DECAY)
     made_with = {"seed": seed, "batch_size": batch_size}
-    step, losses = 0, []
-    if checkpoint.exists():
-        saved = read_checkpoint(checkpoint, made_with, n_steps)
+    course = Course(checkpoint, made_with, n_steps, minutes, TIMED_STEPS, REPORTED_EVERY, report)
+    saved = course.resumed()
+    if saved is not None:
         model.load_state_dict(saved["model"])
         average.load_state_dict(saved["average"])
         optimizer.load_state_dict(saved["optimizer"])
-        step, n_steps, losses = saved["step"], saved["n_steps"], [tuple(row) for row in saved["losses"]]
-    batches = TrainingBatches(seed, batch_size, step)
-    recent: list[tuple[float, float]] = []
-    began = saved_at = perf_counter()
-    first_step = step
-    timed_from = 0.0
+    batches = TrainingBatches(seed, batch_size, course.step)
+
+    def state() -> dict[str, Any]:
+        return {"model": model.state_dict(), "average": average.state_dict(), "optimizer": optimizer.state_dict()}
+
     model.train()
-    while n_steps is None or step < n_steps:
+    while not course.is_over:
         batch = batches.next()
         crops, points, wanted = (torch.from_numpy(a) for a in (batch.crops, batch.points, batch.wanted))
         loss, error = loss_of(model(crops.to(memory_format=torch.channels_last)), points, wanted)
         for group in optimizer.param_groups:
-            group["lr"] = learning_rate(step, n_steps)
+            group["lr"] = learning_rate(course.step, course.n_steps)
         optimizer.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(model.parameters(), 1.0)
         optimizer.step()
         average.update_parameters(model)
-        step += 1
-        recent.append((float(loss.detach()), float(error)))
-        if n_steps is None and step == TIMED_STEPS[0]:
-            timed_from = perf_counter()
-        if n_steps is None and step == TIMED_STEPS[1]:
-            seconds = (perf_counter() - timed_from) / (TIMED_STEPS[1] - TIMED_STEPS[0])
-            n_steps = max(step, int(60 * minutes / seconds))
-        if step % REPORTED_EVERY == 0 or step == n_steps:
-            losses.append((step, *(float(x) for x in np.mean(recent, axis=0))))
-            recent.clear()
-            pace = (perf_counter() - began) / (step - first_step)
-            left = None if n_steps is None else (n_steps - step) * pace / 60
-            report(Progress(step, n_steps, losses[-1][1], losses[-1][2], left))
-            if n_steps is not None and (perf_counter() - saved_at > SAVED_EVERY_S or step == n_steps):
-                state = {"model": model.state_dict(), "average": average.state_dict()}
-                state |= {"optimizer": optimizer.state_dict(), "losses": losses, "n_steps": n_steps, "step": step}
-                write_checkpoint(checkpoint, made_with, state)
-                saved_at = perf_counter()
-    return Trained(average.module.eval(), step, tuple(losses))
+        course.advance([(float(loss.detach()), float(error))], state)
+    return Trained(average.module.eval(), course.step, tuple(course.losses))
 
 
 def averaged(average: Tensor, latest: Tensor, n_averaged: Tensor | int) -> Tensor:

@@ -3,29 +3,24 @@
 # pyright: reportMissingImports=false
 from __future__ import annotations
 
-import platform
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from rich.console import Console
 from rich.markup import escape
 
-import verefine_viz
 from verefine_viz.learned.depth_crops import CHANNELS, FORMAT, SIDE_PX
 from verefine_viz.learned.onnx_network import OnnxNetwork
 from verefine_viz.networks.onnx_export import onnx_bytes, with_card, write_network
 from verefine_viz.refiners.depth_net import NETWORK
+from verefine_viz.training.course import losses_on_card, versions
 from verefine_viz.training.depth_net_samples import LARGEST_DEG, LARGEST_SHIFT
 from verefine_viz.training.held_out import measured
 from verefine_viz.training.progress_bar import Progress, shown_progress
 from verefine_viz.training.synthetic_views import DISTANCE_M, FOCAL_PX, LEAST_VISIBLE, OBJECT_PX, OFF_AXIS_DEG
 from verefine_viz.training.train_depth_net import BATCH_SIZE, Trained, train
 from verefine_viz.training.training_shapes import DIAMETER_M, N_HELD_OUT, N_RANDOM
-
-LOSSES = 20
-"""Of the course of the loss, how many numbers the card has."""
 
 
 def train_depth_net(out: Path, seed: int, n_steps: int | None, minutes: float) -> int:
@@ -63,8 +58,6 @@ def in_words(now: Progress) -> str:
 
 def card_of(trained: Trained, seed: int, file: str) -> dict[str, Any]:
     """The model card, but for what is measured."""
-    every = max(1, len(trained.losses) // LOSSES)
-    shown = [*trained.losses[::every], trained.losses[-1]] if trained.losses else []
     return {
         "network": NETWORK,
         "format": FORMAT,
@@ -91,11 +84,8 @@ def card_of(trained: Trained, seed: int, file: str) -> dict[str, Any]:
             "off_axis_deg": OFF_AXIS_DEG,
             "least_visible_share": LEAST_VISIBLE,
         },
-        "loss": [{"step": s, "loss": round(a, 4), "error_radii": round(b, 4)} for s, a, b in dict.fromkeys(shown)],
-        "made_with": {
-            "verefine-viz": verefine_viz.__version__,
-            "torch": torch.__version__,
-            "numpy": np.__version__,
-            "python": platform.python_version(),
-        },
+        "loss": [
+            {"step": s, "loss": round(a, 4), "error_radii": round(b, 4)} for s, a, b in losses_on_card(trained.losses)
+        ],
+        "made_with": versions(),
     }
