@@ -64,7 +64,7 @@ def test_where_colours_tell_the_turn_the_page_tries_a_score_in_which_they_count(
     )
     first = debugger.view()
     (blamed,) = [one for one in findings(first) if one.cause == Cause.SYMMETRIC]
-    assert blamed.label == "what if score.colour_weight = 0.2?"
+    assert blamed.label == "what if score.colour_weight = 0.1?"
     assert blamed.command is not None
     again = debugger.carry_out([blamed.command]).view()
     assert verdict(first).mark == "✗"

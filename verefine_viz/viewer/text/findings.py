@@ -107,7 +107,7 @@ def _why_wrong(snapshot: Snapshot) -> list[Finding]:
     advice = f"{DECLARE[0].upper()}{DECLARE[1:]}."
     command, label = c.ScoreGroundTruth(), SIDE_BY_SIDE
     if snapshot.undeclared.texture_tells and snapshot.session.score.colour_weight == 0:
-        command, label = c.Fork((("score.colour_weight", 0.2),), 0, run=True), "what if score.colour_weight = 0.2?"
+        command, label = c.Fork((("score.colour_weight", 0.1),), 0, run=True), "what if score.colour_weight = 0.1?"
     return [Finding(f"{turn} {advice}", True, False, command, label, Cause.SYMMETRIC)]
 
 
