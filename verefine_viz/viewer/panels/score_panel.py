@@ -143,7 +143,7 @@ WIPE = (
 )
 """Where the line between A and B is in the Maps layout; each browser's own (``assets/page.js``)."""
 
-NAME_LENGTH = 8
+NAME_LENGTH = 7
 """Characters of a name for which there is room beside the maps, where they are not all of the page."""
 
 
