@@ -8,9 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from verefine_viz.core.algorithm_settings import DepthNetSettings
 from verefine_viz.core.errors import InputError, SettingsError
+from verefine_viz.core.setting_types import Settings
 from verefine_viz.core.settings import PUBLISHED, Session
-from verefine_viz.session.files import changed, load_session, resolve, save_session
+from verefine_viz.session.files import FILES, changed, load_session, resolve, save_session
 
 
 def write(folder: Path, text: str) -> Path:
@@ -57,6 +59,19 @@ def test_paths_are_taken_from_the_file_and_overrides_from_here(tmp_path: Path, m
     elsewhere.mkdir()
     monkeypatch.chdir(elsewhere)
     assert load_session(path, {"scene": {"dataset": "x"}}).scene.dataset == str(elsewhere / "x")
+
+
+def test_every_setting_that_names_a_file_is_known_as_one() -> None:
+    """The same type as the weights' marks them."""
+    marks = DepthNetSettings.model_fields["weights"].metadata
+    named = {
+        (section, field)
+        for section, about in Session.model_fields.items()
+        if isinstance(about.annotation, type) and issubclass(about.annotation, Settings)
+        for field, of_field in about.annotation.model_fields.items()
+        if of_field.metadata == marks
+    }
+    assert named == {*FILES, ("scene", "dataset"), ("scene", "split"), ("scene", "masks")}
 
 
 def test_overrides_win_field_by_field(tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ from verefine_viz.batch.worker_pool import interrupts_ignored
 from verefine_viz.batch.worker_process import ONE_THREAD, TaskName
 from verefine_viz.core.errors import SettingsError, UnavailableError, VerefineError
 from verefine_viz.core.settings import Session
+from verefine_viz.session.files import FILES
 
 CONNECT_S = 10.0
 """A scheduler that has not answered by then does not count as there."""
@@ -249,6 +250,5 @@ def _paths(session: Session) -> tuple[str, ...]:
     named = [scene.dataset] if scene.source == "bop" else []
     named += [scene.masks] if scene.masks not in ("mask", "mask_visib") else []
     named += hypotheses.files if hypotheses.source == "results" else ()
-    named += [session.dependency.order_file, session.depth_net.weights, session.physics.mesh]
-    named += [session.densefusion.weights, session.densefusion.refiner_weights]
+    named += [getattr(getattr(session, section), field) for section, field in FILES]
     return tuple(path for path in named if path)

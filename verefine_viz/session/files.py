@@ -26,6 +26,14 @@ DURING_A_RUN = ("method", "icp", "tricp", "depth_net", "densefusion", "mcts", "s
 """Sections that can change from one iteration to the next; of physics, what is simulated but not in which world."""
 AT_ITS_START = (*DURING_A_RUN, "dependency")
 """Sections that can change when a run begins again on the same frame."""
+FILES = (
+    ("dependency", "order_file"),
+    ("depth_net", "weights"),
+    ("densefusion", "weights"),
+    ("densefusion", "refiner_weights"),
+    ("physics", "mesh"),
+)
+"""Sections and fields that name one file; of the scene and the hypotheses it depends on others what they name."""
 _READ_BY = {("scene", "dataset"): "bop", ("scene", "demo"): "demo", ("hypotheses", "files"): "results"}
 """The source (of the same section) that reads a field."""
 _ESTIMATORS = ("ppf", "pcs")
@@ -177,13 +185,7 @@ def _with_absolute_paths(raw: Raw, folder: Path) -> dict[str, Any]:
     if isinstance(hypotheses, Mapping) and isinstance(hypotheses.get("files"), list | tuple):
         files = [_absolute(f, folder) if isinstance(f, str) else f for f in hypotheses["files"]]
         out["hypotheses"] = {**hypotheses, "files": files}
-    for section, field in (
-        ("dependency", "order_file"),
-        ("depth_net", "weights"),
-        ("densefusion", "weights"),
-        ("densefusion", "refiner_weights"),
-        ("physics", "mesh"),
-    ):
+    for section, field in FILES:
         fields = out.get(section)
         if isinstance(fields, Mapping) and isinstance(fields.get(field), str) and fields[field]:
             out[section] = {**fields, field: _absolute(fields[field], folder)}
