@@ -2,8 +2,9 @@
 
     python -m bench.rank_real_poses ../shared/data/ycbv
 
-For every instance: disturbed ground truth (several sizes) and, where there are any, poses of published estimators.
-A score is good if it orders them as their ADD(-S) error does.
+For every instance: disturbed ground truth (several sizes), its half turns and the model's flips and, where there are
+any, poses of published estimators. A score is good if it orders them as their ADD(-S) error does. The rows of "refined"
+are about the same poses after ``CALLS`` calls of ICP, ground truth too: what a method has to choose from.
 """
 
 from __future__ import annotations
@@ -24,8 +25,10 @@ from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Instance, Problem, Target
 from verefine_viz.core.scores import ScoreMaps
-from verefine_viz.core.settings import HypothesesSettings, SceneSettings, ScoreSettings
+from verefine_viz.core.settings import HypothesesSettings, IcpSettings, SceneSettings, ScoreSettings
+from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
 from verefine_viz.evaluation.pose_errors import pose_errors
+from verefine_viz.refiners.icp import Icp
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
 from verefine_viz.scenes.hypothesis_pool import perturbed
 from verefine_viz.scenes.source import open_scene
@@ -39,6 +42,7 @@ APART_MM = 2.0
 """Pairs of poses count whose errors differ by more."""
 CLOSE_MM = 15.0
 """``close_pairs``: both errors are below this."""
+CALLS = 3
 CLOSE_TURN = 0.05
 """``turns``: those whose score of depth and normals is that near to ground truth's."""
 
@@ -174,13 +178,15 @@ def candidates(instance: Instance, model: ObjectModel, results: Problem | None) 
         made = perturbed(T_gt, PER_SIZE, size, size, (7, int(size), instance.instance_id, instance.obj_id))
         poses += [h.T_cam_obj for h in made]
         real += [False] * PER_SIZE
-    # Upside down and back to front, about the middle of the model: the flips that symmetric shapes invite.
+    # Upside down and back to front, about the middle of the model: the turns that symmetric shapes invite.
     middle = (model.vertices.min(axis=0) + model.vertices.max(axis=0)) / 2
     n_disturbed = len(poses)
     for axis in np.eye(3):
         R = axis_angle(axis, np.pi)
         poses.append(T_gt @ transform(R, middle - R @ middle))
         real.append(False)
+    poses += [T_gt @ T for T in flips(near_symmetries(model))]
+    real += [False] * (len(poses) - len(real))
     if results is not None:
         there = next((i for i in results.instances if i.instance_id == instance.instance_id), None)
         estimated = [h.T_cam_obj for h in there.hypotheses] if there else []
@@ -234,7 +240,7 @@ def run(dataset: Path, variants: tuple[Variant, ...] = VARIANTS) -> list[dict[st
     scene = SceneSettings(source="bop", dataset=str(dataset))
     source = open_scene(scene, HypothesesSettings(source="perturb"))
     estimates = open_scene(scene, HypothesesSettings(source="results", files=files)) if files else None
-    verifier = CpuVerifier(ScoreSettings(simplify_mm=0.2, colour_weight=0.5))
+    verifier, refiner = CpuVerifier(ScoreSettings(simplify_mm=0.2, colour_weight=0.5)), Icp(IcpSettings())
     table: dict[tuple[str, str], list[dict[str, float]]] = {}
     for frame in source.frames:
         problem = source.problem(frame)
@@ -244,12 +250,17 @@ def run(dataset: Path, variants: tuple[Variant, ...] = VARIANTS) -> list[dict[st
             if instance.T_cam_obj_gt is None or not (instance.mask & (problem.observation.depth_m > 0)).any():
                 continue
             Ts, is_real, is_turn = candidates(instance, model, results)
-            errors = np.array([pose_errors(model, T, instance.T_cam_obj_gt).add_s_mm for T in Ts])
-            geometric = CpuVerifier(ScoreSettings()).score(target, Ts).score
-            close_turn = is_turn & (np.abs(geometric - geometric[0]) < CLOSE_TURN)
-            all_maps = [verifier.maps(target, T) for T in Ts]
-            for kind, *both in masks(instance.mask, problem.observation.object_mask):
-                seen = list(pictures(target, all_maps, *both))
+            kinds = list(masks(instance.mask, problem.observation.object_mask))
+            ranked_poses = [(kind, Ts) for kind in kinds]
+            refined = Ts
+            for _ in range(CALLS):
+                refined = np.stack([refiner.refine(target, T) for T in refined])
+            ranked_poses.append((("refined", *kinds[0][1:]), refined))
+            for (kind, *both), poses in ranked_poses:
+                errors = np.array([pose_errors(model, T, instance.T_cam_obj_gt).add_s_mm for T in poses])
+                geometric = CpuVerifier(ScoreSettings()).score(target, poses).score
+                close_turn = is_turn & (np.abs(geometric - geometric[0]) < CLOSE_TURN)
+                seen = list(pictures(target, [verifier.maps(target, T) for T in poses], *both))
                 for v in variants:
                     scores = np.array([score(p, v) for p in seen])
                     ranked = rank(scores, errors, is_real, close_turn, model.diameter_m * 1e3)

@@ -25,8 +25,10 @@ from rich.table import Table
 from verefine_viz.core.problem import Problem
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.report.bootstrap import Cells, draws
+from verefine_viz.session.engine import Run
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.studies.solve_unit import quality
 
 RIGHT = 0.1
 DISTURBED_DEG = (30.0, 60.0)
@@ -41,15 +43,16 @@ class Answer:
     seed: int
     add_s_mm: float
     add_mm: float
+    ar: float
+    """BOP's average recall of this answer alone."""
     is_right: bool
     looks_right: bool
     n_flipped: int
     """Iterations whose flip was accepted."""
 
 
-def answers(box: Toolbox, problem: Problem) -> list[Answer]:
-    """Those of a run; objects without an answer or ground truth are passed over."""
-    run = box.run(problem)
+def answers(run: Run, problem: Problem, seed: int) -> list[Answer]:
+    """Those of a finished run; objects without an answer or ground truth are passed over."""
     out: list[Answer] = []
     for target, best in zip(problem.targets, run.finish().best, strict=True):
         T_gt, instance_id = target.instance.T_cam_obj_gt, target.instance.instance_id
@@ -58,9 +61,10 @@ def answers(box: Toolbox, problem: Problem) -> list[Answer]:
         errors = pose_errors(target.model, best.T_cam_obj, T_gt)
         as_it_looks = pose_errors(replace(target.model, symmetries=np.eye(4)[None]), best.T_cam_obj, T_gt)
         n_flipped = sum(i.accepted == "flipped" for i in run.iterations if i.instance_id == instance_id)
-        of = target.model.name, f"{problem.scene_id}/{problem.im_id}", box.session.hypotheses.seed
+        of = target.model.name, f"{problem.scene_id}/{problem.im_id}", seed
         right = errors.relative < RIGHT, as_it_looks.relative < RIGHT
-        out.append(Answer(*of, errors.add_s_mm, as_it_looks.add_s_mm, *right, n_flipped))
+        ar = quality(target, best.T_cam_obj, problem).ar
+        out.append(Answer(*of, errors.add_s_mm, as_it_looks.add_s_mm, ar, *right, n_flipped))
     return out
 
 
@@ -114,10 +118,13 @@ def main() -> None:
                 raw = {"scene": scene, "method": method, **row.extra}
                 box = Toolbox(resolve({**raw, "hypotheses": {**pool, "seed": seed, **row.extra.get("hypotheses", {})}}))
                 problems = [box.problem(frame) for frame in box.frames]
-                answers(box, problems[0])  # Compiled, and read what is cached.
-                began = process_time()
-                by_row.setdefault(name, []).extend(a for p in problems for a in answers(box, p))
-                seconds[name] = seconds.get(name, 0.0) + process_time() - began
+                box.run(problems[0]).finish()  # Compiled, and read what is cached.
+                for problem in problems:
+                    began = process_time()
+                    run = box.run(problem)
+                    run.finish()
+                    seconds[name] = seconds.get(name, 0.0) + process_time() - began
+                    by_row.setdefault(name, []).extend(answers(run, problem, seed))
             n_frames += len(problems)
         show(f"{given.method}, {title}", by_row, seconds, n_frames, rows(given.weight))
 
@@ -147,15 +154,19 @@ def show(
     title: str, by_row: dict[str, list[Answer]], seconds: dict[str, float], n_frames: int, rows: dict[str, Row]
 ) -> None:
     """One table, and each answer that is right in one row and wrong in the row that this is compared with."""
-    table = Table("", "n", "right %", "looks right %", "AUC 20 mm", "mean mm", "CPU ms/frame", "turned", title=title)
+    table = Table(
+        "", "n", "right %", "looks right %", "AUC 20 mm", "AR", "mean mm", "CPU ms/frame", "turned", title=title
+    )
     changed: list[str] = []
     for name, now in by_row.items():
         mm = np.array([a.add_s_mm for a in now])
         before = by_row[rows[name].against] if name != rows[name].against else []
         shares = share(now, before, "is_right"), share(now, before, "looks_right")
-        auc = 100 * np.mean(np.maximum(1 - mm / 20, 0))
+        auc, ar = 100 * np.mean(np.maximum(1 - mm / 20, 0)), 100 * np.mean([a.ar for a in now])
         cost, n_turned = 1e3 * seconds[name] / n_frames, sum(a.n_flipped > 0 for a in now)
-        table.add_row(name, str(len(now)), *shares, f"{auc:.1f}", f"{mm.mean():.1f}", f"{cost:.0f}", str(n_turned))
+        table.add_row(
+            name, str(len(now)), *shares, f"{auc:.1f}", f"{ar:.1f}", f"{mm.mean():.1f}", f"{cost:.0f}", str(n_turned)
+        )
         for a, b in zip(before or now, now, strict=True):
             if a.looks_right != b.looks_right:
                 verb = "mended" if b.looks_right else "broken"
