@@ -37,8 +37,7 @@ def registration_notes(problem: Problem, poses: Sequence[Float | None]) -> tuple
         problem: the frame.
         poses: T_cam_obj (4, 4) of each target, None where there is none.
     """
-    fits = [_fits(t, T) for t, T in zip(problem.targets, poses, strict=True) if T is not None]
-    sure = [one for one in fits if one is not None and one.max() >= SURE]
+    sure = colour_fits(problem, poses)
     if len(sure) < FEWEST:
         return ()
     together = np.mean(sure, axis=0)
@@ -52,6 +51,14 @@ def registration_notes(problem: Problem, poses: Sequence[Float | None]) -> tuple
         f"the colours of {len(sure)} objects lie {where} of where depth has them: the colour image is not registered "
         "to the depth image; register it, or score without colour (score.colour_weight = 0)",
     )
+
+
+def colour_fits(problem: Problem, poses: Sequence[Float | None]) -> list[NDArray[np.float64]]:
+    """The correlations (2 R + 1, 2 R + 1) by displacement of the objects whose colours are evidence; the check takes
+    ``FEWEST``. Arguments as those of :func:`registration_notes`.
+    """
+    fits = [_fits(t, T) for t, T in zip(problem.targets, poses, strict=True) if T is not None]
+    return [one for one in fits if one is not None and one.max() >= SURE]
 
 
 def _fits(target: Target, T_cam_obj: Float) -> NDArray[np.float64] | None:
