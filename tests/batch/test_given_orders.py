@@ -39,7 +39,7 @@ class BadInput:
 
 
 @pytest.fixture
-def desk(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> BadInput:
+def bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> BadInput:
     return BadInput(tmp_path, make_frames(tmp_path / "data", len(FRAMES)), capsys)
 
 
@@ -58,10 +58,10 @@ def orders(folder: Path, content: object) -> str:
         ([["mug"]], "dependency.order: entry 'mug'; expected a list of clusters"),
     ],
 )
-def test_an_order_that_cannot_be_meant(order: list[Any], words: str, desk: BadInput) -> None:
-    assert words in desk.refused(order=order)
-    path = orders(desk.folder, {"7/1": order})
-    assert words.removeprefix("dependency.order") in desk.refused(order_file=path)
+def test_an_order_that_cannot_be_meant(order: list[Any], words: str, bad_input: BadInput) -> None:
+    assert words in bad_input.refused(order=order)
+    path = orders(bad_input.folder, {"7/1": order})
+    assert words.removeprefix("dependency.order") in bad_input.refused(order_file=path)
 
 
 @pytest.mark.parametrize(
@@ -74,20 +74,20 @@ def test_an_order_that_cannot_be_meant(order: list[Any], words: str, desk: BadIn
         ({"07/1": [[2]]}, "orders.json: frame '07/1' is called '7/1'; rename it"),
     ],
 )
-def test_an_order_file_that_cannot_be_used(content: object, words: str, desk: BadInput) -> None:
-    path = orders(desk.folder, content) if content is not None else str(desk.folder / "orders.json")
-    assert words in desk.refused(order_file=path)
+def test_an_order_file_that_cannot_be_used(content: object, words: str, bad_input: BadInput) -> None:
+    path = orders(bad_input.folder, content) if content is not None else str(bad_input.folder / "orders.json")
+    assert words in bad_input.refused(order_file=path)
 
 
-def test_orders_that_can_be_meant(desk: BadInput) -> None:
-    assert check(load_session(desk.session(order=[[5, 2]]))) == (FRAMES, ())
-    assert check(load_session(desk.session(order=[["#0", 5], ["#2"], ["#77"]]))) == (FRAMES, ())
+def test_orders_that_can_be_meant(bad_input: BadInput) -> None:
+    assert check(load_session(bad_input.session(order=[[5, 2]]))) == (FRAMES, ())
+    assert check(load_session(bad_input.session(order=[["#0", 5], ["#2"], ["#77"]]))) == (FRAMES, ())
     # What is said about frames that are not asked for does not matter, nor what an object set aside would be.
-    path = orders(desk.folder, {"7/0": [[2, 5]], "7/9": [[99]]})
-    assert check(load_session(desk.session(order_file=path), {"scene": {"objects": (5,)}})) == (FRAMES, ())
+    path = orders(bad_input.folder, {"7/0": [[2, 5]], "7/9": [[99]]})
+    assert check(load_session(bad_input.session(order_file=path), {"scene": {"objects": (5,)}})) == (FRAMES, ())
 
 
 def test_of_several_mistakes_the_first_frame_s_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    desk = BadInput(tmp_path, make_frames(tmp_path / "data", 8), capsys)
+    bad_input = BadInput(tmp_path, make_frames(tmp_path / "data", 8), capsys)
     path = orders(tmp_path, {f"7/{k}": [[90 + k]] for k in reversed(range(1, 8))})
-    assert "frame '7/1': unknown object 91" in desk.refused(order_file=path)
+    assert "frame '7/1': unknown object 91" in bad_input.refused(order_file=path)

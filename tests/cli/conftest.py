@@ -16,7 +16,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
 
 
 @pytest.fixture
-def desk(tmp_path: Path, made: Made, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> BadInput:
+def bad_input(
+    tmp_path: Path, made: Made, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> BadInput:
     # Bad input must be refused before the first frame is solved; a real worker would only cost time.
     monkeypatch.setattr(pool, "work", fragile.work)
     return BadInput(tmp_path, made, capsys)

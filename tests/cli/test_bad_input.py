@@ -23,10 +23,10 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.usefixtures("processes")
-def test_out_is_a_file(desk: BadInput) -> None:
-    desk.file("out", "precious")
-    assert "is a file, expected a folder" in desk.batch(desk.bop())
-    assert (desk.folder / "out").read_text() == "precious"
+def test_out_is_a_file(bad_input: BadInput) -> None:
+    bad_input.file("out", "precious")
+    assert "is a file, expected a folder" in bad_input.batch(bad_input.bop())
+    assert (bad_input.folder / "out").read_text() == "precious"
 
 
 BELOW: dict[str, Callable[[BadInput], list[object]]] = {
@@ -41,10 +41,10 @@ BELOW: dict[str, Callable[[BadInput], list[object]]] = {
 
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("command", BELOW)
-def test_out_is_below_a_file(desk: BadInput, command: str) -> None:
-    file = desk.file("thing", "precious")
-    words = BELOW[command](desk)
-    said = desk.refused(*words, file / "out")
+def test_out_is_below_a_file(bad_input: BadInput, command: str) -> None:
+    file = bad_input.file("thing", "precious")
+    words = BELOW[command](bad_input)
+    said = bad_input.refused(*words, file / "out")
     assert said.startswith(f"cannot write to {words[-1]} {file / 'out'}")
     assert said.endswith(f": {file} is a file, not a folder; choose another {words[-1]}")
     assert file.read_text() == "precious"
@@ -52,25 +52,27 @@ def test_out_is_below_a_file(desk: BadInput, command: str) -> None:
 
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("command", BELOW)
-def test_out_cannot_be_written(desk: BadInput, command: str) -> None:
+def test_out_cannot_be_written(bad_input: BadInput, command: str) -> None:
     # /proc refuses even root.
-    words = BELOW[command](desk)
-    said = desk.refused(*words, "/proc/runs")
+    words = BELOW[command](bad_input)
+    said = bad_input.refused(*words, "/proc/runs")
     assert said.startswith(f"cannot write to {words[-1]} /proc/runs")
     assert said.endswith(f" in /proc (No such file or directory); choose another {words[-1]}")
 
 
 @pytest.mark.parametrize("command", ["estimate", "report"])
-def test_out_is_a_folder_instead_of_a_file(desk: BadInput, command: str) -> None:
-    assert "is a folder, expected the name of a file, for example" in desk.refused(*BELOW[command](desk), desk.folder)
+def test_out_is_a_folder_instead_of_a_file(bad_input: BadInput, command: str) -> None:
+    assert "is a folder, expected the name of a file, for example" in bad_input.refused(
+        *BELOW[command](bad_input), bad_input.folder
+    )
 
 
 @pytest.mark.parametrize("command", ["batch", "batch of several", "estimate"])
 @pytest.mark.parametrize("inside", ["", "000007/run"])
-def test_out_lies_among_the_images(desk: BadInput, command: str, inside: str) -> None:
-    split = desk.made.root / "test"
+def test_out_lies_among_the_images(bad_input: BadInput, command: str, inside: str) -> None:
+    split = bad_input.made.root / "test"
     out = split / inside / "new.csv"
-    said = desk.refused(*BELOW[command](desk), out)
+    said = bad_input.refused(*BELOW[command](bad_input), out)
     assert said == f"--out {out} lies among the images of the data set, in {split}; choose another --out"
     assert not out.parent.joinpath("run").exists()
 
@@ -78,61 +80,61 @@ def test_out_lies_among_the_images(desk: BadInput, command: str, inside: str) ->
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("words", [["--out", "~/runs"], ["--out=~/runs"]])
 def test_the_home_folder_that_a_shell_left_alone(
-    desk: BadInput, words: list[str], monkeypatch: pytest.MonkeyPatch
+    bad_input: BadInput, words: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    desk.file("runs/thesis.tex", "")
-    monkeypatch.setenv("HOME", str(desk.folder))
-    desk.bop()
-    said = desk.refused("batch", "~/session.toml", *words)
-    assert said.startswith(f"{desk.folder / 'runs'} holds other files (thesis.tex)")
+    bad_input.file("runs/thesis.tex", "")
+    monkeypatch.setenv("HOME", str(bad_input.folder))
+    bad_input.bop()
+    said = bad_input.refused("batch", "~/session.toml", *words)
+    assert said.startswith(f"{bad_input.folder / 'runs'} holds other files (thesis.tex)")
 
 
 @pytest.mark.usefixtures("processes")
-def test_out_holds_other_files(desk: BadInput) -> None:
-    desk.file("out/thesis.tex", "")
-    assert "holds other files (thesis.tex) and no batch run" in desk.batch(desk.bop())
+def test_out_holds_other_files(bad_input: BadInput) -> None:
+    bad_input.file("out/thesis.tex", "")
+    assert "holds other files (thesis.tex) and no batch run" in bad_input.batch(bad_input.bop())
 
 
 @pytest.mark.usefixtures("processes")
-def test_out_holds_another_session(desk: BadInput) -> None:
-    RunFolder(desk.folder / "out", resolve({"method": {"name": "pir"}})).close()
-    assert "holds a run of another session: " in desk.batch(desk.bop())
+def test_out_holds_another_session(bad_input: BadInput) -> None:
+    RunFolder(bad_input.folder / "out", resolve({"method": {"name": "pir"}})).close()
+    assert "holds a run of another session: " in bad_input.batch(bad_input.bop())
 
 
 @pytest.mark.usefixtures("processes")
-def test_out_holds_a_damaged_session(desk: BadInput) -> None:
-    desk.file("out/session.toml", "[[[")
-    assert "is not TOML" in desk.batch(desk.bop())
+def test_out_holds_a_damaged_session(bad_input: BadInput) -> None:
+    bad_input.file("out/session.toml", "[[[")
+    assert "is not TOML" in bad_input.batch(bad_input.bop())
 
 
 @pytest.mark.usefixtures("processes")
-def test_out_is_in_use(desk: BadInput) -> None:
-    folder = RunFolder(desk.folder / "out", resolve({}))
-    assert "another batch is writing to" in desk.batch(desk.bop())
+def test_out_is_in_use(bad_input: BadInput) -> None:
+    folder = RunFolder(bad_input.folder / "out", resolve({}))
+    assert "another batch is writing to" in bad_input.batch(bad_input.bop())
     folder.close()
 
 
 @pytest.mark.usefixtures("processes")
-def test_out_holds_a_damaged_run_json(desk: BadInput) -> None:
-    session = desk.file("demo.toml", '[scene]\ndemo = "mug"\n')
-    RunFolder(desk.folder / "out", resolve({})).close()
-    desk.file("out/run.json", "{")
-    assert "run.json cannot be read" in desk.batch(session)
+def test_out_holds_a_damaged_run_json(bad_input: BadInput) -> None:
+    session = bad_input.file("demo.toml", '[scene]\ndemo = "mug"\n')
+    RunFolder(bad_input.folder / "out", resolve({})).close()
+    bad_input.file("out/run.json", "{")
+    assert "run.json cannot be read" in bad_input.batch(session)
 
 
 # Paths that nothing can have
 
 
 @pytest.mark.parametrize("command", BELOW)
-def test_out_holds_a_nul(desk: BadInput, command: str) -> None:
-    assert desk.refused(*BELOW[command](desk), "a\0b") == r"'a\x00b': it holds \0, which no path can"
+def test_out_holds_a_nul(bad_input: BadInput, command: str) -> None:
+    assert bad_input.refused(*BELOW[command](bad_input), "a\0b") == r"'a\x00b': it holds \0, which no path can"
 
 
 @pytest.mark.parametrize("command", BELOW)
-def test_out_is_in_a_loop_of_links(desk: BadInput, command: str) -> None:
-    loop = desk.folder / "loop"
+def test_out_is_in_a_loop_of_links(bad_input: BadInput, command: str) -> None:
+    loop = bad_input.folder / "loop"
     loop.symlink_to(loop)
-    said = desk.refused(*BELOW[command](desk), loop / "x")
+    said = bad_input.refused(*BELOW[command](bad_input), loop / "x")
     assert str(loop) in said
     assert "Too many levels of symbolic links" in said or f"Symlink loop from '{loop}" in said
 
@@ -140,8 +142,8 @@ def test_out_is_in_a_loop_of_links(desk: BadInput, command: str) -> None:
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("name", ["n" * 300, "/".join(["n" * 200] * 25)])
 @pytest.mark.parametrize("command", BELOW)
-def test_out_has_a_name_that_is_too_long(desk: BadInput, command: str, name: str) -> None:
-    assert "File name too long" in desk.refused(*BELOW[command](desk), desk.folder / name)
+def test_out_has_a_name_that_is_too_long(bad_input: BadInput, command: str, name: str) -> None:
+    assert "File name too long" in bad_input.refused(*BELOW[command](bad_input), bad_input.folder / name)
 
 
 INPUTS: dict[str, tuple[str, Callable[[BadInput, Path], list[object]]]] = {
@@ -159,34 +161,34 @@ INPUTS: dict[str, tuple[str, Callable[[BadInput, Path], list[object]]]] = {
     ids=["pipe", "device", "loop", "missing"],
 )
 def test_an_input_that_is_no_file_is_one_line_at_once(
-    desk: BadInput, command: str, make: Callable[[Path], object]
+    bad_input: BadInput, command: str, make: Callable[[Path], object]
 ) -> None:
     suffix, words = INPUTS[command]
-    path = desk.folder / f"it{suffix}"
+    path = bad_input.folder / f"it{suffix}"
     make(path)
-    assert str(path) in desk.refused(*words(desk, path))
+    assert str(path) in bad_input.refused(*words(bad_input, path))
 
 
-def test_a_value_of_thousands_of_letters_is_cut(desk: BadInput) -> None:
+def test_a_value_of_thousands_of_letters_is_cut(bad_input: BadInput) -> None:
     for words in (["--method.name", "x" * 5000], ["--method.iterations", "9" * 5000], ["--port", "9" * 5000]):
-        assert len(desk.refused("view", *words)) < 500
+        assert len(bad_input.refused("view", *words)) < 500
 
 
 @pytest.mark.parametrize("n", ["-1", "10001", str(10**30)])
-def test_failures_that_no_report_shows(desk: BadInput, n: str) -> None:
-    assert desk.refused("report", desk.folder, "--failures", n) == f"--failures is {n}, expected 0 to 10000"
+def test_failures_that_no_report_shows(bad_input: BadInput, n: str) -> None:
+    assert bad_input.refused("report", bad_input.folder, "--failures", n) == f"--failures is {n}, expected 0 to 10000"
 
 
 # view
 
 
 @pytest.mark.usefixtures("processes")
-def test_the_port_is_taken(desk: BadInput) -> None:
+def test_the_port_is_taken(bad_input: BadInput) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        assert str(port) in desk.refused("view", "--port", port)
+        assert str(port) in bad_input.refused("view", "--port", port)
 
 
 @pytest.mark.usefixtures("processes")
@@ -198,69 +200,72 @@ def test_make_takes_the_port_that_is_advised() -> None:
 
 
 @pytest.mark.parametrize("port", ["-1", "65536"])
-def test_a_port_that_does_not_exist(desk: BadInput, port: str) -> None:
-    assert port in desk.refused("view", "--port", port)
+def test_a_port_that_does_not_exist(bad_input: BadInput, port: str) -> None:
+    assert port in bad_input.refused("view", "--port", port)
 
 
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("host", ["192.0.2.1", "no.such.host.invalid"])
-def test_a_host_that_is_not_this_machine(desk: BadInput, host: str) -> None:
-    assert host in desk.refused("view", "--host", host, "--port", "0")
+def test_a_host_that_is_not_this_machine(bad_input: BadInput, host: str) -> None:
+    assert host in bad_input.refused("view", "--host", host, "--port", "0")
 
 
 @pytest.mark.parametrize("host", ["h" * 300, "a\udcff"])
-def test_a_host_that_is_no_name_of_a_machine(desk: BadInput, host: str) -> None:
-    assert "is no name of a machine" in desk.refused("view", "--host", host, "--port", "0")
+def test_a_host_that_is_no_name_of_a_machine(bad_input: BadInput, host: str) -> None:
+    assert "is no name of a machine" in bad_input.refused("view", "--host", host, "--port", "0")
 
 
-def test_view_of_a_missing_session(desk: BadInput) -> None:
-    assert "does not exist" in desk.refused("view", desk.folder / "none.toml")
+def test_view_of_a_missing_session(bad_input: BadInput) -> None:
+    assert "does not exist" in bad_input.refused("view", bad_input.folder / "none.toml")
 
 
-def test_view_of_something_that_is_not_there(desk: BadInput) -> None:
+def test_view_of_something_that_is_not_there(bad_input: BadInput) -> None:
     expected = "nowhere does not exist; expected a session (.toml), the folder of a batch run, or a recording (.rrd)"
-    assert desk.refused("view", desk.folder / "nowhere").endswith(expected)
+    assert bad_input.refused("view", bad_input.folder / "nowhere").endswith(expected)
 
 
 @pytest.mark.parametrize("other", [False, True])
-def test_report_of_what_is_no_folder(desk: BadInput, other: bool) -> None:
-    words = ["report", desk.batch_folder()] if other else ["report"]
-    file, missing = desk.file("thesis.tex", ""), desk.folder / "nowhere"
-    assert desk.refused(*words, file) == f"{file} is a file; expected the folder of a batch run, or of several"
+def test_report_of_what_is_no_folder(bad_input: BadInput, other: bool) -> None:
+    words = ["report", bad_input.batch_folder()] if other else ["report"]
+    file, missing = bad_input.file("thesis.tex", ""), bad_input.folder / "nowhere"
+    assert bad_input.refused(*words, file) == f"{file} is a file; expected the folder of a batch run, or of several"
     assert (
-        desk.refused(*words, missing) == f"{missing} does not exist; expected the folder of a batch run, or of several"
+        bad_input.refused(*words, missing)
+        == f"{missing} does not exist; expected the folder of a batch run, or of several"
     )
 
 
-def test_a_file_is_no_data_set(desk: BadInput) -> None:
-    assert "thesis.tex is a file; give the folder" in desk.refused("datasets", "check", desk.file("thesis.tex", ""))
+def test_a_file_is_no_data_set(bad_input: BadInput) -> None:
+    assert "thesis.tex is a file; give the folder" in bad_input.refused(
+        "datasets", "check", bad_input.file("thesis.tex", "")
+    )
 
 
-def test_view_of_a_session_that_cannot_be_opened(desk: BadInput) -> None:
-    session = desk.file("s.toml", '[scene]\ndemo = "teapot"\n')
-    assert "unknown demo scene 'teapot'" in desk.refused("view", session, "--port", "0", "--no-open-browser")
+def test_view_of_a_session_that_cannot_be_opened(bad_input: BadInput) -> None:
+    session = bad_input.file("s.toml", '[scene]\ndemo = "teapot"\n')
+    assert "unknown demo scene 'teapot'" in bad_input.refused("view", session, "--port", "0", "--no-open-browser")
 
 
-def test_view_of_a_folder_that_is_no_batch(desk: BadInput) -> None:
-    assert "is no folder of a batch: it has no run.json" in desk.refused("view", desk.folder)
-    session = desk.file("session.toml", '[scene]\ndemo = "mug"\n')
+def test_view_of_a_folder_that_is_no_batch(bad_input: BadInput) -> None:
+    assert "is no folder of a batch: it has no run.json" in bad_input.refused("view", bad_input.folder)
+    session = bad_input.file("session.toml", '[scene]\ndemo = "mug"\n')
     said = f"it has no run.json; its session opens by verefine-viz view {session}"
-    assert said in desk.refused("view", session.parent)
+    assert said in bad_input.refused("view", session.parent)
 
 
-def test_view_of_a_batch_that_was_killed(desk: BadInput) -> None:
-    folder = desk.batch_folder()
-    assert desk.refused("view", folder).endswith("the batch is running or was killed; run it again to finish it")
-    done = desk.file(f"{folder.name}/recordings/000050_000001.rrd", "")
+def test_view_of_a_batch_that_was_killed(bad_input: BadInput) -> None:
+    folder = bad_input.batch_folder()
+    assert bad_input.refused("view", folder).endswith("the batch is running or was killed; run it again to finish it")
+    done = bad_input.file(f"{folder.name}/recordings/000050_000001.rrd", "")
     hint = f"; run it again to finish it. Frames that are done can be opened one by one: verefine-viz view {done}"
-    assert desk.refused("view", folder).endswith(hint)
+    assert bad_input.refused("view", folder).endswith(hint)
 
 
 @pytest.mark.parametrize("text", ["a,b\n1,2\n", "scene_id,im_id,status\n1,x,ok\n", "scene_id\n1,2,3\n"])
-def test_view_of_a_batch_with_a_foreign_table(desk: BadInput, text: str) -> None:
-    folder = desk.batch_folder()
+def test_view_of_a_batch_with_a_foreign_table(bad_input: BadInput, text: str) -> None:
+    folder = bad_input.batch_folder()
     (folder / "frames.csv").write_text(text)
-    assert "frames.csv is not what a batch writes" in desk.refused("view", folder)
+    assert "frames.csv is not what a batch writes" in bad_input.refused("view", folder)
 
 
 # replay
@@ -277,39 +282,41 @@ def test_view_of_a_batch_with_a_foreign_table(desk: BadInput, text: str) -> None
     ],
 )
 @pytest.mark.parametrize("verify", [[], ["--verify"]])
-def test_files_that_are_no_recordings(desk: BadInput, content: bytes | None, expected: str, verify: list[str]) -> None:
-    file = desk.folder / "run.rrd"
+def test_files_that_are_no_recordings(
+    bad_input: BadInput, content: bytes | None, expected: str, verify: list[str]
+) -> None:
+    file = bad_input.folder / "run.rrd"
     if content is not None:
         file.write_bytes(content)
-    assert expected in desk.refused("replay", file, *verify)
+    assert expected in bad_input.refused("replay", file, *verify)
 
 
 @pytest.mark.parametrize("verify", [[], ["--verify"]])
-def test_a_folder_is_no_recording(desk: BadInput, verify: list[str]) -> None:
-    said = f"{desk.folder} is a folder, expected a recording (.rrd)"
-    assert desk.refused("replay", desk.folder, *verify) == said
-    run = desk.batch_folder()
+def test_a_folder_is_no_recording(bad_input: BadInput, verify: list[str]) -> None:
+    said = f"{bad_input.folder} is a folder, expected a recording (.rrd)"
+    assert bad_input.refused("replay", bad_input.folder, *verify) == said
+    run = bad_input.batch_folder()
     for folder in (run, run.parent):
-        assert desk.refused("replay", folder, *verify).endswith(f"; those of a batch lie in {run / 'recordings'}")
+        assert bad_input.refused("replay", folder, *verify).endswith(f"; those of a batch lie in {run / 'recordings'}")
 
 
-def test_two_runs_to_view_are_reported_how_to_compare_and_where_they_are(desk: BadInput) -> None:
-    run = desk.batch_folder()
-    line = desk.refused("view", run, run)
+def test_two_runs_to_view_are_reported_how_to_compare_and_where_they_are(bad_input: BadInput) -> None:
+    run = bad_input.batch_folder()
+    line = bad_input.refused("view", run, run)
     assert "report RUN_A RUN_B" in line
     assert "runs in" not in line
-    assert desk.refused("view", run, run.parent).endswith(f"; runs in {run.parent}: {run}")
+    assert bad_input.refused("view", run, run.parent).endswith(f"; runs in {run.parent}: {run}")
 
 
 @pytest.mark.usefixtures("processes")
-def test_a_recording_of_another_program(desk: BadInput) -> None:
-    file = desk.folder / "other.rrd"
+def test_a_recording_of_another_program(bad_input: BadInput) -> None:
+    file = bad_input.folder / "other.rrd"
     rec = rr.RecordingStream("somebody_else")
     rec.save(file)
     rec.log("scalar", rr.Scalars(1.0))
     rec.flush()
     rec.disconnect()
-    assert "other.rrd" in desk.refused("replay", file, "--verify")
+    assert "other.rrd" in bad_input.refused("replay", file, "--verify")
 
 
 # As processes of their own

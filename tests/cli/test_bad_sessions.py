@@ -131,26 +131,26 @@ SESSION_FILES: dict[str, Case] = {
 }
 
 
-def _damaged(desk: BadInput, name: str) -> Path:
-    made = make(desk.folder / "damaged", targets=False)
+def _damaged(bad_input: BadInput, name: str) -> Path:
+    made = make(bad_input.folder / "damaged", targets=False)
     (made.scene / name).write_text("{")
-    return desk.file("d.toml", '[scene]\nsource = "bop"\ndataset = "damaged"\n')
+    return bad_input.file("d.toml", '[scene]\nsource = "bop"\ndataset = "damaged"\n')
 
 
-def _unseen(desk: BadInput, obj_id: int) -> Path:
+def _unseen(bad_input: BadInput, obj_id: int) -> Path:
     """Asks for an object that has a model and is in no frame."""
-    models = make(desk.folder / "more").root / "models"
+    models = make(bad_input.folder / "more").root / "models"
     (models / f"obj_{obj_id:06d}.ply").write_bytes((models / "obj_000002.ply").read_bytes())
     scene = f'source = "bop"\ndataset = "more"\nframes = ["7/3"]\nobjects = [{obj_id}]'
-    return desk.file("u.toml", f"[scene]\n{scene}\n")
+    return bad_input.file("u.toml", f"[scene]\n{scene}\n")
 
 
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("case", SESSION_FILES)
-def test_a_bad_session_is_one_clear_line(desk: BadInput, case: str) -> None:
+def test_a_bad_session_is_one_clear_line(bad_input: BadInput, case: str) -> None:
     make_file, expected = SESSION_FILES[case]
-    assert expected in desk.batch(make_file(desk))
-    assert not (desk.folder / "out").exists()
+    assert expected in bad_input.batch(make_file(bad_input))
+    assert not (bad_input.folder / "out").exists()
 
 
 @pytest.mark.usefixtures("processes")
@@ -169,20 +169,20 @@ def test_a_bad_session_is_one_clear_line(desk: BadInput, case: str) -> None:
         (["--workers", str(MOST + 1)], f"--workers is {MOST + 1}, expected {MOST} or fewer, 4 for each core"),
     ],
 )
-def test_a_bad_option_is_one_clear_line(desk: BadInput, words: list[str], expected: str) -> None:
-    assert expected in desk.batch(desk.bop(), *words)
+def test_a_bad_option_is_one_clear_line(bad_input: BadInput, words: list[str], expected: str) -> None:
+    assert expected in bad_input.batch(bad_input.bop(), *words)
 
 
-def test_no_session_at_all(desk: BadInput) -> None:
-    assert "no session file given" in desk.refused("batch", "--out", desk.folder)
+def test_no_session_at_all(bad_input: BadInput) -> None:
+    assert "no session file given" in bad_input.refused("batch", "--out", bad_input.folder)
 
 
-def test_two_sessions_of_one_name(desk: BadInput) -> None:
-    first, second = desk.file("a/s.toml", ""), desk.file("b/s.toml", "")
-    assert "two sessions are called 's'" in desk.refused("batch", first, second, "--out", desk.folder / "out")
+def test_two_sessions_of_one_name(bad_input: BadInput) -> None:
+    first, second = bad_input.file("a/s.toml", ""), bad_input.file("b/s.toml", "")
+    assert "two sessions are called 's'" in bad_input.refused("batch", first, second, "--out", bad_input.folder / "out")
 
 
-def test_a_mistake_in_the_last_session_shows_before_the_first_runs(desk: BadInput) -> None:
-    good, bad = desk.bop(), desk.file("bad.toml", '[method]\nname = "none"\n')
-    assert "unknown method" in desk.refused("batch", good, bad, "--out", desk.folder / "out")
-    assert not (desk.folder / "out").exists()
+def test_a_mistake_in_the_last_session_shows_before_the_first_runs(bad_input: BadInput) -> None:
+    good, bad = bad_input.bop(), bad_input.file("bad.toml", '[method]\nname = "none"\n')
+    assert "unknown method" in bad_input.refused("batch", good, bad, "--out", bad_input.folder / "out")
+    assert not (bad_input.folder / "out").exists()

@@ -62,7 +62,7 @@ class BadInput(CommandLine):
 
 
 @pytest.fixture
-def desk(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> BadInput:
+def bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> BadInput:
     monkeypatch.setattr(pool, "work", answering.work)
     found = BadInput(tmp_path, make(tmp_path / "boxes"), capsys)
     found.session()
@@ -98,15 +98,15 @@ BAD_RESULTS: dict[str, tuple[str | bytes, str]] = {
 
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("case", BAD_RESULTS)
-def test_a_results_file_that_breaks_the_format(desk: BadInput, case: str) -> None:
+def test_a_results_file_that_breaks_the_format(bad_input: BadInput, case: str) -> None:
     content, words = BAD_RESULTS[case]
-    path = desk.file("bad_boxes-test.csv", content)
-    line = desk.refused(*desk.evaluated(path))
+    path = bad_input.file("bad_boxes-test.csv", content)
+    line = bad_input.refused(*bad_input.evaluated(path))
     assert line.startswith(str(path))
     assert words in line
     # Where it is to be the initial poses of a batch, it is refused in the same words, before the folder is made.
     hypotheses = ("--hypotheses.source", "results", "--hypotheses.files", str(path))
-    assert desk.refused(*desk.batch(*hypotheses)) == line
+    assert bad_input.refused(*bad_input.batch(*hypotheses)) == line
 
 
 @pytest.mark.usefixtures("processes")
@@ -121,13 +121,13 @@ def test_a_results_file_that_breaks_the_format(desk: BadInput, case: str) -> Non
     ],
 )
 def test_what_is_no_pose_starts_no_batch_but_is_scored_as_officially(
-    desk: BadInput, text: str, in_batch: str, in_evaluation: str
+    bad_input: BadInput, text: str, in_batch: str, in_evaluation: str
 ) -> None:
-    path = desk.file("odd_boxes-test.csv", text)
+    path = bad_input.file("odd_boxes-test.csv", text)
     hypotheses = ("--hypotheses.source", "results", "--hypotheses.files", str(path))
-    assert in_batch in desk.refused(*desk.batch(*hypotheses))
-    assert cli.main([*desk.evaluated(path)]) == 0
-    assert f"odd: {in_evaluation}" in desk.capsys.readouterr().out
+    assert in_batch in bad_input.refused(*bad_input.batch(*hypotheses))
+    assert cli.main([*bad_input.evaluated(path)]) == 0
+    assert f"odd: {in_evaluation}" in bad_input.capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -141,17 +141,17 @@ def test_what_is_no_pose_starts_no_batch_but_is_scored_as_officially(
         ),
     ],
 )
-def test_rows_that_do_not_count_are_counted(desk: BadInput, text: str, note: str) -> None:
-    assert cli.main([*desk.evaluated(desk.file("dup_lmo-test.csv", text))]) == 0
-    assert note in desk.capsys.readouterr().out
+def test_rows_that_do_not_count_are_counted(bad_input: BadInput, text: str, note: str) -> None:
+    assert cli.main([*bad_input.evaluated(bad_input.file("dup_lmo-test.csv", text))]) == 0
+    assert note in bad_input.capsys.readouterr().out
 
 
-def test_files_that_are_no_results_files(desk: BadInput) -> None:
-    assert "none.csv does not exist" in desk.refused(*desk.evaluated(desk.folder / "none.csv"))
-    (desk.folder / "loop.csv").symlink_to("loop.csv")
-    assert "loop.csv cannot be read: " in desk.refused(*desk.evaluated(desk.folder / "loop.csv"))
-    assert "is a folder, expected a BOP results CSV" in desk.refused(*desk.evaluated(desk.folder))
-    line = desk.refused(*desk.evaluated(desk.made.scene / "scene_gt.json"))
+def test_files_that_are_no_results_files(bad_input: BadInput) -> None:
+    assert "none.csv does not exist" in bad_input.refused(*bad_input.evaluated(bad_input.folder / "none.csv"))
+    (bad_input.folder / "loop.csv").symlink_to("loop.csv")
+    assert "loop.csv cannot be read: " in bad_input.refused(*bad_input.evaluated(bad_input.folder / "loop.csv"))
+    assert "is a folder, expected a BOP results CSV" in bad_input.refused(*bad_input.evaluated(bad_input.folder))
+    line = bad_input.refused(*bad_input.evaluated(bad_input.made.scene / "scene_gt.json"))
     assert "scene_gt.json is no results file; expected a BOP results CSV" in line
 
 
@@ -192,20 +192,22 @@ BAD_TARGETS: dict[str, tuple[Callable[[list[Any]], str | bytes], str]] = {
 
 
 @pytest.mark.parametrize("case", BAD_TARGETS)
-def test_a_targets_file_that_cannot_be_used(desk: BadInput, case: str) -> None:
+def test_a_targets_file_that_cannot_be_used(bad_input: BadInput, case: str) -> None:
     content, words = BAD_TARGETS[case]
-    targets = desk.file("mine.json", content(json.loads((desk.made.root / TARGETS).read_text())))
-    assert words in desk.refused(*desk.evaluated(desk.file("a.csv", GOOD), "--targets", targets))
+    targets = bad_input.file("mine.json", content(json.loads((bad_input.made.root / TARGETS).read_text())))
+    assert words in bad_input.refused(*bad_input.evaluated(bad_input.file("a.csv", GOOD), "--targets", targets))
 
 
-def test_targets_that_ask_for_what_is_not_there(desk: BadInput) -> None:
-    entries = json.loads((desk.made.root / TARGETS).read_text())
-    targets = desk.file("mine.json", json.dumps([*entries, {**entries[0], "obj_id": 77, "inst_count": 2}]))
-    assert cli.main([*desk.evaluated(desk.file("a.csv", GOOD), "--targets", targets)]) == 0
-    said = desk.capsys.readouterr().out
+def test_targets_that_ask_for_what_is_not_there(bad_input: BadInput) -> None:
+    entries = json.loads((bad_input.made.root / TARGETS).read_text())
+    targets = bad_input.file("mine.json", json.dumps([*entries, {**entries[0], "obj_id": 77, "inst_count": 2}]))
+    assert cli.main([*bad_input.evaluated(bad_input.file("a.csv", GOOD), "--targets", targets)]) == 0
+    said = bad_input.capsys.readouterr().out
     assert "mine.json asks for 5 instances, of which ground truth holds 3; the others do not count" in said
-    about_it = desk.file("b.csv", f"7,3,77,1,{POSE},-1\n")
-    assert "unknown model 77; available: 2, 5" in desk.refused(*desk.evaluated(about_it, "--targets", targets))
+    about_it = bad_input.file("b.csv", f"7,3,77,1,{POSE},-1\n")
+    assert "unknown model 77; available: 2, 5" in bad_input.refused(
+        *bad_input.evaluated(about_it, "--targets", targets)
+    )
 
 
 # Data sets
@@ -246,16 +248,16 @@ BAD_DATA: dict[str, tuple[Callable[[Made], Any], str, str]] = {
 
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("case", BAD_DATA)
-def test_a_data_set_that_cannot_be_used(desk: BadInput, case: str) -> None:
+def test_a_data_set_that_cannot_be_used(bad_input: BadInput, case: str) -> None:
     spoil, in_evaluation, in_batch = BAD_DATA[case]
-    spoil(desk.made)
-    assert in_evaluation in desk.refused(*desk.evaluated(desk.file("a.csv", GOOD)))
-    assert in_batch in desk.refused(*desk.batch())
+    spoil(bad_input.made)
+    assert in_evaluation in bad_input.refused(*bad_input.evaluated(bad_input.file("a.csv", GOOD)))
+    assert in_batch in bad_input.refused(*bad_input.batch())
 
 
-def test_without_ground_truth_there_is_nothing_to_score(desk: BadInput) -> None:
-    (desk.made.scene / "scene_gt.json").unlink()
-    line = desk.refused(*desk.evaluated(desk.file("a.csv", GOOD)))
+def test_without_ground_truth_there_is_nothing_to_score(bad_input: BadInput) -> None:
+    (bad_input.made.scene / "scene_gt.json").unlink()
+    line = bad_input.refused(*bad_input.evaluated(bad_input.file("a.csv", GOOD)))
     assert "scene_gt.json is missing; without ground truth there is nothing to score" in line
 
 
@@ -282,39 +284,41 @@ def test_a_damaged_image_in_the_middle(tmp_path: Path, capsys: pytest.CaptureFix
     assert f"frame 7/1 failed: {made.scene / 'depth' / '000001.png'} is damaged" in said
 
 
-def test_a_folder_that_is_no_data_set(desk: BadInput) -> None:
-    assert "does not exist" in desk.refused("datasets", "check", desk.folder / "none")
-    assert "holds no split with scenes; expected for example" in desk.refused("datasets", "check", desk.made.scene)
-    split = desk.made.scene.parent
-    assert f"a split itself: name the data set's folder, {desk.made.root.resolve()}" in desk.refused(
+def test_a_folder_that_is_no_data_set(bad_input: BadInput) -> None:
+    assert "does not exist" in bad_input.refused("datasets", "check", bad_input.folder / "none")
+    assert "holds no split with scenes; expected for example" in bad_input.refused(
+        "datasets", "check", bad_input.made.scene
+    )
+    split = bad_input.made.scene.parent
+    assert f"a split itself: name the data set's folder, {bad_input.made.root.resolve()}" in bad_input.refused(
         "datasets", "check", split
     )
-    assert f"did you mean {desk.made.root}?" in desk.refused("datasets", "check", desk.folder)
-    assert splits_of(desk.made.root) == ("test",)
+    assert f"did you mean {bad_input.made.root}?" in bad_input.refused("datasets", "check", bad_input.folder)
+    assert splits_of(bad_input.made.root) == ("test",)
 
 
 # Clusters
 
 
 @pytest.mark.parametrize("address", ["foo", "what://x:1", "tcp://host", "http://127.0.0.1:1", "tcp://host:port"])
-def test_what_is_no_address_of_a_cluster(desk: BadInput, address: str) -> None:
-    line = desk.refused(*desk.batch("--cluster", address))
+def test_what_is_no_address_of_a_cluster(bad_input: BadInput, address: str) -> None:
+    line = bad_input.refused(*bad_input.batch("--cluster", address))
     assert line == f"--cluster {address} is no address; expected tcp://HOST:PORT of a Dask scheduler, or local"
 
 
 @pytest.mark.usefixtures("processes")
-def test_something_that_listens_and_says_nothing(desk: BadInput, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_something_that_listens_and_says_nothing(bad_input: BadInput, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scheduler, "CONNECT_S", 0.5)
     with socket.socket() as silent:
         silent.bind(("127.0.0.1", 0))
         silent.listen()
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
-        line = desk.refused(*desk.batch("--cluster", address))
+        line = bad_input.refused(*bad_input.batch("--cluster", address))
     assert f"no Dask scheduler answers at {address} (no answer for 0.5 s)" in line
 
 
 @pytest.mark.usefixtures("processes")
-def test_something_that_speaks_another_language(desk: BadInput, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_something_that_speaks_another_language(bad_input: BadInput, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scheduler, "CONNECT_S", 0.5)
 
     class Page(BaseHTTPRequestHandler):
@@ -324,6 +328,6 @@ def test_something_that_speaks_another_language(desk: BadInput, monkeypatch: pyt
     with ThreadingHTTPServer(("127.0.0.1", 0), Page) as server:
         Thread(target=server.serve_forever, daemon=True).start()
         address = f"tcp://127.0.0.1:{server.server_port}"
-        line = desk.refused(*desk.batch("--cluster", address))
+        line = bad_input.refused(*bad_input.batch("--cluster", address))
         server.shutdown()
     assert f"no Dask scheduler answers at {address}" in line

@@ -22,16 +22,16 @@ POSE = "1 0 0 0 1 0 0 0 1,0 0 500"
 
 
 @pytest.fixture
-def desk(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> BadInput:
+def bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> BadInput:
     made = make(tmp_path / "boxes")
     results = tmp_path / "perfect_boxes-test.csv"
     write_results(results, rows(made))
     return BadInput(tmp_path, made, capsys, results)
 
 
-def test_the_table_has_a_row_for_each_file(desk: BadInput) -> None:
-    other = desk.file("other_boxes-test.csv", f"{HEADER}\n7,3,5,1,{POSE},-1\n99,3,5,1,{POSE},-1\n")
-    text = desk.run(desk.results, other)
+def test_the_table_has_a_row_for_each_file(bad_input: BadInput) -> None:
+    other = bad_input.file("other_boxes-test.csv", f"{HEADER}\n7,3,5,1,{POSE},-1\n99,3,5,1,{POSE},-1\n")
+    text = bad_input.run(bad_input.results, other)
     assert "boxes/test, test_targets_bop19.json, 3 targets: average recall [%]" in text
     lines = {line.split()[0]: line.split() for line in text.splitlines() if line.strip()}
     assert " ".join(lines["method"]) == "method AR VSD MSSD MSPD ADD(-S) r̄ ° t̄ mm missing s/image"
@@ -44,14 +44,14 @@ def test_the_table_has_a_row_for_each_file(desk: BadInput) -> None:
     assert max(map(len, text.splitlines()[:6])) <= 80
 
 
-def test_json_holds_every_number(desk: BadInput) -> None:
-    found = desk.json()
+def test_json_holds_every_number(bad_input: BadInput) -> None:
+    found = bad_input.json()
     assert (found["dataset"], found["split"], found["targets"]) == ("boxes", "test", "test_targets_bop19.json")
     assert found["seconds"] > 0
     assert len(found["notes"]) == 1
     (score,) = found["results"]
     assert score["method"] == "perfect"
-    assert score["file"] == str(desk.results)
+    assert score["file"] == str(bad_input.results)
     assert [score[k] for k in ("AR", "AR_VSD", "AR_MSSD", "AR_MSPD")] == [1.0] * 4
     assert np.shape(score["recalls"]["VSD"]) == (10, 10)
     assert score["recalls"]["MSSD"] == score["recalls"]["MSPD"] == [1.0] * 10
@@ -64,9 +64,9 @@ def test_json_holds_every_number(desk: BadInput) -> None:
     assert score["add_s_below_10_percent"] == 1.0
 
 
-def test_json_has_null_where_nothing_is_known(desk: BadInput) -> None:
-    path = desk.file("none_boxes-test.csv", f"7,3,5,1,{POSE.replace('500', 'nan')},-1\n")
-    (score,) = desk.json(path)["results"]
+def test_json_has_null_where_nothing_is_known(bad_input: BadInput) -> None:
+    path = bad_input.file("none_boxes-test.csv", f"7,3,5,1,{POSE.replace('500', 'nan')},-1\n")
+    (score,) = bad_input.json(path)["results"]
     assert score["AR"] == 0.0
     assert score["mean_rotation_deg"] is None
     assert score["average_time_per_image_s"] is None
@@ -74,63 +74,65 @@ def test_json_has_null_where_nothing_is_known(desk: BadInput) -> None:
     assert score["counts"]["missing"] == 2
 
 
-def test_a_table_by_object(desk: BadInput, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_table_by_object(bad_input: BadInput, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "100")
-    assert "obj_000005" not in desk.run(desk.results)
-    text = desk.run(desk.results, "--per-object")
+    assert "obj_000005" not in bad_input.run(bad_input.results)
+    text = bad_input.run(bad_input.results, "--per-object")
     assert "obj_000002" in text
     assert "obj_000005" in text
 
 
-def test_detection(desk: BadInput) -> None:
-    (score,) = desk.json(desk.results, "--task", "detection")["results"]
+def test_detection(bad_input: BadInput) -> None:
+    (score,) = bad_input.json(bad_input.results, "--task", "detection")["results"]
     assert [score[k] for k in ("mAP", "mAP_MSSD", "mAP_MSPD", "mAP_MSSD_mm")] == [1.0] * 4
-    assert "mAP" in desk.run(desk.results, "--task", "detection", "--per-object")
+    assert "mAP" in bad_input.run(bad_input.results, "--task", "detection", "--per-object")
 
 
-def test_targets_of_bop24_ask_for_detection(desk: BadInput) -> None:
-    (desk.made.root / "test_targets_bop24.json").write_text(json.dumps([{"scene_id": 7, "im_id": 3}]))
-    assert desk.json(desk.results)["results"][0]["task"] == "localization"
-    assert desk.json(desk.results, "--targets", "test_targets_bop24.json")["results"][0]["task"] == "detection"
-    refusal = desk.refused(desk.results, "--targets", "test_targets_bop24.json", "--task", "localization")
+def test_targets_of_bop24_ask_for_detection(bad_input: BadInput) -> None:
+    (bad_input.made.root / "test_targets_bop24.json").write_text(json.dumps([{"scene_id": 7, "im_id": 3}]))
+    assert bad_input.json(bad_input.results)["results"][0]["task"] == "localization"
+    assert (
+        bad_input.json(bad_input.results, "--targets", "test_targets_bop24.json")["results"][0]["task"] == "detection"
+    )
+    refusal = bad_input.refused(bad_input.results, "--targets", "test_targets_bop24.json", "--task", "localization")
     assert "name a …_targets_bop19.json with --targets" in refusal
 
 
-def test_targets_may_be_few(desk: BadInput) -> None:
+def test_targets_may_be_few(bad_input: BadInput) -> None:
     entries = [{"scene_id": 7, "im_id": 3, "obj_id": 5, "inst_count": 1}]
-    path = desk.file("mine.json", json.dumps(entries))
-    (score,) = desk.json(desk.results, "--targets", path)["results"]
+    path = bad_input.file("mine.json", json.dumps(entries))
+    (score,) = bad_input.json(bad_input.results, "--targets", path)["results"]
     assert score["counts"]["targets"] == 1
     assert score["counts"]["unasked"] == 2
 
 
-def test_without_a_targets_file_all_that_is_visible_is_asked_for(desk: BadInput) -> None:
-    listed = desk.json()
-    (desk.made.root / "test_targets_bop19.json").unlink()
-    found = desk.json()
+def test_without_a_targets_file_all_that_is_visible_is_asked_for(bad_input: BadInput) -> None:
+    listed = bad_input.json()
+    (bad_input.made.root / "test_targets_bop19.json").unlink()
+    found = bad_input.json()
     assert found["targets"] == "all instances that are at least 10 % visible"
     (said,) = [note for note in found["notes"] if "has no targets file for test" in note]
-    assert str(desk.made.root) in said
+    assert str(bad_input.made.root) in said
     (score,) = found["results"]
     assert score["AR"] == listed["results"][0]["AR"] == 1.0
     assert score["counts"]["targets"] == 3
-    assert "official" not in desk.run(desk.results)
+    assert "official" not in bad_input.run(bad_input.results)
 
-    desk.made.edit("scene_gt_info.json", lambda x: x["3"][1].update(visib_fract=0.05))
-    assert desk.json()["results"][0]["counts"]["targets"] == 2
-
-
-def test_without_a_targets_file_images_without_ground_truth_are_not_asked_for(desk: BadInput) -> None:
-    (desk.made.root / "test_targets_bop19.json").unlink()
-    desk.made.edit("scene_camera.json", lambda x: x.update({"8": x["3"]}))
-    assert desk.json()["results"][0]["counts"]["targets"] == 3
-    desk.made.edit("scene_gt.json", lambda x: x.clear())
-    assert "has ground truth; without it nothing is scored" in desk.refused()
+    bad_input.made.edit("scene_gt_info.json", lambda x: x["3"][1].update(visib_fract=0.05))
+    assert bad_input.json()["results"][0]["counts"]["targets"] == 2
 
 
-def test_detection_needs_a_targets_file(desk: BadInput) -> None:
-    (desk.made.root / "test_targets_bop19.json").unlink()
-    refusal = desk.refused(desk.results, "--task", "detection")
+def test_without_a_targets_file_images_without_ground_truth_are_not_asked_for(bad_input: BadInput) -> None:
+    (bad_input.made.root / "test_targets_bop19.json").unlink()
+    bad_input.made.edit("scene_camera.json", lambda x: x.update({"8": x["3"]}))
+    assert bad_input.json()["results"][0]["counts"]["targets"] == 3
+    bad_input.made.edit("scene_gt.json", lambda x: x.clear())
+    assert "has ground truth; without it nothing is scored" in bad_input.refused()
+
+
+def test_detection_needs_a_targets_file(bad_input: BadInput) -> None:
+    (bad_input.made.root / "test_targets_bop19.json").unlink()
+    refusal = bad_input.refused(bad_input.results, "--task", "detection")
     assert "no test_targets_bop24.json or test_targets_bop19.json (targets files there: none at all)" in refusal
 
 
@@ -141,30 +143,30 @@ def test_a_split_with_another_name_is_found(tmp_path: Path, capsys: pytest.Captu
     assert BadInput(tmp_path, made, capsys, results).json()["split"] == "test_primesense"
 
 
-def test_models_eval_win(desk: BadInput) -> None:
-    shutil.copytree(desk.made.root / "models", desk.made.root / "models_eval")
-    assert desk.json()["notes"] == []
-    cut(desk.made.root / "models" / "obj_000005.ply")
-    assert desk.json()["results"][0]["AR"] == 1.0
+def test_models_eval_win(bad_input: BadInput) -> None:
+    shutil.copytree(bad_input.made.root / "models", bad_input.made.root / "models_eval")
+    assert bad_input.json()["notes"] == []
+    cut(bad_input.made.root / "models" / "obj_000005.ply")
+    assert bad_input.json()["results"][0]["AR"] == 1.0
 
 
-def test_a_mesh_in_metres_is_measured_in_millimetres_and_said(desk: BadInput) -> None:
-    (desk.made.root / "models" / "obj_000005.ply").write_text(box_ply(desk.made.problem, unit_m=1.0))
-    found = desk.json()
+def test_a_mesh_in_metres_is_measured_in_millimetres_and_said(bad_input: BadInput) -> None:
+    (bad_input.made.root / "models" / "obj_000005.ply").write_text(box_ply(bad_input.made.problem, unit_m=1.0))
+    found = bad_input.json()
     assert [found["results"][0][k] for k in ("AR", "AR_VSD", "AR_MSSD", "AR_MSPD")] == [1.0] * 4
     (said,) = [note for note in found["notes"] if note.startswith("object 5: obj_000005.ply is ")]
     assert said.endswith("models_info.json says 141.4 mm: its unit was taken to be metres")
 
 
-def test_a_mesh_of_another_size_is_measured_as_it_is_and_said(desk: BadInput) -> None:
-    desk.made.edit("../../models/models_info.json", lambda x: x["5"].update(diameter=300.0))
+def test_a_mesh_of_another_size_is_measured_as_it_is_and_said(bad_input: BadInput) -> None:
+    bad_input.made.edit("../../models/models_info.json", lambda x: x["5"].update(diameter=300.0))
     said = "object 5: obj_000005.ply is 141.4 mm across, models_info.json says 300 mm; one of them is wrong"
-    assert said in desk.json()["notes"]
+    assert said in bad_input.json()["notes"]
 
 
-def test_without_scene_gt_info_all_instances_count_as_visible(desk: BadInput) -> None:
-    (desk.made.scene / "scene_gt_info.json").unlink()
-    found = desk.json()
+def test_without_scene_gt_info_all_instances_count_as_visible(bad_input: BadInput) -> None:
+    (bad_input.made.scene / "scene_gt_info.json").unlink()
+    found = bad_input.json()
     assert found["results"][0]["AR"] == 1.0
     assert any("scene 7 has no scene_gt_info.json" in note for note in found["notes"])
 
@@ -183,25 +185,25 @@ def test_without_scene_gt_info_all_instances_count_as_visible(desk: BadInput) ->
     ],
 )
 def test_methods_of_the_same_name_are_called_as_their_folders(
-    desk: BadInput, files: list[str], methods: list[str]
+    bad_input: BadInput, files: list[str], methods: list[str]
 ) -> None:
-    paths = [desk.results.parent / "more" / name for name in files]
+    paths = [bad_input.results.parent / "more" / name for name in files]
     for path in paths:
         path.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(desk.results, path)
-    assert [score["method"] for score in desk.json(*paths)["results"]] == methods
+        shutil.copy(bad_input.results, path)
+    assert [score["method"] for score in bad_input.json(*paths)["results"]] == methods
 
 
-def test_how_much_of_the_targets_a_file_covers(desk: BadInput) -> None:
-    (whole,) = desk.json()["results"]
+def test_how_much_of_the_targets_a_file_covers(bad_input: BadInput) -> None:
+    (whole,) = bad_input.json()["results"]
     assert whole["coverage"] == {
         "images": 1, "images_asked": 1, "objects": 2, "objects_asked": 2,
         "not_finite": 0, "not_ranked": 0, "not_rigid": 0,
     }  # fmt: skip
-    assert "has estimates for" not in desk.run()
-    half = desk.file("half_boxes-test.csv", f"7,3,5,1,{POSE},-1\n")
+    assert "has estimates for" not in bad_input.run()
+    half = bad_input.file("half_boxes-test.csv", f"7,3,5,1,{POSE},-1\n")
     said = "half: has estimates for 1 of 1 images and 1 of 2 objects that the targets ask for, 1 of 3 instances; a"
-    assert said in desk.run(desk.results, half)
+    assert said in bad_input.run(bad_input.results, half)
 
 
 @pytest.mark.parametrize(
@@ -212,74 +214,74 @@ def test_how_much_of_the_targets_a_file_covers(desk: BadInput) -> None:
         (f"7,3,9,1,{POSE},-1", "in images asked for it names object 9, the targets objects 2, 5"),
     ],
 )
-def test_results_that_say_nothing_about_any_target(desk: BadInput, row: str, words: str) -> None:
-    path = desk.file("other_lmo-test.csv", row)
-    line = desk.refused(desk.results, path)
+def test_results_that_say_nothing_about_any_target(bad_input: BadInput, row: str, words: str) -> None:
+    path = bad_input.file("other_lmo-test.csv", row)
+    line = bad_input.refused(bad_input.results, path)
     assert line.startswith(f"{path} has no estimate for any target of test_targets_bop19.json: {words}; does it belong")
 
 
-def test_detections_of_no_object_that_is_in_the_image(desk: BadInput) -> None:
-    path = desk.file("other_lmo-test.csv", f"7,3,9,1,{POSE},-1\n")
-    only_images = desk.file("images.json", json.dumps([{"scene_id": 7, "im_id": 3}]))
+def test_detections_of_no_object_that_is_in_the_image(bad_input: BadInput) -> None:
+    path = bad_input.file("other_lmo-test.csv", f"7,3,9,1,{POSE},-1\n")
+    only_images = bad_input.file("images.json", json.dumps([{"scene_id": 7, "im_id": 3}]))
     said = f"{path} has an estimate for none of the 3 instances that images.json asks for; does it belong to another"
-    assert said in desk.refused(path, "--targets", only_images)
+    assert said in bad_input.refused(path, "--targets", only_images)
 
 
-def test_results_of_many_other_scenes(desk: BadInput) -> None:
-    path = desk.file("other_lmo-test.csv", "".join(f"{k},3,5,1,{POSE},-1\n" for k in range(10, 40)))
-    assert "it names scenes 10, 11, 12, 13, 14, …, the targets scene 7" in desk.refused(path)
+def test_results_of_many_other_scenes(bad_input: BadInput) -> None:
+    path = bad_input.file("other_lmo-test.csv", "".join(f"{k},3,5,1,{POSE},-1\n" for k in range(10, 40)))
+    assert "it names scenes 10, 11, 12, 13, 14, …, the targets scene 7" in bad_input.refused(path)
 
 
-def test_detections_that_say_nothing_about_any_image(desk: BadInput) -> None:
-    only_images = desk.file("images.json", json.dumps([{"scene_id": 7, "im_id": 3}]))
-    path = desk.file("none_boxes-test.csv", f"7,4,5,1,{POSE},-1\n")
-    assert "in scene 7 it names image 4, the targets image 3" in desk.refused(path, "--targets", only_images)
+def test_detections_that_say_nothing_about_any_image(bad_input: BadInput) -> None:
+    only_images = bad_input.file("images.json", json.dumps([{"scene_id": 7, "im_id": 3}]))
+    path = bad_input.file("none_boxes-test.csv", f"7,4,5,1,{POSE},-1\n")
+    assert "in scene 7 it names image 4, the targets image 3" in bad_input.refused(path, "--targets", only_images)
 
 
 @pytest.mark.parametrize("columns", [40, 80, 200])
-def test_numbers_are_never_cut(desk: BadInput, columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    long = desk.file(f"{'a_long_name_' * 6}boxes-test.csv", desk.results.read_text())
+def test_numbers_are_never_cut(bad_input: BadInput, columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    long = bad_input.file(f"{'a_long_name_' * 6}boxes-test.csv", bad_input.results.read_text())
     monkeypatch.setenv("COLUMNS", str(columns))
-    text = desk.run(long, "--per-object")
+    text = bad_input.run(long, "--per-object")
     table = [line.split() for line in text.splitlines()]
     (method,) = [cells for cells in table if cells and cells[0].startswith("a_long_name") and "100.0" in cells]
     assert method[1:] == [*["100.0"] * 5, "0.0", "0.0", "0", "0.25"]
     assert ["2", "obj_000002", *["100.0"] * 5, "0.0", "0.0", "0/2"] in table
 
 
-def test_rows_that_are_no_poses_are_counted_as_the_official_script_counts_them(desk: BadInput) -> None:
+def test_rows_that_are_no_poses_are_counted_as_the_official_script_counts_them(bad_input: BadInput) -> None:
     mirrored, unknown = "1 0 0 0 1 0 0 0 -1,0 0 500", "nan 0 0 0 1 0 0 0 1,0 0 500"
     lines = [f"7,3,5,1,{mirrored},-1", f"7,3,2,nan,{unknown},-1", f"7,3,2,1,{POSE.replace('500', 'inf')},-1"]
-    path = desk.file("odd_boxes-test.csv", "\n".join(lines))
-    text = desk.run(path)
+    path = bad_input.file("odd_boxes-test.csv", "\n".join(lines))
+    text = bad_input.run(path)
     assert "odd: 2 rows hold NaN or infinity for a pose, and count as wrong" in text
     assert "odd: 1 rows have no number as score" in text
     assert "odd: in 1 rows R is no rotation" in text
-    (score,) = desk.json(path)["results"]
+    (score,) = bad_input.json(path)["results"]
     assert (score["AR"], score["counts"]["missing"]) == (0.0, 0)
 
 
 def edit(path: str, change: Callable[[Any], None]) -> Callable[[BadInput], None]:
-    return lambda desk: desk.made.edit(path, change)
+    return lambda bad_input: bad_input.made.edit(path, change)
 
 
 def remove(path: str) -> Callable[[BadInput], None]:
-    return lambda desk: (desk.made.scene / path).unlink()
+    return lambda bad_input: (bad_input.made.scene / path).unlink()
 
 
 def damage(path: str) -> Callable[[BadInput], None]:
-    return lambda desk: cut(desk.made.scene / path)
+    return lambda bad_input: cut(bad_input.made.scene / path)
 
 
 def write(path: str, text: str) -> Callable[[BadInput], None]:
-    def change(desk: BadInput) -> None:
-        (desk.made.scene / path).write_text(text)
+    def change(bad_input: BadInput) -> None:
+        (bad_input.made.scene / path).write_text(text)
 
     return change
 
 
-def black_and_white(desk: BadInput) -> None:
-    Image.new("RGB", (80, 60)).save(desk.made.scene / "depth" / "000003.png")
+def black_and_white(bad_input: BadInput) -> None:
+    Image.new("RGB", (80, 60)).save(bad_input.made.scene / "depth" / "000003.png")
 
 
 TARGETS = "../../test_targets_bop19.json"
@@ -320,9 +322,9 @@ MODELS = "../../models"
         (remove(f"{MODELS}/obj_000005.ply"), "unknown model 5; available: 2"),
     ],
 )
-def test_a_data_set_that_cannot_be_used(desk: BadInput, change: Callable[[BadInput], None], words: str) -> None:
-    change(desk)
-    assert words in desk.refused()
+def test_a_data_set_that_cannot_be_used(bad_input: BadInput, change: Callable[[BadInput], None], words: str) -> None:
+    change(bad_input)
+    assert words in bad_input.refused()
 
 
 @pytest.mark.parametrize(
@@ -340,49 +342,53 @@ def test_a_data_set_that_cannot_be_used(desk: BadInput, change: Callable[[BadInp
         (f"scene_id, im_id, obj_id, score, R, t, time\n7,3,5,1,{POSE},-1\n", "line 1: the header is 'scene_id, im_id"),
     ],
 )
-def test_a_results_file_that_the_official_check_refuses(desk: BadInput, text: str, words: str) -> None:
-    path = desk.file("bad_boxes-test.csv", text)
-    assert words in desk.refused(path)
-    assert words in desk.refused(desk.results, path)
+def test_a_results_file_that_the_official_check_refuses(bad_input: BadInput, text: str, words: str) -> None:
+    path = bad_input.file("bad_boxes-test.csv", text)
+    assert words in bad_input.refused(path)
+    assert words in bad_input.refused(bad_input.results, path)
 
 
-def test_a_batch_run_s_table_of_objects_is_reported_from_its_poses(desk: BadInput, tmp_path: Path) -> None:
+def test_a_batch_run_s_table_of_objects_is_reported_from_its_poses(bad_input: BadInput, tmp_path: Path) -> None:
     write_frames_csv(tmp_path / "frames.csv", [])
-    assert "; the poses of this run" not in desk.refused(tmp_path / "frames.csv")
+    assert "; the poses of this run" not in bad_input.refused(tmp_path / "frames.csv")
     poses = tmp_path / "results.csv"
     poses.write_text(HEADER, encoding="utf-8")
-    said = desk.refused(tmp_path / "frames.csv")
+    said = bad_input.refused(tmp_path / "frames.csv")
     assert "line 1: the header is 'scene_id,im_id,instance_id,obj_id,name," in said
     assert f"…, expected {HEADER} or none; the poses of this run are in {poses}" in said
 
 
-def test_other_bad_words(desk: BadInput, tmp_path: Path) -> None:
-    assert "no.csv does not exist" in desk.refused(tmp_path / "no.csv")
-    assert "no results file given" in desk.refused("--split", "test")
-    assert "does not exist; give --dataset a folder" in desk.refused(desk.results, "--dataset", tmp_path / "no")
-    assert "is a file, not a folder; give --dataset" in desk.refused(desk.results, "--dataset", desk.results)
-    assert "has no folder test*; name one with --split" in desk.refused(desk.results, "--dataset", tmp_path)
-    assert "unknown split 'train'; available: test" in desk.refused(desk.results, "--split", "train")
-    assert "neither here nor in" in desk.refused(desk.results, "--targets", "no.json")
-    assert "--workers is 0" in desk.refused(desk.results, "--workers", "0")
+def test_other_bad_words(bad_input: BadInput, tmp_path: Path) -> None:
+    assert "no.csv does not exist" in bad_input.refused(tmp_path / "no.csv")
+    assert "no results file given" in bad_input.refused("--split", "test")
+    assert "does not exist; give --dataset a folder" in bad_input.refused(
+        bad_input.results, "--dataset", tmp_path / "no"
+    )
+    assert "is a file, not a folder; give --dataset" in bad_input.refused(
+        bad_input.results, "--dataset", bad_input.results
+    )
+    assert "has no folder test*; name one with --split" in bad_input.refused(bad_input.results, "--dataset", tmp_path)
+    assert "unknown split 'train'; available: test" in bad_input.refused(bad_input.results, "--split", "train")
+    assert "neither here nor in" in bad_input.refused(bad_input.results, "--targets", "no.json")
+    assert "--workers is 0" in bad_input.refused(bad_input.results, "--workers", "0")
     binary = tmp_path / "binary.csv"
     binary.write_bytes(b"\xff\xfe\x00")
-    assert "is no text file" in desk.refused(binary)
+    assert "is no text file" in bad_input.refused(binary)
 
 
-def test_files_of_another_kind_say_what_was_expected(desk: BadInput, tmp_path: Path) -> None:
-    line = desk.refused(desk.made.scene / "scene_camera.json")
+def test_files_of_another_kind_say_what_was_expected(bad_input: BadInput, tmp_path: Path) -> None:
+    line = bad_input.refused(bad_input.made.scene / "scene_camera.json")
     assert "scene_camera.json is no results file; expected a BOP results CSV (scene_id,im_id,obj_id," in line
     assert "such as a batch's results.csv: " in line
-    assert "is a folder, expected a BOP results CSV, such as" in desk.refused(tmp_path)
+    assert "is a folder, expected a BOP results CSV, such as" in bad_input.refused(tmp_path)
     for run in ("rir", "sir"):
         (tmp_path / "runs" / run).mkdir(parents=True)
-        shutil.copy(desk.results, tmp_path / "runs" / run / "results.csv")
+        shutil.copy(bad_input.results, tmp_path / "runs" / run / "results.csv")
     both = f"{tmp_path / 'runs/rir/results.csv'} or {tmp_path / 'runs/sir/results.csv'}"
-    assert f"is a folder, expected a BOP results CSV; did you mean {both}?" in desk.refused(tmp_path)
+    assert f"is a folder, expected a BOP results CSV; did you mean {both}?" in bad_input.refused(tmp_path)
     shutil.rmtree(tmp_path / "runs")
-    shutil.copy(desk.results, tmp_path / "results.csv")
-    assert f"is a folder, expected a BOP results CSV; did you mean {tmp_path / 'results.csv'}?" in desk.refused(
+    shutil.copy(bad_input.results, tmp_path / "results.csv")
+    assert f"is a folder, expected a BOP results CSV; did you mean {tmp_path / 'results.csv'}?" in bad_input.refused(
         tmp_path
     )
 

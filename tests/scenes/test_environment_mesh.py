@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 from tests.fakes import box_problem
+from verefine_viz.batch.session_check import check
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.geometry import inverse, transform
 from verefine_viz.core.observation import Observation
@@ -127,6 +128,13 @@ def test_what_is_wrong_is_one_line(tmp_path: Path, physics: dict[str, Any], erro
         given["mesh"] = ""
     with pytest.raises(error, match=words) as raised:
         of_mesh(**given)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_missing_file_ends_a_batch_before_its_first_frame(tmp_path: Path) -> None:
+    missing = {"support": "mesh", "mesh": str(tmp_path / "cell.ply")}
+    with pytest.raises(InputError, match=r"cell\.ply") as raised:
+        check(resolve({"physics": missing}))
     assert "\n" not in str(raised.value)
 
 

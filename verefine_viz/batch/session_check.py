@@ -8,6 +8,7 @@ from pathlib import Path
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.observation.given_order import Entries, checked, read_orders
+from verefine_viz.scenes.environment_mesh import environment_mesh
 from verefine_viz.scenes.frames import frame_name, parse_frame
 from verefine_viz.scenes.models import ModelLibrary
 from verefine_viz.session.toolbox import Toolbox
@@ -20,8 +21,8 @@ def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
         Its frames, and notes about the choice of frames and about the initial poses.
 
     Raises:
-        VerefineError: the data set, a frame, the method, a given order or another name in the session is wrong, or the
-            results files are of other frames or objects.
+        VerefineError: the data set, a frame, the method, a given order, the mesh of the surroundings or another name in
+            the session is wrong, or the results files are of other frames or objects.
     """
     toolbox = Toolbox(session)
     frames = toolbox.frames
@@ -30,6 +31,8 @@ def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     notes = (*toolbox.notes, *toolbox.source.check_initial_poses())
     check_orders(session, frames)
     _ = toolbox.method
+    if session.physics.support == "mesh":
+        environment_mesh(session.physics)
     return frames, notes
 
 

@@ -23,7 +23,7 @@ from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.core.surroundings import SupportSurface, Surroundings
 from verefine_viz.observation.observed_support import THICK_M, THICKEST_M, THINNEST_M, convex_model
 from verefine_viz.observation.support_surfaces import STEEPEST
-from verefine_viz.scenes.meshes import read_mesh
+from verefine_viz.scenes.meshes import Mesh, read_mesh
 
 NEAR_M = 0.5
 """What is further from all objects does not count [m]."""
@@ -31,6 +31,18 @@ MOST_SOLIDS = 2000
 """More flat parts near the objects would make every simulation slow."""
 FLAT = 0.99
 """A flat part that fills this share of its convex hull is taken whole, else triangle by triangle."""
+
+
+def environment_mesh(settings: PhysicsSettings) -> Mesh:
+    """The mesh that ``settings.mesh`` names, in its own frame [m].
+
+    Raises:
+        SettingsError: no file is named.
+        InputError: it cannot be read.
+    """
+    if not settings.mesh:
+        raise SettingsError('physics.support is "mesh", but physics.mesh names no file')
+    return read_mesh(Path(settings.mesh), settings.mesh_unit_m)
 
 
 def mesh_surroundings(settings: PhysicsSettings, observation: Observation, support: Support) -> Surroundings:
@@ -46,10 +58,7 @@ def mesh_surroundings(settings: PhysicsSettings, observation: Observation, suppo
         InputError: it cannot be read, its pose is none or not known in this frame, it has no faces near the objects,
             or too many.
     """
-    if not settings.mesh:
-        raise SettingsError('physics.support is "mesh", but physics.mesh names no file')
-    path = Path(settings.mesh)
-    mesh = read_mesh(path, settings.mesh_unit_m)
+    path, mesh = Path(settings.mesh), environment_mesh(settings)
     vertices = apply(support.T_world_cam @ _T_cam_mesh(settings, observation), mesh.vertices_m)
     solid = trimesh.Trimesh(vertices, mesh.faces, process=False)
     parts = _flat_parts(solid, _near(vertices[mesh.faces], observation, support))
