@@ -247,7 +247,7 @@ class ClusterWorkers:
 def _paths(session: Session) -> tuple[str, ...]:
     """What the session reads by path."""
     scene, hypotheses = session.scene, session.hypotheses
-    named = [scene.dataset] if scene.source == "bop" else []
+    named = [scene.dataset] if scene.source != "demo" else []
     named += [scene.masks] if scene.masks not in ("mask", "mask_visib") else []
     named += hypotheses.files if hypotheses.source == "results" else ()
     named += [getattr(getattr(session, section), field) for section, field in FILES]

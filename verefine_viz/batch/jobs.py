@@ -12,8 +12,9 @@ from verefine_viz.batch.folder import SESSION_FILE, RunFolder
 from verefine_viz.batch.session_check import check
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.settings import Session
-from verefine_viz.methods.registry import ALL_METHOD_NAMES
-from verefine_viz.session.files import changed, load_session
+from verefine_viz.methods.registry import METHODS
+from verefine_viz.session.data_folder import open_session
+from verefine_viz.session.files import changed
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ def session_jobs(paths: Sequence[Path], out: Path, overrides: Mapping[str, Any])
     """
     names = _stems(paths, out)
     jobs = [
-        Job(load_session(path, overrides), out / name if len(paths) > 1 else out, name)
+        Job(open_session(path, overrides), out / name if len(paths) > 1 else out, name)
         for path, name in zip(paths, names, strict=True)
     ]
     for job in jobs:
@@ -61,7 +62,7 @@ def sweep_jobs(
     """
     _check_sweep(out, overrides, methods, n_seeds)
     stems = _stems(paths, out)
-    sessions = [load_session(path, overrides) for path in paths]
+    sessions = [open_session(path, overrides) for path in paths]
     for session in sessions:
         check_outside(out, session)
     jobs: list[Job] = []
@@ -108,8 +109,8 @@ def _check_sweep(out: Path, overrides: Mapping[str, Any], methods: Sequence[str]
         if "," in name:
             apart = " ".join(name.replace(",", " ").split())
             raise SettingsError(f"--methods {name}: separate the names by blanks, --methods {apart}")
-        if name not in ALL_METHOD_NAMES:
-            raise SettingsError(unknown("method", name, ALL_METHOD_NAMES))
+        if name not in METHODS:
+            raise SettingsError(unknown("method", name, tuple(METHODS)))
         if methods.count(name) > 1:
             raise SettingsError(f"--methods names {name!r} twice; name each method once")
     doubled = [("--methods", "method", "name")] if methods else []

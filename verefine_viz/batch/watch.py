@@ -27,6 +27,8 @@ from verefine_viz.core.paths import check_folder, try_lock
 from verefine_viz.core.settings import Session
 from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.source import open_scene
+from verefine_viz.scenes.trace_files import traces_in
+from verefine_viz.session.data_folder import CAMERAS, SCENES, data_folder, holds_frames
 from verefine_viz.session.files import load_session, save_session
 
 _LOG = logging.getLogger(__name__)
@@ -37,8 +39,6 @@ TRIES = 3
 RETRY_S = 3.0
 """Time between two of them [s]."""
 LOCK = ".watch.lock"
-SCENES, CAMERAS = "*/[0-9]*", "scene_camera.json"
-"""Scenes of a data set, and the file that lists the images of one."""
 
 
 @dataclass(eq=False)
@@ -223,18 +223,14 @@ class Watch:
         own, base, title = data / SESSION_FILE, self._base, data.resolve().name
         if own.is_file():
             session = load_session(own, self._overrides)
-        elif base is not None and base.scene.source == "bop":
+        elif base is not None and base.scene.source == "bop" and any(data.glob(f"{SCENES}/{CAMERAS}")):
             scene = base.scene.model_copy(update={"dataset": str(data.resolve())})
             session = base.model_copy(update={"title": title, "scene": scene})
         else:
-            split = min(path.parent.parent.name for path in data.glob(f"{SCENES}/{CAMERAS}"))
-            has_gt = any(data.glob(f"{split}/[0-9]*/scene_gt.json"))
-            sections: dict[str, Any] = {
-                "scene": {"source": "bop", "dataset": str(data.resolve()), "split": split},
-                "hypotheses": {"source": "perturb" if has_gt else "ppf"},
-            }
-            given = {name: {**fields, **self._overrides.get(name, {})} for name, fields in sections.items()}
-            session = load_session(None, {"title": title, **self._overrides, **given})
+            known = data_folder(data, self._overrides)
+            if known is None:
+                raise InputError(f"{data} holds no frame any more")
+            session = known.session
         if base is not None:
             data_of = {"title": session.title, "scene": session.scene, "hypotheses": session.hypotheses}
             session = base.model_copy(update=data_of)
@@ -308,22 +304,18 @@ class _Newest:
 def data_folders(folder: Path) -> tuple[Path, ...]:
     """The data sets of a folder that hold a frame: itself, or those directly in it."""
     try:
-        if _has_frames(folder):
+        if holds_frames(folder):
             return (folder,)
-        return tuple(sorted(path for path in folder.iterdir() if path.is_dir() and _has_frames(path)))
+        return tuple(sorted(path for path in folder.iterdir() if path.is_dir() and holds_frames(path)))
     except OSError:  # It is gone, or a folder in it is.
         return ()
-
-
-def _has_frames(folder: Path) -> bool:
-    return any(folder.glob(f"{SCENES}/{CAMERAS}"))
 
 
 def _state_of(data: Path) -> object:
     """Time and size of the files that say which frames there are, and how they are to be read."""
     files = sorted((data / SESSION_FILE, *data.glob(f"{SCENES}/{CAMERAS}")))
     stats = [(file, file.stat()) for file in files if file.is_file()]
-    return tuple((file, stat.st_mtime_ns, stat.st_size) for file, stat in stats)
+    return traces_in(data), tuple((file, stat.st_mtime_ns, stat.st_size) for file, stat in stats)
 
 
 def _free(name: str, taken: Iterable[str]) -> str:

@@ -19,7 +19,7 @@ class Batch:
     """Run sessions over all their frames, headless. Stopped or killed, the same command goes on where it was."""
 
     sessions: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="SESSION [SESSION ...]")]
-    """Session files (.toml); several of them get a folder each below --out."""
+    """Session files (.toml), or folders of data that view opens; several of them get a folder each below --out."""
     out: Path
     """Folder for results.csv, frames.csv, recordings/, session.toml and run.json."""
     methods: tuple[str, ...] = ()

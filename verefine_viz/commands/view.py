@@ -16,6 +16,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import MethodSettings, Session
 
 if TYPE_CHECKING:
+    from verefine_viz.session.data_folder import DataFolder
     from verefine_viz.viewer.state.batch_gallery import Gallery
 
 
@@ -23,8 +24,9 @@ if TYPE_CHECKING:
 class View:
     """Open the page in the browser: step through a run and see why a pose won or lost."""
 
-    session: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SESSION|RUN_DIR|A.rrd]")] = None
-    """A session file (.toml), the folder of batch runs, or a recording (.rrd); none = a built-in scene."""
+    session: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SESSION|DIR|A.rrd]")] = None
+    """A session file (.toml), a recording (.rrd), or a folder: of batch runs, traces, frames of keep_frame, a data set
+    in BOP layout, a sequence as FoundationPose has it; none = a built-in scene."""
     other: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[B.rrd]")] = None
     """A recording of the same frame, shown beside the first as B (A/B panel)."""
     host: str = "127.0.0.1"
@@ -53,8 +55,12 @@ class View:
         recordings = _recordings(self.session, self.other, overrides)
         recording, _ = recordings
         batch: Gallery | None = None
+        known: DataFolder | None = None
         if recording is not None:
             session = _recorded_session(recording, self.other)
+        elif known := _data_folder(self.session, overrides):
+            print(f"{self.session}: {known.what}", file=sys.stderr)
+            session = known.session
         elif self.session is not None and self.session.is_dir():
             from verefine_viz.batch.index import find_runs
             from verefine_viz.session.session_refiners import check_refiners
@@ -70,7 +76,7 @@ class View:
             from verefine_viz.session.files import load_session
 
             session = load_session(self.session, overrides)
-        path = None if batch or recording else self.session
+        path = None if batch or recording or known else self.session
         return self._serve(session, session_path=path, recordings=recordings, batch=batch)
 
     def _serve(self, session: Session, **shown: Any) -> int:
@@ -101,6 +107,23 @@ class View:
         beside = folder.resolve()
         out = self.out if self.out is not None else beside.with_name(f"{beside.name}-runs")
         return self._serve(settings, watch=Watch(folder, out, base, overrides))
+
+
+def _data_folder(path: Path | None, overrides: Mapping[str, Any]) -> DataFolder | None:
+    """What data a folder holds; None where it is none of data.
+
+    Raises:
+        InputError: it is one of nothing that can be opened.
+    """
+    from verefine_viz.batch.index import is_batch_folder, named_runs
+    from verefine_viz.session.data_folder import LOOKED_FOR, data_folder
+
+    if path is None or not path.is_dir() or is_batch_folder(path):
+        return None
+    known = data_folder(path, overrides)
+    if known is None and not named_runs(path) and not (path / "session.toml").exists():
+        raise InputError(f"{path} holds nothing that can be opened; looked for {LOOKED_FOR}")
+    return known
 
 
 def _is_recording(path: Path | None) -> bool:

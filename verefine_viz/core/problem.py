@@ -86,6 +86,26 @@ class Hypothesis:
 
 
 @dataclass(frozen=True, eq=False)
+class RecordedStep:
+    """A step that another program's refiner took with one hypothesis, as it was recorded."""
+
+    hypothesis: int
+    """Index into the instance's hypotheses."""
+    T_cam_obj: Float
+    """(4, 4) where the step took it [m]."""
+    name: str = "refined"
+    """What the program calls the step."""
+    score: float | None = None
+    """The program's own, in its own units."""
+    ms: float = 0.0
+    """How long it took [ms]; 0 = unknown."""
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"recorded pose ({self.name})"))
+
+
+@dataclass(frozen=True, eq=False)
 class Instance:
     """One object in the frame."""
 
@@ -102,6 +122,10 @@ class Instance:
     """(4, 4) ground truth, or None."""
     visib_fract: float | None = None
     """Visible share of its silhouette, in [0, 1], where the data set says."""
+    recorded: tuple[RecordedStep, ...] = ()
+    """What another program did to its hypotheses, in order; method ``trace`` repeats it."""
+    recorded_scores: tuple[float | None, ...] = ()
+    """That program's own scores of the hypotheses, where it recorded any steps."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mask", frozen(self.mask, "mask", (None, None), bool))

@@ -28,10 +28,12 @@ from verefine_viz.core.setting_types import Count, Gravity, Index, InputPath, Se
 class SceneSettings(Settings):
     """Which frames and which objects."""
 
-    source: Literal["bop", "demo"] = "demo"
-    """bop: a data set folder in BOP layout. demo: a built-in scene, no data needed."""
+    source: Literal["bop", "demo", "trace", "sequence"] = "demo"
+    """bop: a data set folder in BOP layout. demo: a built-in scene, no data needed. trace: a folder of
+    verefine_viz.trace, or one that holds several. sequence: images, camera, mesh and a pose per frame, as
+    FoundationPose's demo has them."""
     dataset: InputPath = ""
-    """BOP: the data set folder, relative to the session file."""
+    """bop, trace, sequence: the folder, relative to the session file."""
     split: InputPath = "test"
     """BOP: the folder of the split below the data set (test, train_real, test_primesense, …)."""
     demo: str = "mug"
@@ -56,9 +58,10 @@ class SceneSettings(Settings):
 class HypothesesSettings(Settings):
     """Where the initial poses come from."""
 
-    source: Literal["results", "perturb", "ppf", "pcs", "densefusion"] = "perturb"
+    source: Literal["results", "perturb", "ppf", "pcs", "densefusion", "recorded"] = "perturb"
     """results: BOP results files, a row per hypothesis. perturb: ground truth, disturbed as in the paper's ablation.
-    ppf: point pair features. pcs: congruent point sets (Super4PCS). densefusion: the network, with weights of yours."""
+    ppf: point pair features. pcs: congruent point sets (Super4PCS). densefusion: the network, with weights of yours.
+    recorded: those of the trace or sequence, all of them."""
     files: tuple[InputPath, ...] = ()
     """Results files (CSV), relative to the session file; the most trusted first: they take turns in the pool, the best
     row of each, then the second best, …"""
@@ -82,7 +85,8 @@ class MethodSettings(Settings):
     """Which algorithm, and its budget."""
 
     name: str = "rir"
-    """refine, phys_before, phys_after, even, expl, pir, sir, rir, vf_breadth, vf_depth, physim_mcts."""
+    """refine, phys_before, phys_after, even, expl, pir, sir, rir, vf_breadth, vf_depth, physim_mcts; trace: the
+    steps that a trace recorded."""
     refiner: str = "icp"
     """Name of the refiner."""
     iterations: Count = 5

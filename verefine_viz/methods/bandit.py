@@ -48,7 +48,7 @@ class Turns:
 
     def choose(self, state: ObjectState) -> Choice:
         spent = [arm.n_iterations for arm in state.arms]
-        return _fixed_choice(state, spent.index(min(spent)), "in turn")
+        return fixed_choice(state, spent.index(min(spent)), "in turn")
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class BestInitial:
     def choose(self, state: ObjectState) -> Choice:
         first = [arm.entries_since_edit[0] for arm in state.arms]
         j = int(np.argmax([entry.score.score for entry in first]))
-        return _fixed_choice(state, j, f"its {first[j].stage} pose scored best, {first[j].score.score:.2f}")
+        return fixed_choice(state, j, f"its {first[j].stage} pose scored best, {first[j].score.score:.2f}")
 
 
 def next_choice(policy: Policy, state: ObjectState) -> Choice:
@@ -70,7 +70,8 @@ def next_choice(policy: Policy, state: ObjectState) -> Choice:
     return replace(choice, arm=j, reason=f"hypothesis {j + 1}: its pose was edited and is played first")
 
 
-def _fixed_choice(state: ObjectState, j: int, why: str) -> Choice:
+def fixed_choice(state: ObjectState, j: int, why: str) -> Choice:
+    """Hypothesis ``j``, chosen by something else than its numbers."""
     plays, mean = state.plays, state.means
     reason = f"hypothesis {j + 1} of {len(state.arms)}: {why}"
     return _choice(j, plays, mean, [0.0] * len(mean), mean, reason)

@@ -20,7 +20,7 @@ from verefine_viz.core.scores import PoseScore, Scores
 from verefine_viz.methods.arms import Arm, Entry, ObjectState, initial_arms
 from verefine_viz.methods.bandit import Policy, next_choice
 from verefine_viz.methods.events import events_of
-from verefine_viz.methods.single_object import Chain, Draft
+from verefine_viz.methods.single_object import BeginScore, Chain, Draft
 
 FAR_RAD, LEAST_GAIN = np.radians(20.0), 0.1
 """A flip by a larger turn wins only if its score is higher by what so much more correlation of colour is worth: without
@@ -89,7 +89,7 @@ class ObjectMethod:
         k = arm.n_iterations + 1
         # Sec. III-A: T_cur → T_sim → [R_sim | t_cur] → T_ref.
         scoring = _IterationScores(self.verifier, state.target, self._may_hide(fixed))
-        draft = self.chain.draft(state.target, arm.current.T_cam_obj, k, fixed, scoring.begin)
+        draft = self._draft(state, j, fixed, scoring.begin)
         # Sec. III-B: both are scored (Eq. 1), and the iteration proceeds with the better one.
         started = perf_counter()
         stages = scoring.scored(draft)
@@ -120,6 +120,11 @@ class ObjectMethod:
         )
         iteration = replace(iteration, events=events_of(iteration, draft, state))
         return state.with_arm(j, arm.advanced(entry), best), iteration, reward
+
+    def _draft(self, state: ObjectState, j: int, fixed: Sequence[Placed], begin: BeginScore) -> Draft:
+        """The poses of the next iteration of hypothesis ``j``."""
+        arm = state.arms[j]
+        return self.chain.draft(state.target, arm.current.T_cam_obj, arm.n_iterations + 1, fixed, begin)
 
     def rescored(self, state: ObjectState, fixed: Sequence[Placed] = ()) -> ObjectState:
         """The same with all its poses scored by this method, among ``fixed`` objects.

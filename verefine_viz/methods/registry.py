@@ -11,6 +11,7 @@ from verefine_viz.core.settings import MethodSettings
 from verefine_viz.methods.bandit import BestInitial, Policy, Turns, Ucb
 from verefine_viz.methods.object_method import Flips, ObjectMethod
 from verefine_viz.methods.per_object import PerObject, VfBreadth
+from verefine_viz.methods.recorded_steps import recorded_steps
 from verefine_viz.methods.single_object import Chain, PhysAfter, PhysBefore, Pir, Refine, Sir
 from verefine_viz.methods.vf_depth import VfDepth
 
@@ -85,6 +86,8 @@ class Method:
     """Whether objects are solved in passes, rewarded by the score of the whole scene."""
     has_tree: bool = False
     """Whether it searches a tree of scenes."""
+    repeats: bool = False
+    """Whether it takes the steps that another program recorded, and solves nothing itself."""
 
     @property
     def takes_turns(self) -> bool:
@@ -99,7 +102,7 @@ class Method:
     @property
     def answers_best_of_all(self) -> bool:
         """Whether the answer is the pose with the highest score of any hypothesis of the object."""
-        return self.chooses and not self.has_passes
+        return self.chooses and self.verifies and not self.has_passes
 
 
 METHODS: dict[str, Method] = {
@@ -123,10 +126,16 @@ METHODS: dict[str, Method] = {
     "vf_depth": Method("VF_d", _Parts.vf_depth, chooses=True, has_ucb=True, knows_others=True, has_passes=True),
     # The system that the paper compares with; it has a refiner and a simulator of its own (methods/physim_mcts.py).
     "physim_mcts": Method("PHYSIM-MCTS", knows_others=True, has_tree=True),
-}
+    # What another program did (verefine_viz/trace.py).
+    "trace": Method(
+        "TRACE", lambda p: PerObject(recorded_steps(p.verifier)),
+        simulates=False, chooses=True, verifies=False, repeats=True,
+    ),
+}  # fmt: skip
 
-ALL_METHOD_NAMES = tuple(METHODS)
-METHOD_NAMES = tuple(name for name, method in METHODS.items() if method.make is not None)
+ALL_METHOD_NAMES = tuple(name for name, method in METHODS.items() if not method.repeats)
+"""Those that solve frames."""
+METHOD_NAMES = tuple(name for name in ALL_METHOD_NAMES if METHODS[name].make is not None)
 """Composed here from the session's refiner and simulator."""
 SEARCH = next(name for name, method in METHODS.items() if method.has_tree)
 """Name of the tree search."""

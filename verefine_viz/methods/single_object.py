@@ -31,6 +31,8 @@ class Draft:
     path: SimulatedPath | None = None
     lacks_physics: bool = False
     """Whether a simulation belongs here but was not possible."""
+    is_recorded: bool = False
+    """Whether another program made it."""
 
 
 BeginScore = Callable[[Stage], None]

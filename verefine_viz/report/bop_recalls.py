@@ -138,9 +138,12 @@ def _asked(run: LoadedRun, frames: Sequence[str]) -> tuple[GtSource, Targets]:
     """
     scene = run.index.session.scene.model_copy(update={"frames": tuple(frames)})
     images = [parse_frame(frame) for frame in frames]
-    if scene.source == "demo":
+    if scene.source != "bop":
         source = open_scene(scene, run.index.session.hypotheses)
-        built_in = ProblemGroundTruth(scene.demo, [source.problem(frame) for frame in frames])
+        built_in = ProblemGroundTruth(
+            scene.demo if scene.source == "demo" else Path(scene.dataset).name,
+            [source.problem(frame) for frame in frames],
+        )
         return built_in, built_in.targets
     dataset = BopDataset(Path(scene.dataset), scene.split)
     ground_truth = BopGroundTruth(dataset)

@@ -140,7 +140,9 @@ def check_same_data(runs: Sequence[LoadedRun]) -> None:
 def data_set(run: LoadedRun) -> str:
     """Which data a run is about, in words."""
     scene = run.index.session.scene
-    return f"{Path(scene.dataset).name}/{scene.split}" if scene.source == "bop" else f"the built-in scene {scene.demo}"
+    if scene.source == "demo":
+        return f"the built-in scene {scene.demo}"
+    return f"{Path(scene.dataset).name}/{scene.split}" if scene.source == "bop" else Path(scene.dataset).name
 
 
 def key(row: ObjectRow) -> Key:

@@ -69,6 +69,10 @@ def open_scene(scene: SceneSettings, hypotheses: HypothesesSettings) -> SceneSou
         from verefine_viz.scenes.bop_source import BopSource
 
         return BopSource(scene, hypotheses)
+    if scene.source in ("trace", "sequence"):
+        from verefine_viz.scenes.recorded_source import RecordedSource
+
+        return RecordedSource(scene, hypotheses)
     return DemoSource(scene, hypotheses)
 
 

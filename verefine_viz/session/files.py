@@ -34,8 +34,12 @@ FILES = (
     ("physics", "mesh"),
 )
 """Sections and fields that name one file; of the scene and the hypotheses it depends on others what they name."""
-_READ_BY = {("scene", "dataset"): "bop", ("scene", "demo"): "demo", ("hypotheses", "files"): "results"}
-"""The source (of the same section) that reads a field."""
+_READ_BY = {
+    ("scene", "dataset"): ("bop", "trace", "sequence"),
+    ("scene", "demo"): ("demo",),
+    ("hypotheses", "files"): ("results",),
+}
+"""The sources (of the same section) that read a field."""
 _ESTIMATORS = ("ppf", "pcs")
 """Sections that only an estimator of their name reads."""
 _OPEN_QUOTE = ("character '\\n'", """Expected "'" (""")
@@ -260,15 +264,25 @@ def _check_sources(session: Session, layers: Sequence[Layer]) -> None:
         SettingsError: a field is set that its section's source does not read, and the source was not chosen with it;
             or a results file is named twice.
     """
-    for (section, field), reader in _READ_BY.items():
+    for (section, field), readers in _READ_BY.items():
         chosen = getattr(session, section)
         at = _last(layers, section, field)
-        if getattr(chosen, field) and chosen.source != reader and _last(layers, section, "source") < at:
+        if getattr(chosen, field) and chosen.source not in readers and _last(layers, section, "source") < at:
             name, source = f"{section}.{field}", f"{section}.source"
             raise SettingsError(
                 f'{layers[at][0]}: {name} is set, but {source} is "{chosen.source}" and does not read it; '
-                f'set {source} = "{reader}", or leave {name} out'
+                f'set {source} = "{readers[0]}", or leave {name} out'
             )
+    if session.method.name == "trace" and session.hypotheses.source != "recorded":
+        raise SettingsError(
+            f'{layers[-1][0]}: method "trace" repeats what was recorded, but hypotheses.source is '
+            f'"{session.hypotheses.source}"; set it to "recorded", or choose another method'
+        )
+    if session.hypotheses.source == "recorded" and session.scene.source not in ("trace", "sequence"):
+        raise SettingsError(
+            f'{layers[-1][0]}: hypotheses.source is "recorded", but scene.source is "{session.scene.source}" and has '
+            'none; set scene.source = "trace" or "sequence", or choose another source of hypotheses'
+        )
     physics = session.physics
     if (
         physics.mesh

@@ -19,7 +19,7 @@ from verefine_viz.batch.watch import POLL_S, Watch
 from verefine_viz.core.errors import Cancelled, SettingsError, VerefineError, unknown
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
-from verefine_viz.methods.registry import ALL_METHOD_NAMES
+from verefine_viz.methods.registry import METHODS
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.session.edits import edits_elsewhere
 from verefine_viz.session.files import changed
@@ -299,8 +299,8 @@ def check_method(session: Session) -> None:
     Raises:
         SettingsError: one of them does not.
     """
-    if session.method.name not in ALL_METHOD_NAMES:
-        raise SettingsError(unknown("method", session.method.name, ALL_METHOD_NAMES))
+    if session.method.name not in METHODS:
+        raise SettingsError(unknown("method", session.method.name, tuple(METHODS)))
     if session.method.refiner not in REFINERS:
         raise SettingsError(unknown("refiner", session.method.refiner, REFINERS))
 

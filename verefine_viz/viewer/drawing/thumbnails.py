@@ -114,7 +114,7 @@ class Painter:
         # Runs on the same data share it.
         data = index.session.scene.model_copy(update={"frames": ()}).model_dump_json()
         if data not in self._sources:
-            is_fixed = index.session.scene.source == "bop" and not isinstance(self._gallery, LiveGallery)
+            is_fixed = index.session.scene.source != "demo" and not isinstance(self._gallery, LiveGallery)
             frames = index.frames if is_fixed else ()
             self._sources[data] = picture_source(index.session, frames)
         if (data, entry.row.frame) not in self._problems:

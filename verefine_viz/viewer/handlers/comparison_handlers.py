@@ -81,7 +81,9 @@ def check_same_frame(recorded: Recorded, session: Session, frame: str) -> None:
 
 def _place_of(session: Session, frame: str) -> str:
     scene = session.scene
-    where = f"{Path(scene.dataset).name} {scene.split}" if scene.source == "bop" else f"{scene.demo}, seed {scene.seed}"
+    name = Path(scene.dataset).name
+    of_kind = {"bop": f"{name} {scene.split}", "demo": f"{scene.demo}, seed {scene.seed}"}
+    where = of_kind.get(scene.source, name)
     return f"frame {frame} of {where}"
 
 

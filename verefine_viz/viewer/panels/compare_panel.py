@@ -147,6 +147,9 @@ class ChoiceOfB:
         if values != self._known:
             self._known = values
             for name, field in self.fields.items():
+                # A may be a trace, which is no method to run.
+                if isinstance(field, viser.GuiDropdownHandle) and values[name] not in field.options:
+                    field.options = (*field.options, values[name])
                 field.value = values[name]
         labels = ("", *(f"{k + 1}: {b.name}" for k, b in enumerate(snapshot.branches)))
         if labels != self._branches:

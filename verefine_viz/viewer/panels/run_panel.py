@@ -11,6 +11,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.assets import asset
 from verefine_viz.viewer.drawing.markup import link, sentence, swatch, text, warning, with_hints
 from verefine_viz.viewer.drawing.pose_tables import branches_table
+from verefine_viz.viewer.drawing.recorded_scores import recorded_line
 from verefine_viz.viewer.panels.widgets import Block, Send, add_buttons, add_style, by_user
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.text.display_names import TERMS, in_focus
@@ -83,7 +84,9 @@ class RunPanel:
     def show(self, snapshot: Snapshot) -> None:
         """Everything in place."""
         words = f'<p title="{text(headline(snapshot))}">{text(brief(snapshot))}</p>'
-        self._words.show(message_html(snapshot) + words + event_lines(snapshot) + of_the_end(snapshot))
+        self._words.show(
+            message_html(snapshot) + words + recorded_line(snapshot) + event_lines(snapshot) + of_the_end(snapshot)
+        )
         self._progress.visible = False
         self.show_frames(snapshot)
         _options(self.demo, snapshot.demos, snapshot.session.scene.demo)

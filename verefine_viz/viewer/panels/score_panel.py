@@ -16,6 +16,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.bandit_tables import passes_table
 from verefine_viz.viewer.drawing.markup import Row, carries, focus_label, number, sentence, swatch, table, text
 from verefine_viz.viewer.drawing.pose_tables import CLASS_MEANING, score_table
+from verefine_viz.viewer.drawing.recorded_scores import agreement_html
 from verefine_viz.viewer.drawing.score_maps import (
     LABELS,
     Crop,
@@ -49,6 +50,7 @@ class ScorePanel:
         self.b.on_update(by_user(lambda v: send(c.Compare(a=stages[self.a.value], b=stages[v]))))
         self._probe = Block(gui)
         self._numbers = Block(gui)
+        self._agreement = Block(gui)
         names = {LABELS[m][0]: m for m in MAP_NAMES}
         self.map = gui.add_dropdown("Map", tuple(names), hint="the map of B that lies on the camera image in 3D")
         self.map.on_update(by_user(lambda v: send(c.ShowMap(names[v]))))
@@ -67,6 +69,7 @@ class ScorePanel:
             return  # A scene is scored when there is time to draw it.
         self._words.show("" if whole else sentence(compared(snapshot)))
         self._numbers.show(score_html(snapshot))
+        self._agreement.show("" if whole else agreement_html(snapshot))
         if snapshot.deep:
             a, b = ((side.pose.label, side.probe) if side else ("", None) for side in (snapshot.a, snapshot.b))
             self._probe.show(probe_table(a, b))

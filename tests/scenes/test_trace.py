@@ -1,0 +1,272 @@
+"""Traces: what a program writes call by call, and what is read back; bad calls, kills and folders of several."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.fakes import FakeVerifier
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.methods.per_object import PerObject
+from verefine_viz.methods.recorded_steps import recorded_steps
+from verefine_viz.scenes.source import open_scene
+from verefine_viz.scenes.trace_files import image_numbers, read_trace, traces_in
+from verefine_viz.session.engine import Run
+from verefine_viz.trace import Trace
+
+K = np.array([[120.0, 0, 80], [0, 120, 60], [0, 0, 1]])
+SHAPE = (120, 160)
+
+
+def write_box(path: Path, size: float = 100.0) -> Path:
+    """An OBJ of a box [mm]."""
+    corners = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    quads = [(1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4)]
+    lines = [f"v {x * size / 2} {y * size / 2} {z * size / 2}" for x, y, z in corners]
+    lines += [f"f {a} {b} {c}\nf {a} {c} {d}" for a, b, c, d in quads]
+    path.write_text("\n".join(lines))
+    return path
+
+
+def pose(degrees: float = 0.0, x: float = 0.0) -> np.ndarray:
+    return transform(axis_angle(np.array([0.0, 1, 0]), np.radians(degrees)), np.array([x, 0.0, 0.55]))
+
+
+def picture() -> tuple[np.ndarray, np.ndarray]:
+    """Depth [m] of a box before a wall, and the box's mask."""
+    depth = np.full(SHAPE, 0.8, np.float32)
+    mask = np.zeros(SHAPE, bool)
+    mask[49:71, 69:91] = True
+    depth[mask] = 0.5
+    return depth, mask
+
+
+def write_trace(folder: Path, mesh: Path, n_steps: int = 3) -> Trace:
+    depth, mask = picture()
+    with Trace(folder, K=K, depth_m=depth, rgb=np.zeros((*SHAPE, 3), np.uint8)) as trace:
+        box = trace.object("box", mesh=mesh, mask=mask, unit_m=0.001, truth=pose())
+        for h in (0, 1):
+            box.hypothesis(h, pose(20 + h, 0.01), score=0.1 * h)
+        for k in range(n_steps):
+            for h in (1, 0):
+                box.step(h, pose(15 - 5 * k + h, 0.005), score=0.5 + 0.1 * k, ms=2.5, name="icp", note=f"round {k}")
+        box.answer(pose(5.001, 0.005), score=0.9)
+    return trace
+
+
+def problem_of(folder: Path, frame: str | None = None) -> Problem:
+    source = open_scene(SceneSettings(source="trace", dataset=str(folder)), HypothesesSettings(source="recorded"))
+    return source.problem(frame or source.frames[0])
+
+
+def test_what_was_written_is_read_back(tmp_path: Path) -> None:
+    trace = write_trace(tmp_path / "drop_17", write_box(tmp_path / "box.obj"))
+    assert trace.n_problems == 0
+    problem = problem_of(tmp_path / "drop_17")
+    (instance,) = problem.instances
+    depth, mask = picture()
+    assert np.array_equal(problem.observation.depth_m, depth)
+    assert np.array_equal(instance.mask, mask)
+    assert problem.models[instance.obj_id].diameter_m == pytest.approx(0.1 * 3**0.5)
+    assert instance.T_cam_obj_gt is not None
+    assert np.allclose(instance.T_cam_obj_gt, pose())
+    assert [h.confidence for h in instance.hypotheses] == [0.0, 0.1] == [*instance.recorded_scores]
+    assert [s.hypothesis for s in instance.recorded] == [1, 0, 1, 0, 1, 0, 0]  # The answer is nearest to hypothesis 0.
+    assert [s.name for s in instance.recorded] == ["icp"] * 6 + ["answer"]
+    assert instance.recorded[2].note == "round 1"
+    assert instance.recorded[2].ms == 2.5
+    assert instance.recorded[2].score == 0.6
+    assert not problem.notes
+    assert problem.frame == "0/17"
+
+
+def test_the_method_goes_through_the_recorded_poses_and_answers_as_the_program_did(tmp_path: Path) -> None:
+    write_trace(tmp_path / "t", write_box(tmp_path / "box.obj"))
+    problem = problem_of(tmp_path / "t")
+    run = Run(PerObject(recorded_steps(FakeVerifier())), problem)
+    run.finish()
+    recorded = problem.instances[0].recorded
+    assert [i.arm for i in run.iterations] == [s.hypothesis for s in recorded]
+    for iteration, step in zip(run.iterations, recorded, strict=True):
+        assert np.array_equal(iteration.accepted_stage.T_cam_obj, step.T_cam_obj)
+        assert iteration.accepted_stage.score is not None
+    assert np.array_equal(run.final_state.best[0].T_cam_obj, recorded[-1].T_cam_obj)
+
+
+def test_an_edited_pose_is_played_and_the_recorded_steps_follow(tmp_path: Path) -> None:
+    write_trace(tmp_path / "t", write_box(tmp_path / "box.obj"))
+    run = Run(PerObject(recorded_steps(FakeVerifier())), problem_of(tmp_path / "t"))
+    run.finish()
+    forked = run.fork(2, edit=(0, 1, pose(40)))
+    forked.finish()
+    assert forked.is_done
+    assert forked.length >= 7
+
+
+BAD_CALLS = {
+    "wrong shape": lambda box: box.step(0, np.eye(3)),
+    "NaN": lambda box: box.step(0, np.full((4, 4), np.nan)),
+    "no rotation": lambda box: box.hypothesis(0, np.diag([2.0, 1, 1, 1])),
+    "mirrored": lambda box: box.step(0, np.diag([-1.0, 1, 1, 1])),
+    "text": lambda box: box.step(0, "somewhere"),
+    "millimetres": lambda box: box.step(0, transform(np.eye(3), np.array([0.0, 0, 700]))),
+    "None": lambda box: box.answer(None),
+    "no number": lambda box: box.step("first", pose()),
+    "score": lambda box: box.step(0, pose(), score=float("nan")),
+    "time": lambda box: box.step(0, pose(), ms="fast"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_CALLS)
+def test_a_bad_call_is_counted_and_never_raises(name: str, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    depth, mask = picture()
+    with caplog.at_level(logging.WARNING), Trace(tmp_path / "t", K=K, depth_m=depth) as trace:
+        box = trace.object("box", mesh=write_box(tmp_path / "box.obj"), mask=mask, unit_m=0.001)
+        box.hypothesis(0, pose())
+        BAD_CALLS[name](box)
+    assert trace.n_problems == 1
+    assert len(caplog.records) == 1
+    assert "1 not written: box: " in caplog.text
+    frame = read_trace(tmp_path / "t")
+    assert any("1 not recorded" in note for note in frame.notes)
+
+
+@pytest.mark.parametrize("part", ["mesh", "mask", "unit_m", "truth"])
+def test_a_bad_part_of_an_object_leaves_the_rest(part: str, tmp_path: Path) -> None:
+    depth, mask = picture()
+    given = {"mesh": write_box(tmp_path / "box.obj"), "mask": mask, "unit_m": 0.001, "truth": pose()}
+    bad = {"mesh": tmp_path / "none.obj", "mask": mask[:50], "unit_m": -1, "truth": np.eye(3)}
+    with Trace(tmp_path / "t", K=K, depth_m=depth) as trace:
+        box = trace.object("box", **{**given, part: bad[part]})
+        box.hypothesis(0, pose())
+        box.step(0, pose(5))
+    assert trace.n_problems == 1
+    if part in ("mesh", "unit_m"):
+        with pytest.raises(InputError, match="box is left out: it has no mesh"):
+            problem_of(tmp_path / "t")
+        return
+    problem = problem_of(tmp_path / "t")
+    assert len(problem.instances[0].recorded) == 1
+    if part == "mask":
+        assert any("its first pose covers" in note for note in problem.notes)
+
+
+def test_calls_after_the_end_are_counted(tmp_path: Path) -> None:
+    depth, mask = picture()
+    trace = Trace(tmp_path / "t", K=K, depth_m=depth)
+    box = trace.object("box", mesh=write_box(tmp_path / "box.obj"), mask=mask)
+    trace.close()
+    before = (tmp_path / "t" / "calls.jsonl").read_bytes()
+    box.step(0, pose())
+    trace.object("other", mesh="none.obj")
+    trace.close()
+    assert trace.n_problems > 1
+    assert (tmp_path / "t" / "calls.jsonl").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"K": None}, "K has shape"),
+        ({"K": np.eye(4)}, "K has shape"),
+        ({"depth_m": np.full(SHAPE, 800, np.uint16)}, "divide millimetres by 1000"),
+        ({"depth_m": np.zeros(SHAPE)}, "no measured pixel"),
+        ({"depth_m": np.ones(5)}, "expected numbers of shape"),
+        ({"rgb": np.zeros((60, 80, 3), np.uint8)}, "expected uint8 of shape"),
+        ({"rgb": np.zeros((*SHAPE, 3))}, "expected uint8"),
+        ({"gravity_cam": (0, 0, 0)}, "no direction"),
+    ],
+)
+def test_a_frame_that_cannot_be_used_is_refused_at_once(given: dict, message: str, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=message):
+        Trace(tmp_path / "t", **{"K": K, "depth_m": picture()[0], **given})
+    assert not (tmp_path / "t").exists()
+
+
+def test_a_second_trace_in_a_folder_gets_a_name_of_its_own(tmp_path: Path) -> None:
+    mesh = write_box(tmp_path / "box.obj")
+    first, second = write_trace(tmp_path / "runs" / "t", mesh), write_trace(tmp_path / "runs" / "t", mesh)
+    assert first.folder.name == "t"
+    assert second.folder.name == "t-2"
+    assert second.n_problems == 1
+    assert [path.name for path in traces_in(tmp_path / "runs")] == ["t", "t-2"]
+    problem = problem_of(tmp_path / "runs", "0/2")
+    assert len(problem.instances[0].recorded) == 7
+
+
+def test_half_a_line_and_a_damaged_one_are_left_out(tmp_path: Path) -> None:
+    write_trace(tmp_path / "t", write_box(tmp_path / "box.obj"))
+    calls = tmp_path / "t" / "calls.jsonl"
+    lines = calls.read_bytes().splitlines()
+    calls.write_bytes(b"\n".join([*lines[:4], b"\xff{", *lines[4:7], lines[7][:30]]))
+    frame = read_trace(tmp_path / "t")
+    assert len(frame.objects[0].steps) == 3
+    assert any("2 lines of the trace are damaged" in note for note in frame.notes)
+    assert any("not closed" in note for note in frame.notes)
+
+
+@pytest.mark.usefixtures("processes")
+def test_a_killed_process_leaves_a_trace_that_opens(tmp_path: Path) -> None:
+    mesh = write_box(tmp_path / "box.obj")
+    program = (
+        "import sys, numpy as np\n"
+        "from tests.scenes.test_trace import K, picture, pose\n"
+        "from verefine_viz.trace import Trace\n"
+        "depth, mask = picture()\n"
+        "trace = Trace(sys.argv[1], K=K, depth_m=depth)\n"
+        "box = trace.object('box', mesh=sys.argv[2], mask=mask, unit_m=0.001)\n"
+        "box.hypothesis(0, pose(20))\n"
+        "for k in range(10**9):\n"
+        "    box.step(0, pose(20 - 0.001 * k), score=0.5)\n"
+        "    if k == 99: print('now', flush=True)\n"
+    )
+    command = [sys.executable, "-c", program, str(tmp_path / "t"), str(mesh)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=Path(__file__).parents[2]) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"now\n"
+        os.kill(process.pid, signal.SIGKILL)
+    problem = problem_of(tmp_path / "t")
+    assert len(problem.instances[0].recorded) >= 100
+    assert any("not closed" in note for note in problem.notes)
+
+
+def test_only_numpy_is_imported(tmp_path: Path) -> None:
+    source = (Path(__file__).parents[2] / "verefine_viz" / "trace.py").read_text()
+    assert "from verefine_viz" not in source
+
+
+def test_a_trace_without_images_or_of_another_version_says_so(tmp_path: Path) -> None:
+    write_trace(tmp_path / "t", write_box(tmp_path / "box.obj"))
+    calls = tmp_path / "t" / "calls.jsonl"
+    head, *rest = calls.read_text().splitlines()
+    calls.write_text("\n".join([json.dumps({**json.loads(head), "trace": 99}), *rest]))
+    with pytest.raises(InputError, match="another version"):
+        read_trace(tmp_path / "t")
+    calls.write_text("")
+    with pytest.raises(InputError, match="has not begun"):
+        read_trace(tmp_path / "t")
+
+
+@pytest.mark.parametrize(
+    ("names", "numbers"),
+    [
+        (("drop_17", "drop_3"), (17, 3)),
+        (("a_1", "b_1"), (1, 2)),
+        (("000001", "000005"), (1, 5)),
+        (("1581120424100262102", "1581120424148532296"), (1, 2)),
+        (("mug", "bowl"), (1, 2)),
+    ],
+)
+def test_frames_have_the_number_of_their_name_where_it_is_clear(names: tuple, numbers: tuple) -> None:
+    assert image_numbers(names) == numbers

@@ -1,0 +1,66 @@
+"""Method ``trace``: the steps that another program recorded, each scored by our verifier (docs/methods.md 1.12)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Placed, RecordedStep, Target
+from verefine_viz.core.protocols import Verifier
+from verefine_viz.core.records import Choice, Stage
+from verefine_viz.methods.arms import ObjectState
+from verefine_viz.methods.bandit import fixed_choice
+from verefine_viz.methods.object_method import ObjectMethod
+from verefine_viz.methods.single_object import BeginScore, Draft
+
+
+def next_step(state: ObjectState) -> RecordedStep | None:
+    """The first recorded step that its hypothesis has not taken yet; None after the last."""
+    taken = Counter[int]()
+    for step in state.target.instance.recorded:
+        taken[step.hypothesis] += 1
+        if taken[step.hypothesis] > state.arms[step.hypothesis].n_iterations:
+            return step
+    return None
+
+
+class AsRecorded:
+    """Chooses the hypothesis that the next recorded step worked on."""
+
+    def choose(self, state: ObjectState) -> Choice:
+        step = next_step(state)
+        if step is None:
+            return fixed_choice(state, 0, "no step is left")
+        return fixed_choice(state, step.hypothesis, f"the recorded step “{step.name}”")
+
+
+class NoSteps:
+    """The chain of a hypothesis whose recorded steps are all taken: it stays where it is."""
+
+    def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], begin: BeginScore) -> Draft:
+        return Draft((Stage("refined", T_cam_obj),), ("refined",), is_recorded=True)
+
+
+@dataclass(frozen=True)
+class RecordedSteps(ObjectMethod):
+    """Takes the recorded poses one after the other; the answer is the last one, as the program answered."""
+
+    def n_iterations(self, state: ObjectState) -> int:
+        return len(state.target.instance.recorded)
+
+    def is_done(self, state: ObjectState) -> bool:
+        return next_step(state) is None
+
+    def _draft(self, state: ObjectState, j: int, fixed: Sequence[Placed], begin: BeginScore) -> Draft:
+        own = [step for step in state.target.instance.recorded if step.hypothesis == j]
+        k = state.arms[j].n_iterations
+        if k >= len(own):  # An edited pose is played, for which nothing was recorded.
+            return super()._draft(state, j, fixed, begin)
+        return Draft((Stage("refined", own[k].T_cam_obj, ms=own[k].ms),), ("refined",), is_recorded=True)
+
+
+def recorded_steps(verifier: Verifier) -> RecordedSteps:
+    """The method for one object. Its budget is what was recorded."""
+    return RecordedSteps(NoSteps(), verifier, 1, AsRecorded(), answer_is_best_scored=False)

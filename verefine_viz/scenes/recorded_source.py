@@ -1,0 +1,228 @@
+"""Problems out of what another program recorded: traces, or a sequence of images with a pose per frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from verefine_viz.core.arrays import Mask
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.errors import InputError, SettingsError, ShapeError, VerefineError, unknown
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.problem import Instance, LeftOut, Placed, Problem
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.observation.observed_frame import observe
+from verefine_viz.scenes.frames import frame_name, parse_frame, repeated_notes
+from verefine_viz.scenes.hypothesis_pool import check_asked, check_covered, file_notes, pools_of_frame, results_of
+from verefine_viz.scenes.instance_notes import instance_notes
+from verefine_viz.scenes.meshes import read_mesh
+from verefine_viz.scenes.models import checked_unit, model_of_mesh
+from verefine_viz.scenes.pose_sequence import PoseSequence
+from verefine_viz.scenes.segments import Segment, draw_placed
+from verefine_viz.scenes.trace_files import (
+    RecordedFrame,
+    RecordedObject,
+    image_numbers,
+    object_names,
+    read_trace,
+    traces_in,
+)
+
+NEARER_M = 0.02
+"""What was measured so much nearer than a pose hides it."""
+
+
+class Traces:
+    """The traces of a folder.
+
+    Raises:
+        InputError: it holds none, or one of them cannot be read.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folders = {path.resolve().name: path for path in (traces_in(folder) if folder.is_dir() else ())}
+        if not self._folders:
+            raise InputError(f"{folder} holds no trace; expected a folder that verefine_viz.trace.Trace was given")
+        self.names = tuple(self._folders)
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """By the first trace that has them, in the order in which the traces were begun."""
+        by_age = sorted(self._folders.values(), key=lambda path: (path / "depth.npy").stat().st_mtime_ns)
+        return tuple(dict.fromkeys(name for path in by_age for name in object_names(path)))
+
+    def frame(self, name: str) -> RecordedFrame:
+        """One of them.
+
+        Raises:
+            InputError: it cannot be read.
+        """
+        return read_trace(self._folders[name])
+
+
+class RecordedSource:
+    """The frames of a recording that the settings name; the image number is that of its name where it has one.
+
+    Args:
+        scene: which frames and objects; ``dataset`` is absolute.
+        hypotheses: where initial poses come from.
+
+    Raises:
+        VerefineError: the folder holds nothing of the kind, or a frame or an object does not exist.
+    """
+
+    def __init__(self, scene: SceneSettings, hypotheses: HypothesesSettings) -> None:
+        if not scene.dataset:
+            raise SettingsError(f'scene.dataset is empty; set it to the folder of scene.source = "{scene.source}"')
+        self._scene, self._hypotheses = scene, hypotheses
+        self._results = results_of(hypotheses)
+        self._models: dict[tuple[str, int], tuple[ObjectModel, tuple[str, ...]]] = {}
+        self._read()
+        check_asked(hypotheses, self._check_frame)
+        for frame in scene.frames:
+            self._check_frame(frame)
+        self.frames: tuple[str, ...] = tuple(dict.fromkeys(scene.frames)) or tuple(self._names)
+        self.notes: tuple[str, ...] = (*repeated_notes(scene.frames), *file_notes(self._results))
+        strange = [i for i in scene.objects if i not in self._obj_ids.values()]
+        if strange:
+            there = ", ".join(f"{i} ({name})" for name, i in self._obj_ids.items())
+            raise SettingsError(f"unknown object {strange[0]} in scene.objects; available: {there}")
+
+    def _read(self) -> None:
+        folder = Path(self._scene.dataset)
+        self._recording: Traces | PoseSequence = (
+            Traces(folder) if self._scene.source == "trace" else PoseSequence(folder)
+        )
+        numbers = image_numbers(self._recording.names)
+        self._names = {frame_name((0, k)): name for k, name in zip(numbers, self._recording.names, strict=True)}
+        """The recording's name of each frame."""
+        self._obj_ids = {name: k for k, name in enumerate(self._recording.objects, 1)}
+
+    def _check_frame(self, frame: str) -> None:
+        if frame_name(parse_frame(frame)) not in self._names:
+            raise InputError(f"{unknown('frame', frame, tuple(self._names))} ({self._scene.dataset})")
+
+    def check_initial_poses(self) -> tuple[str, ...]:
+        """See :class:`SceneSource`."""
+        ids, objects = [parse_frame(frame) for frame in self.frames], frozenset(self._obj_ids.values())
+        return check_covered(self._results, self._hypotheses, ids, lambda _: objects)
+
+    def all_left_out(self, frame: str, why: str) -> tuple[LeftOut, ...]:
+        """See :class:`SceneSource`; objects are known once a frame can be read."""
+        return ()
+
+    def problem(self, frame: str, progress: ProgressToken = NEVER_CANCELLED) -> Problem:
+        """See :class:`SceneSource`; also of a trace that came since."""
+        if frame not in self._names:
+            self._read()
+        self._check_frame(frame)
+        progress.checkpoint(f"Reading the pictures of frame {frame}.")
+        recorded = self._recording.frame(self._names[frame])
+        self._obj_ids |= {one.name: len(self._obj_ids) + 1 for one in recorded.objects if one.name not in self._obj_ids}
+        try:
+            camera = Camera(recorded.K, recorded.depth_m.shape[1], recorded.depth_m.shape[0])
+        except ShapeError as error:
+            raise InputError(f"{recorded.name}: {error}") from None
+        return self._problem(parse_frame(frame), recorded, camera, progress)
+
+    def _problem(
+        self, ids: tuple[int, int], recorded: RecordedFrame, camera: Camera, progress: ProgressToken
+    ) -> Problem:
+        models: dict[int, ObjectModel] = {}
+        notes, left_out = [*recorded.notes], list[LeftOut]()
+        segments: list[tuple[Segment, RecordedObject]] = []
+        with progress.preparing():
+            for i, one in enumerate(recorded.objects):
+                obj_id = self._obj_ids[one.name]
+                if self._scene.objects and obj_id not in self._scene.objects:
+                    continue
+                try:
+                    model, own = self._model(obj_id, one)
+                    segment = Segment(i, obj_id, _mask_of(one, model, camera, recorded, notes), one.T_cam_obj_gt, None)
+                except VerefineError as error:
+                    notes.append(f"{one.name} is left out: {error}")
+                    has_gt = one.T_cam_obj_gt is not None
+                    left_out.append(LeftOut(i, obj_id, one.name, str(error), has_gt, is_unreadable=True))
+                    continue
+                models[obj_id] = model
+                notes += own
+                segments.append((segment, one))
+        if not segments:
+            raise InputError(
+                f"{recorded.name} has no object that can be solved{': ' if notes else ''}{'; '.join(notes)}"
+            )
+        progress.checkpoint()
+        instances = self._instances(ids, segments, models, camera, recorded)
+        scene = self._scene
+        if recorded.down_cam is not None and scene.gravity == "plane":
+            x, y, z = recorded.down_cam.tolist()
+            scene = scene.model_copy(update={"gravity": (x, y, z)})
+        masks = [segment.mask for segment, _ in segments]
+        return Problem(
+            *ids,
+            observation=observe(camera, recorded.depth_m, recorded.rgb, masks, scene),
+            models=models,
+            instances=instances,
+            title=recorded.name,
+            notes=(*notes, *instance_notes(ids, instances, models, self._hypotheses.source, self._results)),
+            left_out=tuple(left_out),
+        )
+
+    def _instances(
+        self,
+        ids: tuple[int, int],
+        segments: Sequence[tuple[Segment, RecordedObject]],
+        models: dict[int, ObjectModel],
+        camera: Camera,
+        recorded: RecordedFrame,
+    ) -> tuple[Instance, ...]:
+        of_settings = pools_of_frame(self._results, ids, [s for s, _ in segments], models, camera, self._hypotheses)
+        instances: list[Instance] = []
+        for segment, one in segments:
+            if self._hypotheses.source == "recorded":
+                instance = segment.instance(recorded.depth_m, camera, one.hypotheses, self._scene)
+                instance = replace(instance, recorded=one.steps, recorded_scores=one.scores)
+            else:
+                instance = segment.instance(recorded.depth_m, camera, of_settings[segment.instance_id], self._scene)
+            instances.append(instance)
+        return tuple(instances)
+
+    def _model(self, obj_id: int, one: RecordedObject) -> tuple[ObjectModel, tuple[str, ...]]:
+        """The model of an object, the same in all frames whose mesh file has the same size.
+
+        Raises:
+            InputError: it has no mesh, or one that cannot be read.
+        """
+        if one.mesh is None or not one.mesh.is_file():
+            raise InputError("it has no mesh; expected a PLY, OBJ, GLB or STL file")
+        key = (one.name, one.mesh.stat().st_size)
+        if key not in self._models:
+            mesh = read_mesh(one.mesh, one.unit_m)
+            _, unit_note = checked_unit(one.mesh.name, mesh.diameter_m, None)
+            note = unit_note.replace("(models_info.json states no diameter)", f"({one.unit_m:g} m was given)")
+            model = model_of_mesh(mesh, obj_id, one.name, self._scene.model_points, self._scene.seed)
+            notes = (*mesh.notes, *((note,) if note else ()))
+            self._models[key] = model, tuple(f"{one.name} ({obj_id}): {text}" for text in notes)
+        return self._models[key]
+
+
+def _mask_of(
+    one: RecordedObject, model: ObjectModel, camera: Camera, recorded: RecordedFrame, notes: list[str]
+) -> Mask:
+    """The object's mask; where it has none the pixels that its first pose covers and nothing nearer hides.
+
+    Raises:
+        InputError: there is neither a mask nor a pose in the image.
+    """
+    if one.mask is not None:
+        return one.mask
+    if not one.hypotheses:
+        raise InputError("it has neither a mask nor a pose; give one of both")
+    rendered, owner = draw_placed([Placed(0, model, one.hypotheses[0].T_cam_obj)], camera)
+    mask = (owner == 0) & ((recorded.depth_m == 0) | (recorded.depth_m > rendered - NEARER_M))
+    if not mask.any():
+        raise InputError("it has no mask, and its first pose is not seen in the image")
+    notes.append(f"{one.name} has no mask; the pixels that its first pose covers count as one")
+    return mask

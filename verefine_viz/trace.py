@@ -1,0 +1,361 @@
+"""Writes what a refiner of your own does to a frame, call by call, so that it can be viewed later.
+
+    with Trace("runs/drop_17", K=K, depth_m=depth_m, rgb=rgb) as trace:
+        mug = trace.object("mug", mesh="mug.stl", mask=mask, unit_m=0.001)
+        mug.hypothesis(0, T_cam_obj, score=0.7)
+        mug.step(0, T_cam_obj, score=0.8, ms=12.0)
+        mug.answer(T_cam_obj)
+
+and then ``verefine-viz view runs/drop_17``. Only numpy is imported, and no call raises once the trace exists: what
+cannot be written is counted and reported at the end. Each call is one line of a file that is only appended to, and is
+with the operating system when the call returns: a process that is killed leaves what it wrote. Read by
+``scenes/trace_files.py``.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import os
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar
+
+import numpy as np
+
+_LOG = logging.getLogger(__name__)
+CALLS = "calls.jsonl"
+"""A JSON object per call; the first line is about the frame."""
+FORMAT = 1
+RIGID_TOLERANCE = 1e-3
+"""Largest deviation of RᵀR from the identity in a pose that is written."""
+FARTHEST_M = 60.0
+"""A median depth, or a pose, further away is in millimetres."""
+SHOWN = 3
+"""Problems that are reported in full."""
+
+P = ParamSpec("P")
+S = TypeVar("S", bound="Trace | TracedObject")
+
+
+def _never_raises(call: Callable[Concatenate[S, P], None]) -> Callable[Concatenate[S, P], None]:
+    """The same, but what goes wrong in it is counted."""
+
+    def guarded(self: S, *args: P.args, **kwargs: P.kwargs) -> None:
+        try:
+            call(self, *args, **kwargs)
+        except Exception as error:
+            self.problem(f"{call.__name__}: {error}")
+
+    guarded.__name__, guarded.__doc__ = call.__name__, call.__doc__
+    return guarded
+
+
+class Trace:
+    """One frame and what a refiner did in it.
+
+    Args:
+        folder: gets the trace; is made. Where it holds one already, the next free name beside it is taken.
+        K: (3, 3) intrinsics [px].
+        depth_m: (H, W) z [m]; 0, NaN or infinity where nothing was measured.
+        rgb: (H, W, 3) uint8, or None.
+        gravity_cam: (3,) direction in which things fall, in the camera's frame; None = along the normal of the table.
+
+    Raises:
+        ValueError: K, depth_m, rgb or gravity_cam is not what it should be; one line says what was expected.
+        OSError: the folder cannot be written.
+    """
+
+    def __init__(self, folder: Path | str, K: Any, depth_m: Any, rgb: Any = None, gravity_cam: Any = None) -> None:
+        intrinsics, depth, photo = _intrinsics(K), _depth(depth_m), None if rgb is None else _array(rgb)
+        if photo is not None and (photo.dtype != np.uint8 or photo.shape != (*depth.shape, 3)):
+            raise ValueError(
+                f"rgb is {photo.dtype} of shape {photo.shape}, expected uint8 of shape {(*depth.shape, 3)}, as depth_m"
+            )
+        down = None if gravity_cam is None else _array(gravity_cam).astype(np.float64)
+        if down is not None and (down.shape != (3,) or not np.isfinite(down).all() or not down.any()):
+            raise ValueError("gravity_cam is no direction, expected 3 finite numbers that are not all 0")
+        self.n_problems = 0
+        """Calls, or parts of them, that could not be written."""
+        self._problems: list[str] = []
+        self._n_objects = 0
+        self._shape = depth.shape
+        self._started = time.perf_counter()
+        self.folder, self._file = _claimed(Path(folder))
+        """Where the trace is."""
+        np.save(self.folder / "depth.npy", depth)
+        if photo is not None:
+            np.save(self.folder / "rgb.npy", photo)
+        self._append(
+            {
+                "trace": FORMAT,
+                "started": time.time(),
+                "K": intrinsics.tolist(),
+                "shape": depth.shape,
+                "rgb": photo is not None,
+                "gravity_cam": None if down is None else down.tolist(),
+            }
+        )
+        if self.folder != Path(folder):
+            self.problem(f"{folder} holds a trace already; this one is in {self.folder}")
+
+    def object(
+        self, name: str, mesh: Path | str, mask: Any = None, unit_m: float = 1.0, truth: Any = None
+    ) -> TracedObject:
+        """An object of the frame, whose steps are then written through what is returned.
+
+        Args:
+            name: the same in all traces of this object.
+            mesh: PLY, OBJ, GLB or STL file; it is copied with its texture.
+            mask: (H, W) its visible pixels: all that is not 0; None = those that its first pose covers.
+            unit_m: metres per unit of the mesh file.
+            truth: (4, 4) ground truth of T_cam_obj [m], or None.
+        """
+        number = self._n_objects
+        self._n_objects += 1
+        self._begin_object(number, name, mesh, mask, unit_m, truth)
+        return TracedObject(self, number, str(name))
+
+    @_never_raises
+    def _begin_object(self, number: int, name: str, mesh: Path | str, mask: Any, unit_m: float, truth: object) -> None:
+        line: dict[str, Any] = {
+            "object": number,
+            "name": str(name),
+            "mesh": "",
+            "unit_m": 1.0,
+            "mask": "",
+            "truth": None,
+        }
+        try:
+            if not (isinstance(unit_m, int | float) and 0 < unit_m < math.inf):
+                raise ValueError(f"unit_m is {unit_m!r}, expected metres per unit of the mesh, as 0.001")
+            line["unit_m"] = float(unit_m)
+            line["mesh"] = _copied_mesh(Path(mesh), self.folder / f"mesh_{number}")
+        except (OSError, TypeError, ValueError) as error:
+            self.problem(f"mesh of {name}: {error}")
+        try:
+            if mask is not None:
+                inside = _array(mask) != 0
+                if inside.shape != self._shape or not inside.any():
+                    what = "empty" if inside.shape == self._shape else f"of shape {inside.shape}"
+                    raise ValueError(f"it is {what}, expected pixels of the object in shape {self._shape}, as depth_m")
+                np.save(self.folder / f"mask_{number}.npy", inside)
+                line["mask"] = f"mask_{number}.npy"
+        except (OSError, TypeError, ValueError) as error:
+            self.problem(f"mask of {name}: {error}")
+        try:
+            line["truth"] = None if truth is None else _pose(truth)
+        except (TypeError, ValueError) as error:
+            self.problem(f"truth of {name}: {error}")
+        self._append(line)
+
+    def problem(self, text: str) -> None:
+        """Counts something that could not be written, and writes that."""
+        self.n_problems += 1
+        if self._file < 0:
+            _LOG.warning("trace %s: %s", self.folder, text)
+        elif len(self._problems) < SHOWN:
+            self._problems.append(text)
+        try:
+            if self._file >= 0:
+                self._append({"problem": " ".join(text.split())})
+        except Exception:  # The disk is full: the count is all that is left.
+            return
+
+    @_never_raises
+    def close(self) -> None:
+        """Ends the trace and reports what could not be written; later calls are counted only."""
+        if self._file < 0:
+            return
+        self._append({"closed": True, "problems": self.n_problems})
+        file, self._file = self._file, -1
+        os.close(file)
+        if self.n_problems:
+            more = f" (and {self.n_problems - SHOWN} more)" if self.n_problems > SHOWN else ""
+            _LOG.warning(
+                "trace %s: %d not written: %s%s", self.folder, self.n_problems, "; ".join(self._problems), more
+            )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if error is not None:
+            self.problem(f"the program ended early: {kind.__name__ if kind else ''}: {error}")
+        self.close()
+
+    def elapsed_s(self) -> float:
+        """Since the trace began [s]."""
+        return time.perf_counter() - self._started
+
+    def write(self, line: dict[str, Any]) -> None:
+        """Appends a line.
+
+        Raises:
+            ValueError: the trace is closed.
+            OSError: the disk does not take it.
+        """
+        if self._file < 0:
+            raise ValueError("the trace is closed")
+        self._append(line)
+
+    def _append(self, line: dict[str, Any]) -> None:
+        os.write(self._file, json.dumps(line, allow_nan=False, separators=(",", ":")).encode() + b"\n")
+
+
+class TracedObject:
+    """One object of a trace."""
+
+    def __init__(self, trace: Trace, number: int, name: str) -> None:
+        self._trace, self._number, self._name = trace, number, name
+
+    @_never_raises
+    def hypothesis(self, h: int, T_cam_obj: Any, score: Any = None) -> None:
+        """Initial pose ``h`` (4, 4) [m] of the object, with its score in the units of its program."""
+        self._trace.write({"hypothesis": int(h), "object": self._number, "T": _pose(T_cam_obj), **self._score(score)})
+
+    @_never_raises
+    def step(
+        self,
+        h: int,
+        T_cam_obj: Any,
+        score: Any = None,
+        ms: float | None = None,
+        name: str = "refined",
+        note: str = "",
+    ) -> None:
+        """Where a step took hypothesis ``h``: its new pose (4, 4) [m].
+
+        Args:
+            h: which hypothesis.
+            T_cam_obj: the pose after the step.
+            score: of the pose, in the units of the program that refines.
+            ms: how long the step took.
+            name: what the step is called.
+            note: anything about it.
+        """
+        line = {"step": int(h), "object": self._number, "T": _pose(T_cam_obj), "name": str(name), "note": str(note)}
+        line["at_s"] = round(self._trace.elapsed_s(), 6)
+        if ms is not None:
+            line["ms"] = _finite(ms, "ms")
+        self._trace.write(line | self._score(score))
+
+    @_never_raises
+    def answer(self, T_cam_obj: Any, score: Any = None) -> None:
+        """The pose (4, 4) [m] that the program answers with."""
+        self._trace.write({"answer": True, "object": self._number, "T": _pose(T_cam_obj), **self._score(score)})
+
+    def problem(self, text: str) -> None:
+        """Counts something of this object that could not be written."""
+        self._trace.problem(f"{self._name}: {text}")
+
+    def _score(self, score: Any) -> dict[str, float]:
+        """A score that is no number is a problem, but the pose is written."""
+        try:
+            return {} if score is None else {"score": _finite(score, "score")}
+        except (TypeError, ValueError) as error:
+            self.problem(str(error))
+            return {}
+
+
+def _array(values: Any) -> np.ndarray:
+    """As numpy has it; tensors of torch are copied from the device."""
+    return np.asarray(values.detach().cpu() if hasattr(values, "detach") else values)
+
+
+def _finite(value: Any, name: str) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{name} is {number}, expected a finite number")
+    return number
+
+
+def _pose(T_cam_obj: Any) -> list[float]:
+    """Row by row.
+
+    Raises:
+        ValueError: it is no rigid transform in metres.
+    """
+    T = _array(T_cam_obj).astype(np.float64)
+    if T.shape != (4, 4):
+        raise ValueError(f"the pose has shape {T.shape}, expected (4, 4)")
+    values = T.ravel().tolist()
+    if not all(map(math.isfinite, values)):
+        raise ValueError("the pose is not finite")
+    R = T[:3, :3]
+    if np.abs(R.T @ R - np.eye(3)).max() > RIGID_TOLERANCE or np.linalg.det(R) < 0 or values[12:] != [0, 0, 0, 1]:
+        raise ValueError("the pose is not rigid, expected a rotation, and 0 0 0 1 as the last row")
+    if math.hypot(*values[3:12:4]) > FARTHEST_M:
+        raise ValueError(f"the pose is {math.hypot(*values[3:12:4]):.3g} m away, expected metres")
+    return values
+
+
+def _intrinsics(K: Any) -> np.ndarray:
+    matrix = np.full((1,), np.nan) if K is None else _array(K).astype(np.float64)
+    if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
+        raise ValueError(f"K has shape {matrix.shape}, expected (3, 3) finite numbers with focal lengths > 0 [px]")
+    return matrix
+
+
+def _depth(depth_m: Any) -> np.ndarray:
+    depth = _array(depth_m)
+    if depth.ndim != 2 or depth.size == 0 or depth.dtype.kind not in "fiu":
+        raise ValueError(f"depth_m is {depth.dtype} of shape {depth.shape}, expected numbers of shape (H, W)")
+    metres = np.nan_to_num(depth.astype(np.float32), nan=0.0, posinf=0.0, neginf=0.0)
+    if not (metres > 0).any() or metres.min() < 0:
+        raise ValueError(
+            "depth_m has no measured pixel, or negative ones; expected metres, 0 where nothing was measured"
+        )
+    median = float(np.median(metres[metres > 0]))
+    if median > FARTHEST_M:
+        raise ValueError(f"depth_m has a median of {median:.4g}, expected metres; divide millimetres by 1000")
+    return metres
+
+
+def _claimed(folder: Path) -> tuple[Path, int]:
+    """The folder, or the first of folder-2, folder-3, … without a trace, and its file of calls, which is new."""
+    for free in (folder, *(folder.with_name(f"{folder.name}-{k}") for k in range(2, 1000))):
+        free.mkdir(parents=True, exist_ok=True)
+        try:
+            return free, os.open(free / CALLS, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o666)
+        except FileExistsError:
+            continue
+    raise FileExistsError(f"{folder} and a thousand names after it hold traces")
+
+
+def _copied_mesh(mesh: Path, folder: Path) -> str:
+    """Copies a mesh, and what it names beside it (materials, textures); its path below the trace."""
+    if not mesh.is_file():
+        raise OSError(f"{mesh} is no file, expected a PLY, OBJ, GLB or STL file")
+    folder.mkdir()
+    waiting, copied = [mesh], set[str]()
+    while waiting:
+        path = waiting.pop()
+        if path.name in copied or not path.is_file():
+            continue
+        copied.add(path.name)
+        shutil.copyfile(path, folder / path.name)
+        if path.suffix.lower() in (".obj", ".mtl", ".ply"):
+            waiting += [path.parent / name for name in _named_files(path)]
+    return f"{folder.name}/{mesh.name}"
+
+
+def _named_files(path: Path) -> list[str]:
+    """Files in the folder of a mesh or material that it names."""
+    names: list[str] = []
+    with path.open("rb") as file:
+        for line in file:
+            words = line.decode("utf-8", "replace").split()
+            if words[:1] == ["end_header"]:
+                break
+            if words and (
+                words[0] == "mtllib" or words[0].startswith("map_") or words[:2] == ["comment", "TextureFile"]
+            ):
+                names.append(" ".join(words[2:] if words[0] == "comment" else words[1:]))
+    return [name for name in names if name and Path(name).name == name]
