@@ -29,6 +29,7 @@ from verefine_viz.commands.doctor import Doctor
 from verefine_viz.commands.estimate import Estimate
 from verefine_viz.commands.evaluate import Evaluate
 from verefine_viz.commands.flags import HELP_SETTINGS, SECTIONS, show_help
+from verefine_viz.commands.import_data import Import
 from verefine_viz.commands.replay import Replay
 from verefine_viz.commands.report import Report
 from verefine_viz.commands.study import Study
@@ -51,6 +52,7 @@ COMMANDS: dict[str, type[Command]] = {
     "train": Train,
     "report": Report,
     "datasets": Datasets,
+    "import": Import,
     "replay": Replay,
     "doctor": Doctor,
 }

@@ -1,0 +1,30 @@
+"""``verefine-viz import``: what another program recorded, as a data set in BOP layout."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Import:
+    """Write traces, or a sequence in the layout of FoundationPose, as a data set in BOP layout with a session."""
+
+    folder: Annotated[Path, tyro.conf.Positional]
+    """A trace, a folder of traces, or a sequence; what view says it is."""
+    out: Path
+    """New folder for the data set; frames are added to one that keep_frame or this command made."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        from verefine_viz.session.imported_folder import imported
+
+        n_failed = 0
+        for line in imported(self.folder, self.out):
+            n_failed += " failed: " in line
+            print(line, flush=True)
+        print(f"View it: verefine-viz view {self.out}")
+        return 1 if n_failed else 0
