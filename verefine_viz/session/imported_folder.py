@@ -1,9 +1,11 @@
-"""Writes what another program recorded as a folder of ``keep_frame``: BOP layout, detections, results files, a session."""
+"""Writes what another program recorded as a folder of ``keep_frame``: a data set in BOP layout with a session."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+
+import numpy as np
 
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.problem import Problem, Target
@@ -45,7 +47,8 @@ def _captured(problem: Problem) -> CapturedFrame:
     is_given = support is not None and support.gravity_source == "given"
     down = -support.T_world_cam[2, :3] if support is not None and is_given else None
     objects = [_captured_object(target, has_gt) for target in problem.targets]
-    return CapturedFrame(observation.camera.K, observation.depth_m, observation.rgb, objects, down)
+    depth_m = observation.depth_m.astype(np.float64)
+    return CapturedFrame(observation.camera.K, depth_m, observation.rgb, objects, down)
 
 
 def _captured_object(target: Target, has_gt: bool) -> CapturedObject:

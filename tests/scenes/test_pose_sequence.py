@@ -1,0 +1,143 @@
+"""Folders in the layout of FoundationPose's demo: what is read, what is recognized, and what is imported."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.scenes.test_trace import SHAPE, K, picture, pose, write_box, write_trace
+from verefine_viz.core.errors import InputError, SettingsError
+from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.scenes.pose_sequence import PoseSequence
+from verefine_viz.scenes.source import open_scene
+from verefine_viz.session.data_folder import data_folder, holds_frames, open_session
+from verefine_viz.session.imported_folder import imported
+
+
+def write_sequence(folder: Path, n: int = 3, size: float = 0.1) -> Path:
+    """``n`` frames of a box at 0.5 m, a mask of the first only, a pose of each."""
+    for name in ("rgb", "depth", "masks", "mesh", "ob_in_cam"):
+        (folder / name).mkdir(parents=True)
+    depth, mask = picture()
+    write_box(folder / "mesh" / "textured.obj", size)
+    np.savetxt(folder / "cam_K.txt", K)
+    for k in range(n):
+        name = f"15811204241002621{k:02d}"
+        Image.fromarray((depth * 1000).astype(np.uint16)).save(folder / "depth" / f"{name}.png")
+        Image.fromarray(np.full((*SHAPE, 3), 90, np.uint8)).save(folder / "rgb" / f"{name}.png")
+        np.savetxt(folder / "ob_in_cam" / f"{name}.txt", pose(x=0.002 * k))
+    Image.fromarray(mask.astype(np.uint8) * 255).save(folder / "masks" / "1581120424100262100.png")
+    return folder
+
+
+def source_of(folder: Path):
+    return open_scene(SceneSettings(source="sequence", dataset=str(folder)), HypothesesSettings(source="recorded"))
+
+
+def test_a_sequence_is_read(tmp_path: Path) -> None:
+    source = source_of(write_sequence(tmp_path / "mustard"))
+    assert source.frames == ("0/1", "0/2", "0/3")
+    first, second = source.problem("0/1"), source.problem("0/2")
+    depth, mask = picture()
+    assert np.allclose(first.observation.depth_m, depth, atol=1e-6)
+    assert np.array_equal(first.instances[0].mask, mask)
+    assert not first.notes
+    assert np.allclose(second.instances[0].hypotheses[0].T_cam_obj, pose(x=0.002))
+    assert first.models[1].name == "mustard"
+    (note,) = second.notes
+    assert "has no mask; the pixels that its first pose covers" in note
+    # The front of the box, drawn at the pose: 0.1 m wide at 0.5 m is 24 pixels.
+    assert np.count_nonzero(second.instances[0].mask) == pytest.approx(24 * 24, rel=0.1)
+
+
+def test_depth_in_metres_and_a_mesh_in_millimetres_are_understood(tmp_path: Path) -> None:
+    folder = write_sequence(tmp_path / "mustard", size=100)
+    depth, _ = picture()
+    for file in sorted((folder / "depth").iterdir()):
+        file.unlink()
+        Image.fromarray(depth).save(file.with_suffix(".tiff"))
+    problem = source_of(folder).problem("0/1")
+    assert np.allclose(problem.observation.depth_m, depth)
+    assert problem.models[1].diameter_m == pytest.approx(0.1 * 3**0.5)
+    assert any("depth in metres" in note for note in problem.notes)
+
+
+def _other_size(folder: Path) -> None:
+    Image.new("RGB", (80, 60)).save(folder / "rgb" / "1581120424100262100.png")
+
+
+BAD: dict = {
+    "has no mesh": lambda f: shutil.rmtree(f / "mesh"),
+    "80×60 pixels": _other_size,
+    "expected 3×3": lambda f: (f / "cam_K.txt").write_text("500 0 320"),
+    "something else than numbers": lambda f: (f / "cam_K.txt").write_text("a b c"),
+    "is damaged or no image": lambda f: (f / "depth" / "1581120424100262100.png").write_bytes(b"png"),
+}
+
+
+@pytest.mark.parametrize("message", BAD)
+def test_a_damaged_file_is_one_clear_line(message: str, tmp_path: Path) -> None:
+    folder = write_sequence(tmp_path / "mustard")
+    BAD[message](folder)
+    with pytest.raises(InputError, match=message) as error:
+        source_of(folder).problem("0/1")
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("text", ["1 2 3", "nan " * 16, " ".join(["2"] * 16), "x"])
+def test_a_pose_that_is_none_becomes_a_note(text: str, tmp_path: Path) -> None:
+    folder = write_sequence(tmp_path / "mustard")
+    (folder / "ob_in_cam" / "1581120424100262100.txt").write_text(text)
+    problem = source_of(folder).problem("0/1")
+    assert not problem.instances[0].hypotheses
+    assert any("ob_in_cam/1581120424100262100.txt is left out" in note for note in problem.notes)
+
+
+def test_folders_are_recognized(tmp_path: Path) -> None:
+    sequence = write_sequence(tmp_path / "mustard")
+    write_trace(tmp_path / "runs" / "a_1", write_box(tmp_path / "box.obj"))
+    write_trace(tmp_path / "runs" / "a_2", tmp_path / "box.obj")
+    kinds = {path: data_folder(path, {}) for path in (sequence, tmp_path / "runs", tmp_path / "runs" / "a_1")}
+    words = [known.what for known in kinds.values() if known is not None]
+    assert words == ["a sequence of 3 frames in the layout of FoundationPose", "2 traces", "1 trace"]
+    assert all(known is not None and known.session.method.name == "trace" for known in kinds.values())
+    assert data_folder(tmp_path, {}) is None
+    assert not holds_frames(tmp_path)
+    assert holds_frames(tmp_path / "runs")
+
+
+def test_another_method_starts_from_the_recorded_poses(tmp_path: Path) -> None:
+    write_trace(tmp_path / "t", write_box(tmp_path / "box.obj"))
+    session = open_session(tmp_path / "t", {"method": {"name": "rir"}})
+    assert (session.method.name, session.hypotheses.source) == ("rir", "recorded")
+    session = open_session(tmp_path / "t", {"hypotheses": {"source": "perturb"}})
+    assert session.method.name == "rir"
+    with pytest.raises(SettingsError, match="repeats what was recorded"):
+        open_session(tmp_path / "t", {"hypotheses": {"source": "ppf"}, "method": {"name": "trace"}})
+
+
+def test_what_is_imported_opens_as_a_data_set_with_the_same_content(tmp_path: Path) -> None:
+    folder = write_sequence(tmp_path / "mustard")
+    assert [*imported(folder, tmp_path / "bop")][1:] == ["0/1 → 1/1", "0/2 → 1/2", "0/3 → 1/3"]
+    session = open_session(tmp_path / "bop", {})
+    source, before = open_scene(session.scene, session.hypotheses), source_of(folder)
+    for frame, old in (("1/1", "0/1"), ("1/3", "0/3")):
+        problem, recorded = source.problem(frame), before.problem(old)
+        assert np.allclose(problem.observation.depth_m, recorded.observation.depth_m, atol=1e-4)
+        assert np.array_equal(problem.instances[0].mask, recorded.instances[0].mask)
+        (ours,), (theirs,) = problem.instances[0].hypotheses, recorded.instances[0].hypotheses
+        assert np.allclose(ours.T_cam_obj, theirs.T_cam_obj, atol=1e-6)
+    with pytest.raises(InputError, match="need no import"):
+        [*imported(tmp_path / "bop", tmp_path / "again")]
+    with pytest.raises(InputError, match="nothing that can be imported; looked for"):
+        [*imported(tmp_path / "mustard" / "rgb", tmp_path / "again")]
+
+
+def test_names_are_those_of_the_depth_images(tmp_path: Path) -> None:
+    folder = write_sequence(tmp_path / "mustard")
+    (folder / "depth" / "notes.txt").write_text("")
+    assert len(PoseSequence(folder).names) == 3
