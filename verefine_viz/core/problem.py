@@ -85,6 +85,10 @@ class Hypothesis:
         object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"hypothesis ({self.source})"))
 
 
+ANSWER = "answer"
+"""Name of the recorded step with which a program ends."""
+
+
 @dataclass(frozen=True, eq=False)
 class RecordedStep:
     """A step that another program's refiner took with one hypothesis, as it was recorded."""

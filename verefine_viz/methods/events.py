@@ -47,9 +47,8 @@ def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[
         start = iteration.stages[iteration.stages.index(refined) - 1]
         moved = 1e3 * math.dist(refined.T_cam_obj[:3, 3].tolist(), start.T_cam_obj[:3, 3].tolist())
         turned = math.degrees(angle_between(start.T_cam_obj[:3, :3], refined.T_cam_obj[:3, :3]))
-        if moved < STUCK_MM and turned < STUCK_MM:
-            why = "the recorded step leaves the pose" if draft.is_recorded else "no correspondence within its gate"
-            events.append(Event("refiner_stuck", f"The refiner did not move: {why}."))
+        if moved < STUCK_MM and turned < STUCK_MM and draft.why_stuck:
+            events.append(Event("refiner_stuck", f"The refiner did not move: {draft.why_stuck}."))
     for stage in iteration.stages:
         if stage.score is not None and stage.score.undefined:
             events.append(Event("nan_score", f"The score of the {stage.name} pose is not a number: it counts as 0."))

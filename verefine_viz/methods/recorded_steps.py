@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.problem import Placed, RecordedStep, Target
+from verefine_viz.core.problem import ANSWER, Placed, RecordedStep, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Choice, Stage
 from verefine_viz.methods.arms import ObjectState
@@ -40,7 +40,7 @@ class NoSteps:
     """The chain of a hypothesis whose recorded steps are all taken: it stays where it is."""
 
     def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], begin: BeginScore) -> Draft:
-        return Draft((Stage("refined", T_cam_obj),), ("refined",), is_recorded=True)
+        return Draft((Stage("refined", T_cam_obj),), ("refined",), why_stuck="nothing was recorded for it")
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,8 @@ class RecordedSteps(ObjectMethod):
         k = state.arms[j].n_iterations
         if k >= len(own):  # An edited pose is played, for which nothing was recorded.
             return super()._draft(state, j, fixed, begin)
-        return Draft((Stage("refined", own[k].T_cam_obj, ms=own[k].ms),), ("refined",), is_recorded=True)
+        why_stuck = "" if own[k].name == ANSWER else "the recorded step leaves the pose"
+        return Draft((Stage("refined", own[k].T_cam_obj, ms=own[k].ms),), ("refined",), why_stuck=why_stuck)
 
 
 def recorded_steps(verifier: Verifier) -> RecordedSteps:

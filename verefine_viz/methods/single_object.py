@@ -31,8 +31,8 @@ class Draft:
     path: SimulatedPath | None = None
     lacks_physics: bool = False
     """Whether a simulation belongs here but was not possible."""
-    is_recorded: bool = False
-    """Whether another program made it."""
+    why_stuck: str = "no correspondence within its gate"
+    """Why the refined pose may be where it began; empty where it need not move."""
 
 
 BeginScore = Callable[[Stage], None]

@@ -18,7 +18,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.geometry import FARTHEST_M, as_rigid, distance_m
 from verefine_viz.core.paths import read_input
-from verefine_viz.core.problem import Hypothesis
+from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.scenes.image_files import SUFFIXES, find_image, read_color, read_mask, read_steps, size_text
 from verefine_viz.scenes.meshes import FORMATS, read_geometry
 from verefine_viz.scenes.trace_files import RecordedFrame, RecordedObject
@@ -84,10 +84,14 @@ class PoseSequence:
             None if mask_file is None else read_mask(mask_file, depth.shape),
             poses,
             (None,) * len(poses),
-            (),
+            () if pose is None else (RecordedStep(0, pose, ANSWER),),
             truth,
         )
         return RecordedFrame(name, self._K, depth, rgb, (one,), notes=tuple(notes))
+
+    def pose(self, name: str) -> Float | None:
+        """The program's pose (4, 4) [m] of a frame, None where it has none that can be read."""
+        return self._pose(POSES, name, [])
 
     def _image(self, kind: str, name: str) -> Path:
         path = find_image(self.folder / kind, name)

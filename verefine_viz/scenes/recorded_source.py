@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 
-from verefine_viz.core.arrays import Mask
+from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, SettingsError, ShapeError, VerefineError, unknown
 from verefine_viz.core.model import ObjectModel
@@ -103,6 +104,13 @@ class RecordedSource:
     def _check_frame(self, frame: str) -> None:
         if frame_name(parse_frame(frame)) not in self._names:
             raise InputError(f"{unknown('frame', frame, tuple(self._names))} ({self._scene.dataset})")
+
+    @cached_property
+    def track(self) -> tuple[tuple[str, Float | None], ...]:
+        """The recorded pose (4, 4) [m] of each frame of a sequence, None where it has none; empty for traces."""
+        if isinstance(self._recording, Traces):
+            return ()
+        return tuple((frame, self._recording.pose(name)) for frame, name in self._names.items())
 
     def check_initial_poses(self) -> tuple[str, ...]:
         """See :class:`SceneSource`."""

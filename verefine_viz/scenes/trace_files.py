@@ -17,7 +17,7 @@ from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.paths import open_input, read_input
-from verefine_viz.core.problem import Hypothesis, RecordedStep
+from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.trace import CALLS, FORMAT
 
 QUIET_S = 5.0
@@ -153,7 +153,7 @@ def _object(
         if is_first and "step" in entry:
             notes.append(f"{name}: hypothesis {h} has no initial pose; its first step counts as one")
         elif not is_first or "hypothesis" not in entry:
-            what = "answer" if "answer" in entry else "new initial pose" if "hypothesis" in entry else entry.get("name")
+            what = ANSWER if "answer" in entry else "new initial pose" if "hypothesis" in entry else entry.get("name")
             index = [*poses].index(h)
             step = RecordedStep(
                 index,

@@ -56,7 +56,7 @@ def _captured_object(target: Target, has_gt: bool) -> CapturedObject:
     model, instance = target.model, target.instance
     mesh = Mesh(model.vertices, model.faces, model.vertex_colors, (), model.texture)
     poses = {"recorded": [h.T_cam_obj for h in instance.hypotheses]}
-    if instance.recorded:
+    if instance.recorded and not np.array_equal(instance.recorded[-1].T_cam_obj, poses["recorded"][0]):
         poses["recorded_answer"] = [instance.recorded[-1].T_cam_obj]
     T_gt = instance.T_cam_obj_gt if has_gt else None
     return CapturedObject(model.name, mesh, instance.mask, {k: p for k, p in poses.items() if p}, T_gt, None)

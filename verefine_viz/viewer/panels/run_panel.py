@@ -9,6 +9,7 @@ import viser
 from verefine_viz.core.records import Iteration
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.assets import asset
+from verefine_viz.viewer.drawing.frame_strip import frame_strip
 from verefine_viz.viewer.drawing.markup import link, sentence, swatch, text, warning, with_hints
 from verefine_viz.viewer.drawing.pose_tables import branches_table
 from verefine_viz.viewer.drawing.recorded_scores import recorded_line
@@ -92,7 +93,7 @@ class RunPanel:
         _options(self.demo, snapshot.demos, snapshot.session.scene.demo)
         self.demo.visible = snapshot.session.scene.source == "demo" and bool(snapshot.demos)
         notes = "".join(f'<p class="dim fold folded" title="{text(n)}">Note: {text(n)}</p>' for n in snapshot.notes)
-        self._branches.show(branches_table(snapshot) + notes)
+        self._branches.show(frame_strip(snapshot) + branches_table(snapshot) + notes)
 
     def show_frames(self, snapshot: Snapshot) -> None:
         """Those that can be chosen."""

@@ -16,6 +16,7 @@ from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.methods.registry import method_of
+from verefine_viz.scenes.recorded_source import RecordedSource
 from verefine_viz.viewer.snapshot.compared_poses import compared_poses, compared_scenes
 from verefine_viz.viewer.snapshot.comparison_snapshot import comparison_snapshot
 from verefine_viz.viewer.snapshot.finished_objects import FinishedObject, finished_objects
@@ -87,6 +88,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         session_path=space.path,
         session_file=next(reversed(space.files), None),
         frames=space.frames,
+        track=_track(getattr(space.tools, "source", None)),
         frame=space.frame,
         link=link_of(state).text,
         demos=state.demos,
@@ -141,6 +143,10 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         written=state.written,
         comparison=compared,
     )
+
+
+def _track(source: object) -> tuple[tuple[str, Float | None], ...]:
+    return source.track if isinstance(source, RecordedSource) else ()
 
 
 def state_of(state: Any, target: Target) -> Any:

@@ -104,6 +104,8 @@ class Snapshot:
     session_file: Path | None
     """Where the open session was read or written last, absolute; None = in no file."""
     frames: tuple[str, ...]
+    track: tuple[tuple[str, Float | None], ...]
+    """The recorded pose of each frame of a sequence; empty where the frames are none."""
     frame: str
     link: str
     """What the page's address has behind its #: this frame, object and iteration."""
