@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,8 +18,11 @@ from tests.fakes import BOX_M, box_problem
 from verefine_viz import cli
 from verefine_viz.commands.batch import Batch
 from verefine_viz.commands.view import View
+from verefine_viz.core.geometry import transform
+from verefine_viz.session.data_folder import open_session
 from verefine_viz.session.files import load_session, resolve
 from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.trace import Trace
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -68,7 +72,7 @@ def test_every_shipped_session_is_one(path: Path) -> None:
 
 
 def test_its_frame_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    code, _ = blocks("python")
+    code, *_ = blocks("python")
     problem = box_problem()
     (tmp_path / "meshes").mkdir()
     trimesh.creation.box(BOX_M * 1000).export(tmp_path / "meshes" / "mug.stl")
@@ -80,9 +84,38 @@ def test_its_frame_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     np.testing.assert_allclose(kept.hypotheses[0].T_cam_obj, instance.hypotheses[0].T_cam_obj, atol=1e-12)
 
 
+def test_its_traces_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, own, foundation_pose, _ = blocks("python")
+    problem = box_problem()
+    trimesh.creation.box(BOX_M * 1000).export(tmp_path / "mug.stl")
+    (tmp_path / "mesh").mkdir()
+    trimesh.creation.box(BOX_M).export(tmp_path / "mesh" / "textured_simple.obj")
+    seen, (instance,) = problem.observation, problem.instances
+    poses = np.array([h.T_cam_obj for h in instance.hypotheses])
+    arrays = {"K": seen.camera.K, "depth_m": seen.depth_m, "rgb": seen.rgb, "mask": instance.mask}
+    arrays |= {"depth": seen.depth_m, "color": seen.rgb, "i": 17, "initial_poses": poses, "scores": [0.1] * len(poses)}
+    monkeypatch.chdir(tmp_path)
+    exec(own, arrays | {"my_refiner": lambda T_cam_obj: [(T_cam_obj, 0.4)] * 3})
+    shift = transform(np.eye(3), np.array([0.01, 0, 0]))
+    est = SimpleNamespace(
+        register=lambda **_: poses[0] @ shift,
+        get_tf_to_centered_mesh=lambda: shift,
+        poses=np.array([poses[0]] * 5),
+        scores=np.arange(5.0),
+    )
+    exec(foundation_pose, arrays | {"est": est, "Trace": Trace})
+    toolbox = Toolbox(open_session(tmp_path / "runs", {}))
+    # The number that both names end with is the same, so the frames are counted.
+    assert toolbox.frames == ("0/1", "0/2")
+    of_foundation_pose, of_own = (toolbox.problem(frame).instances[0] for frame in toolbox.frames)
+    assert [step.name for step in of_own.recorded] == ["refined"] * 3 + ["answer"]
+    assert len(of_foundation_pose.hypotheses) == 5
+    np.testing.assert_allclose(of_foundation_pose.recorded[-1].T_cam_obj, poses[0] @ shift)
+
+
 @pytest.mark.usefixtures("processes")
 def test_its_refiner_runs(tmp_path: Path) -> None:
-    _, code = blocks("python")
+    *_, code = blocks("python")
     assert len([line for line in code.splitlines() if line.strip()]) <= 20
     script, out = tmp_path / "nudge.py", tmp_path / "out"
     script.write_text(code)

@@ -122,7 +122,7 @@ def _data_folder(path: Path | None, overrides: Mapping[str, Any]) -> DataFolder 
         return None
     known = data_folder(path, overrides)
     if known is None and not named_runs(path) and not (path / "session.toml").exists():
-        raise InputError(f"{path} holds nothing that can be opened; looked for {LOOKED_FOR}")
+        raise InputError(f"{path} is no folder of a batch: it has no run.json; looked also for {LOOKED_FOR}")
     return known
 
 

@@ -39,15 +39,15 @@ def motions(poses: Sequence[tuple[str, Float | None]], middle_m: Float, turns: F
         middle_m: (3,) the object's middle in its own frame [m].
         turns: (N, 4, 4) turns of the object's frame after which its shape nearly looks the same; may be empty.
     """
-    found: list[Motion] = []
+    changes: list[Motion] = []
     before: Float | None = None
     for frame, T in poses:
         if T is None or before is None:
-            found.append(Motion(frame, "no pose" if T is None else "moved"))
+            changes.append(Motion(frame, "no pose" if T is None else "moved"))
         else:
-            found.append(_motion(frame, before, T, middle_m, turns))
+            changes.append(_motion(frame, before, T, middle_m, turns))
         before = T if T is not None else before
-    return tuple(found)
+    return tuple(changes)
 
 
 def _motion(frame: str, before: Float, T: Float, middle_m: Float, turns: Float) -> Motion:
@@ -62,14 +62,14 @@ def _motion(frame: str, before: Float, T: Float, middle_m: Float, turns: Float) 
     return Motion(frame, kind, moved_mm, turned_deg)
 
 
-def summary(found: Sequence[Motion]) -> str:
+def summary(changes: Sequence[Motion]) -> str:
     """In a sentence, as in: 5 frames, 2 flips (40 per 100), 0 jumps; median 1.2 mm and 0.3° a frame."""
-    n = len(found)
-    count = {kind: sum(motion.kind == kind for motion in found) for kind in ("flip", "jump", "no pose")}
+    n = len(changes)
+    count = {kind: sum(motion.kind == kind for motion in changes) for kind in ("flip", "jump", "no pose")}
     parts = [f"{n} frames", f"{_n(count['flip'], 'flip')} ({100 * count['flip'] / max(n, 1):.3g} per 100)"]
     parts += [_n(count["jump"], "jump")]
     parts += [f"{count['no pose']} without a pose"] if count["no pose"] else []
-    plain = [motion for motion in found[1:] if motion.kind == "moved"]
+    plain = [motion for motion in changes[1:] if motion.kind == "moved"]
     if plain:
         mm, deg = (float(np.median(v)) for v in zip(*((m.moved_mm, m.turned_deg) for m in plain), strict=True))
         parts[-1] += f"; median {mm:.2g} mm and {deg:.2g}° a frame"

@@ -15,9 +15,8 @@ from verefine_viz.session.files import CAPTURE_HEAD, load_session
 SCENES, CAMERAS, SESSION = "*/[0-9]*", "scene_camera.json", "session.toml"
 """Scenes of a BOP data set, the file that lists the images of one, and the session of a folder of ``keep_frame``."""
 LOOKED_FOR = (
-    "the folder of batch runs (run.json), traces (calls.jsonl), frames of keep_frame (session.toml), a data set in BOP "
-    "layout (SPLIT/000001/scene_camera.json), or a sequence as FoundationPose's demo has it (cam_K.txt, depth/, rgb/, "
-    "mesh/)"
+    "traces (calls.jsonl), frames of keep_frame (session.toml), a data set in BOP layout (SPLIT/000001/"
+    "scene_camera.json), and a sequence as FoundationPose's demo has it (cam_K.txt, depth/, rgb/, mesh/)"
 )
 
 

@@ -27,13 +27,13 @@ def frame_strip(snapshot: Snapshot) -> str:
         return ""
     model = snapshot.target.model
     turns = flips(snapshot.near_symmetries or ())
-    found = motions(snapshot.track, (model.vertices.min(axis=0) + model.vertices.max(axis=0)) / 2, turns)
-    n = -(-len(found) // MOST)
-    groups = [found[k : k + n] for k in range(0, len(found), n)]
+    changes = motions(snapshot.track, (model.vertices.min(axis=0) + model.vertices.max(axis=0)) / 2, turns)
+    n = -(-len(changes) // MOST)
+    groups = [changes[k : k + n] for k in range(0, len(changes), n)]
     width = WIDTH / len(groups)
     bars = "".join(_bar(group, k * width, width, snapshot.frame) for k, group in enumerate(groups))
     return (
-        f'<p class="dim">{text(summary(found))}</p><svg width="{WIDTH}" height="{HEIGHT}" '
+        f'<p class="dim">{text(summary(changes))}</p><svg width="{WIDTH}" height="{HEIGHT}" '
         f'viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="change of the pose from frame to frame">{bars}</svg>'
     )
 
