@@ -17,7 +17,6 @@ from verefine_viz.core.geometry import angle_between, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Instance, Target
-from verefine_viz.core.protocols import PoolRefiner
 from verefine_viz.core.settings import Session
 from verefine_viz.learned.depth_crops import CHANNELS, FORMAT, SIDE_PX, crops_at, extent_of, moved_by
 from verefine_viz.learned.onnx_network import PACKAGED, OnnxNetwork
@@ -111,16 +110,8 @@ def test_answers_depend_on_the_arguments_only(name: str) -> None:
     assert np.array_equal(fresh.refine(TARGET, np.array(START)), first)
 
 
-@pytest.mark.parametrize("refiner", [NET, DepthNetIcp(NET, IcpSettings())], ids=NAMES)
-def test_a_pool_is_refined_as_each_pose_alone(refiner: PoolRefiner) -> None:
-    Ts = np.stack([h.T_cam_obj for h in box_problem(7).targets[0].instance.hypotheses])
-    together = refiner.refine_all(TARGET, Ts)
-    assert np.array_equal(together, np.stack([refiner.refine(TARGET, T) for T in Ts]))
-    assert not np.array_equal(together, Ts)
-
-
 def test_what_it_saw_can_be_asked_for() -> None:
-    steps = NET.steps(TARGET, START[None])
+    steps = NET.steps(TARGET, START)
     assert len(steps) == DepthNetSettings().iterations
     assert all(step.channels.shape == (1, len(CHANNELS), SIDE_PX, SIDE_PX) for step in steps)
     assert np.array_equal(steps[-1].Ts_cam_obj[0], NET.refine(TARGET, START))
@@ -140,7 +131,7 @@ def test_out_of_sight_the_pose_stays() -> None:
 
 
 def test_a_pose_that_is_no_number_is_refused() -> None:
-    with pytest.raises(ShapeError, match="poses to refine holds NaN"):
+    with pytest.raises(ShapeError, match="pose to refine holds NaN"):
         NET.refine(TARGET, np.full((4, 4), np.nan))
 
 

@@ -29,14 +29,6 @@ class Refiner(Protocol):
         ...
 
 
-class PoolRefiner(Refiner, Protocol):
-    """A refiner that takes several poses of one object at once, as networks do."""
-
-    def refine_all(self, target: Target, Ts_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
-        """N refined poses (N, 4, 4), each with the bits that :meth:`refine` gives it alone."""
-        ...
-
-
 class Simulator(Protocol):
     """Lets an object move under gravity for a moment."""
 

@@ -75,17 +75,13 @@ class DepthNet:
         Raises:
             InputError: the network's answer is not finite.
         """
-        return self.refine_all(target, T_cam_obj[None], fixed)[0]
+        return self.steps(target, T_cam_obj)[-1].Ts_cam_obj[0]
 
-    def refine_all(self, target: Target, Ts_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
-        """N refined poses (N, 4, 4), each with the bits that :meth:`refine` gives it alone."""
-        return self.steps(target, Ts_cam_obj)[-1].Ts_cam_obj
-
-    def steps(self, target: Target, Ts_cam_obj: Float) -> list[Step]:
-        """Every step from N poses (N, 4, 4), with what the network saw and answered."""
+    def steps(self, target: Target, T_cam_obj: Float) -> list[Step]:
+        """Every step from a pose (4, 4), with what the network saw and answered."""
         observation, instance = target.observation, target.instance
         mesh, extent = self._meshes.get(target.model), self._extent(target.model)
-        Ts = finite(Ts_cam_obj, "poses to refine", (None, 4, 4))
+        Ts = finite(T_cam_obj, "pose to refine", (4, 4))[None]
         steps = []
         for _ in range(self.settings.iterations):
             crops = crops_at(observation.depth_m, instance.mask, observation.camera, mesh, extent, Ts)
@@ -114,10 +110,6 @@ class DepthNetIcp:
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
         """The refined pose (4, 4); as :meth:`DepthNet.refine`."""
         return self._icp.refine(target, self._net.refine(target, T_cam_obj, fixed), fixed)
-
-    def refine_all(self, target: Target, Ts_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
-        """N refined poses (N, 4, 4), each with the bits that :meth:`refine` gives it alone."""
-        return np.stack([self._icp.refine(target, T, fixed) for T in self._net.refine_all(target, Ts_cam_obj, fixed)])
 
 
 def step_from(Ts_cam_obj: Float, crops: Crops, network: OnnxNetwork, extent: Extent) -> Step:
