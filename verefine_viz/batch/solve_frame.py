@@ -96,7 +96,13 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> FrameResu
     keep, watch = toolbox.session.recording.keep, _Stopwatch()
     with watch("read"):
         problem = toolbox.problem(frame, lambda: watch("prepare"))
-    recorder = Recorder(out / "recordings" / f"{file_stem(frame)}.rrd", toolbox.session, problem, toolbox.verifier_of)
+    recorder = Recorder(
+        out / "recordings" / f"{file_stem(frame)}.rrd",
+        toolbox.session,
+        problem,
+        toolbox.verifier_of,
+        refiner_of=toolbox.refiner_of,
+    )
     timed = _TimedRecorder(recorder, watch)
     try:
         with watch("start"):

@@ -161,6 +161,11 @@ class Method(Protocol[S]):
         """What it scores poses with."""
         ...
 
+    @property
+    def refiner(self) -> Refiner:
+        """What it refines with."""
+        ...
+
     def rescored(self, state: S) -> S:
         """The same state with every pose in it re-scored by :attr:`verifier`: another one had scored them.
 

@@ -11,7 +11,7 @@ from typing import Self
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.problem import Placed, Problem
-from verefine_viz.core.protocols import Verifier
+from verefine_viz.core.protocols import Refiner, Verifier
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.methods.arms import ObjectState
@@ -106,6 +106,10 @@ class PerObject:
     @property
     def verifier(self) -> Verifier:
         return self.method.verifier
+
+    @property
+    def refiner(self) -> Refiner:
+        return self.method.chain.refiner
 
     def rescored(self, state: FrameState) -> FrameState:
         state = self._adopted(state)

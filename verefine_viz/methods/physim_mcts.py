@@ -149,6 +149,10 @@ class PhysimMcts:
     def verifier(self) -> Verifier:
         return self.scene.verifier
 
+    @property
+    def refiner(self) -> Refiner:
+        return self.scene.refiner
+
     def rescored(self, state: FrameState) -> FrameState:
         """
         Raises:

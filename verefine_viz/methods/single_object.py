@@ -42,6 +42,9 @@ BeginScore = Callable[[Stage], None]
 class Chain(Protocol):
     """How a hypothesis moves on."""
 
+    @property
+    def refiner(self) -> Refiner: ...
+
     def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], begin: BeginScore) -> Draft:
         """The poses of iteration ``k`` = 1, 2, … of a hypothesis that is at ``T_cam_obj``.
 
@@ -110,6 +113,10 @@ class Sir:
     pir: Pir
     sim_candidate: Literal["full", "rotation_only"] = "full"
     """Whether the simulator's whole pose may be accepted (authors' code) or its rotation only."""
+
+    @property
+    def refiner(self) -> Refiner:
+        return self.pir.refiner
 
     def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], begin: BeginScore) -> Draft:
         draft = self.pir.draft(target, T_cam_obj, k, fixed, begin)

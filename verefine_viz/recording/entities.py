@@ -33,6 +33,8 @@ UNKNOWN = f"{SUPPORT}/unknown_objects"
 
 MAPS = "/maps"
 SCENE_MAPS = "/scene_maps"
+REFINER = "/refiner/steps"
+REFINER_WORDS = "/refiner/numbers"
 CURVES = "/curves"
 BANDIT = "/bandit"
 LANE = "/events/lane"

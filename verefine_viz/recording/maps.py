@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,10 @@ from verefine_viz.core.palette import EMPTY, depth_scale, rgb
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Iteration, Stage
+from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.scores import COLOUR_MAPS, MapName, PixelGrid, ScoreMaps
 from verefine_viz.pictures.map_images import MapImages, depth_indices, palette_of, scales_of
+from verefine_viz.pictures.refiner_crops import step_picture, step_words
 from verefine_viz.recording import entities
 from verefine_viz.recording.recording_file import RecordingFile
 
@@ -134,6 +137,21 @@ class Maps:
         tile = image[self._at.rows[:, None], self._at.columns]
         tile[self._outside] = 0
         return tile
+
+
+def send_refiner_steps(file: RecordingFile, refiner: LearnedRefiner, target: Target, iteration: Iteration) -> None:
+    """What a learned refiner saw and answered in an iteration: a picture of its steps, and the same in numbers."""
+    starts = [a.T_cam_obj for a, b in pairwise(iteration.stages) if b.name == "refined"]
+    steps = refiner.explain(target, starts[0]) if starts else ()
+    if not steps:
+        return
+    gap = np.full((step_picture(steps[0]).shape[0], GAP_PX, 3), EMPTY, np.uint8)
+    parts = [part for step in steps for part in (step_picture(step), gap)]
+    picture = rr.Image(np.concatenate(parts[:-1], axis=1)).compress(jpeg_quality=85)
+    words = rr.TextDocument("\n".join(f"step {k}: {', '.join(step_words(step))}" for k, step in enumerate(steps, 1)))
+    for entity, archetype in ((entities.REFINER, picture), (entities.REFINER_WORDS, words)):
+        row = [rr.ComponentColumn(b.component_descriptor(), b) for b in archetype.as_component_batches()]
+        file.send(entity, [iteration.index], row)
 
 
 def compared(iteration: Iteration) -> tuple[Stage, Stage]:

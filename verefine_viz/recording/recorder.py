@@ -16,8 +16,9 @@ from numba import njit
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Placed, Problem, Target
-from verefine_viz.core.protocols import RunState, Verifier
+from verefine_viz.core.protocols import Refiner, RunState, Verifier
 from verefine_viz.core.records import Best, Iteration, PlacedPose
+from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.landscape import Landscape, landscape
 from verefine_viz.evaluation.pose_errors import add_s_mm
@@ -27,7 +28,7 @@ from verefine_viz.recording.entities import branch
 from verefine_viz.recording.graphs import log_dependencies
 from verefine_viz.recording.landscapes import log_landscape
 from verefine_viz.recording.lossless_log import Entry, Journal
-from verefine_viz.recording.maps import SCENE_TILE_PX, Maps, PendingMaps, log_colors
+from verefine_viz.recording.maps import SCENE_TILE_PX, Maps, PendingMaps, log_colors, send_refiner_steps
 from verefine_viz.recording.recorded_layout import Layout, layout_of
 from verefine_viz.recording.recording_file import RecordingFile, journal_path, part_path
 from verefine_viz.recording.views import blueprint_of
@@ -68,6 +69,7 @@ class Recorder:
         problem: Problem,
         verifier_of: Callable[[int], Verifier] | None = None,
         block: int = BLOCK,
+        refiner_of: Callable[[int], Refiner] | None = None,
     ) -> None:
         """Nothing is written before :meth:`on_start`.
 
@@ -77,11 +79,13 @@ class Recorder:
             problem: the frame.
             verifier_of: what scored iteration k, to make its score maps; None = no maps, whatever the session says.
             block: iterations drawn together, with score maps at most 10.
+            refiner_of: what refined in iteration k, to draw beside the maps what a learned one saw; None = not drawn.
         """
         self._path = path
         self._session = session
         self._problem = problem
         self._verifier_of = verifier_of if session.recording.maps else None
+        self._refiner_of = refiner_of
         self._block = block if self._verifier_of is None else min(block, BLOCK_WITH_MAPS)
         self._file: RecordingFile | None = None
         self._pending: list[Entry] = []
@@ -162,7 +166,9 @@ class Recorder:
         try:
             self._draw(file)
             # Last: where a file is truncated, its iterations matter more.
-            file.send_blueprint(blueprint_of(self._layout, self._verifier_of is not None, self._has_colour))
+            file.send_blueprint(
+                blueprint_of(self._layout, self._verifier_of is not None, self._has_colour, self._has_refiner)
+            )
             file.close(self._n_drawn)
             # The journal is not needed any more.
             part_path(self._path).replace(self._path)
@@ -176,6 +182,11 @@ class Recorder:
     def _has_colour(self) -> bool:
         """Whether the colour term counts when the recording begins."""
         return self._verifier_of is not None and self._session.score.colour_weight > 0
+
+    @property
+    def _has_refiner(self) -> bool:
+        """Whether the refiner is a learned one when the recording begins."""
+        return self._refiner_of is not None and isinstance(self._refiner_of(1), LearnedRefiner)
 
     def _draw(self, file: RecordingFile) -> None:
         """Draws the iterations that wait for their block."""
@@ -193,6 +204,9 @@ class Recorder:
             self._maps = (iteration.instance_id, verifier, maps)
             maps.send_observed(file, iteration.index)
         self._maps[2].add_pair(self._pending_maps, iteration, placed)
+        refiner = self._refiner_of(iteration.index) if self._refiner_of is not None else None
+        if isinstance(refiner, LearnedRefiner):
+            send_refiner_steps(file, refiner, self._targets[iteration.instance_id], iteration)
         scene = iteration.scene
         if scene is not None:
             targets = [self._targets[p.instance_id] for p in scene.poses]

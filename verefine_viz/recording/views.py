@@ -46,13 +46,13 @@ PER_OBJECT = ("score", "ucb", "error", "physics")
 DARK = (24, 26, 30)
 
 
-def blueprint_of(layout: Layout, has_maps: bool, has_colour: bool = False) -> rrb.Blueprint:
+def blueprint_of(layout: Layout, has_maps: bool, has_colour: bool = False, has_refiner: bool = False) -> rrb.Blueprint:
     """The whole window: an overview, and a tab for each thing that only several objects have."""
     below = _curves(layout)
     overview = rrb.Vertical(
         rrb.Horizontal(
             _pictures(layout, has_maps),
-            *([_maps(layout, has_colour)] if has_maps else []),
+            *([_maps(layout, has_colour, has_refiner)] if has_maps else []),
             _why(layout),
             column_shares=[5, 4, 3] if has_maps else [6, 3],
         ),
@@ -155,7 +155,7 @@ def _eye(layout: Layout) -> rrb.EyeControls3D:
     return rrb.EyeControls3D(position=layout.eye_world, look_target=layout.center_world, eye_up=(0.0, 0.0, 1.0))
 
 
-def _maps(layout: Layout, has_colour: bool) -> rrb.Container:
+def _maps(layout: Layout, has_colour: bool, has_refiner: bool) -> rrb.Container:
     def view(name: str, title: str) -> rrb.View:
         return rrb.Spatial2DView(origin=f"{entities.MAPS}/{name}", name=title)
 
@@ -166,6 +166,10 @@ def _maps(layout: Layout, has_colour: bool) -> rrb.Container:
     ]
     if has_colour:
         tabs.append(rrb.Grid(*(view(*one) for one in COLOUR_TITLES.items()), grid_columns=1, name="Colour"))
+    if has_refiner:
+        saw = rrb.Spatial2DView(origin=entities.REFINER, name="Its steps")
+        numbers = rrb.TextDocumentView(origin=entities.REFINER_WORDS, name="In numbers")
+        tabs.append(rrb.Vertical(saw, numbers, row_shares=[3, 1], name="What the refiner saw"))
     if layout.has_passes:
         scene = [
             rrb.Spatial2DView(origin=f"{entities.SCENE_MAPS}/{name}", name=title)

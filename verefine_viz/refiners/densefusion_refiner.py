@@ -5,10 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from weakref import WeakKeyDictionary
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
 from verefine_viz.core.algorithm_settings import DenseFusionSettings
 from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.refiner_steps import RefinerStep
+from verefine_viz.learned.densefusion_input import MEAN, STD
 from verefine_viz.learned.densefusion_steps import Colours
 from verefine_viz.networks.densefusion_weights import pose_network, refine_network
 
@@ -49,3 +54,31 @@ class DenseFusionRefiner:
         if colours is None:
             return T_cam_obj
         return self._steps.refined(T, colours, target.model.obj_id, self.settings.iterations)
+
+    def explain(self, target: Target, T_cam_obj: Float) -> list[RefinerStep]:
+        """The crop of the image with its points, and the pose's change step by step, seen by the camera."""
+        crop = self._pose.crop(target)
+        if crop is None:
+            return []
+        poses, obj_id = self._pose.poses_of(crop, target.model.obj_id), target.model.obj_id
+        width = crop.image.shape[3]
+        rows, columns = np.divmod(crop.chosen, width)
+        points_px = np.stack([columns, rows], axis=1).astype(np.float64)
+        colours = crop.image[0].transpose(1, 2, 0) * STD + MEAN
+        image = np.clip(np.rint(colours), 0, 255).astype(np.uint8)
+        steps, T = [], T_cam_obj
+        for _ in range(self.settings.iterations):
+            before, T = T, self._steps.refined(T, poses.colours, obj_id, 1)
+            steps.append(
+                RefinerStep(
+                    crops={"image": image},
+                    limits={},
+                    turn=Rotation.from_matrix(T[:3, :3] @ before[:3, :3].T).as_rotvec(),
+                    shift_m=T[:3, 3] - before[:3, 3],
+                    centre_px=points_px.mean(axis=0),
+                    px_per_m=target.observation.camera.fx / float(crop.points[0, :, 2].mean()),
+                    points_px=points_px,
+                    confidence=float(poses.confidences.max()),
+                )
+            )
+        return steps

@@ -7,7 +7,7 @@ called after it, makes the rest of the way.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from weakref import WeakKeyDictionary
@@ -19,7 +19,19 @@ from verefine_viz.core.algorithm_settings import DepthNetSettings, IcpSettings
 from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed, Target
-from verefine_viz.learned.depth_crops import FORMAT, Crops, Extent, crops_at, extent_of, moved_by
+from verefine_viz.core.refiner_steps import RefinerStep
+from verefine_viz.learned.depth_crops import (
+    CHANNELS,
+    DEEPEST,
+    FORMAT,
+    REACH,
+    SIDE_PX,
+    Crops,
+    Extent,
+    crops_at,
+    extent_of,
+    moved_by,
+)
 from verefine_viz.learned.onnx_network import PACKAGED, OnnxNetwork
 from verefine_viz.refiners.icp import Icp
 from verefine_viz.rendering.prepared import MeshStore
@@ -89,6 +101,40 @@ class DepthNet:
             Ts = steps[-1].Ts_cam_obj
         return steps
 
+    def explain(self, target: Target, T_cam_obj: Float) -> list[RefinerStep]:
+        """What the network saw and answered, step by step; a step that is not worth it is not taken."""
+        extent = self._extent(target.model)
+        return [
+            self._explained(step.channels[0], step.answers[0], extent)
+            for step in self.steps(target, T_cam_obj)
+            if step.channels.any()
+        ]
+
+    def _explained(self, channels: NDArray[np.float32], answer: Float, extent: Extent) -> RefinerStep:
+        of: dict[str, NDArray[np.float32]] = dict(zip(CHANNELS, channels, strict=True))
+        both = (of["own"] > 0) & (of["drawn"] > 0)
+        shown = {"observed": of["measured"] > 0, "rendered": of["drawn"] > 0, "difference": both}
+        step, expected_radii = _bounded(answer), float(np.exp(answer[6]))
+        card = self._network.card
+        trained = card.about.get("trained_range") if card is not None else None
+        return RefinerStep(
+            crops={name: np.where(where, of[name], np.float32(np.nan)) for name, where in shown.items()}
+            | {"masks": of["own"] + 2 * of["drawn"]},
+            limits={
+                "observed": (-DEEPEST, DEEPEST),
+                "rendered": (-DEEPEST, DEEPEST),
+                "difference": (-1.0, 1.0),
+                "masks": (0.0, 3.0),
+            },
+            turn=step[:3],
+            shift_m=step[3:] * extent.radius_m,
+            centre_px=np.full(2, (SIDE_PX - 1) / 2),
+            px_per_m=SIDE_PX / (2 * REACH * extent.radius_m),
+            is_taken=_is_worth_it(step, answer),
+            expected_mm=1e3 * expected_radii * extent.radius_m,
+            trained_mm=None if trained is None else 1e3 * _largest_error(trained) * extent.radius_m,
+        )
+
     def _extent(self, model: ObjectModel) -> Extent:
         extent = self._extents.get(model)
         if extent is None:
@@ -111,6 +157,10 @@ class DepthNetIcp:
         """The refined pose (4, 4); as :meth:`DepthNet.refine`."""
         return self._icp.refine(target, self._net.refine(target, T_cam_obj, fixed), fixed)
 
+    def explain(self, target: Target, T_cam_obj: Float) -> list[RefinerStep]:
+        """The network's part, which comes first."""
+        return self._net.explain(target, T_cam_obj)
+
 
 def step_from(Ts_cam_obj: Float, crops: Crops, network: OnnxNetwork, extent: Extent) -> Step:
     """The network's step from N poses (N, 4, 4) with their crops; a pose whose crop shows nothing stays as it is."""
@@ -124,11 +174,26 @@ def step_from(Ts_cam_obj: Float, crops: Crops, network: OnnxNetwork, extent: Ext
 
 
 def _taken(answer: Float) -> Float:
-    """The step (6,) of an answer (7,), turn and shift no longer than what a step may be; 0 where it is not worth it."""
+    """The step (6,) of an answer (7,); 0 where it is not worth it."""
+    step = _bounded(answer)
+    return step if _is_worth_it(step, answer) else np.zeros(6)
+
+
+def _bounded(answer: Float) -> Float:
+    """The step (6,) of an answer (7,), turn and shift no longer than what a step may be."""
     step = answer[:6].copy()
     for part, longest in ((step[:3], LARGEST_RAD), (step[3:], LARGEST_SHIFT)):
         length = float(np.sqrt(part @ part))
         if length > longest:
             part *= longest / length
+    return step
+
+
+def _is_worth_it(step: Float, answer: Float) -> bool:
     moved = TURN_RADII * np.sqrt(step[:3] @ step[:3]) + np.sqrt(step[3:] @ step[3:])
-    return step if moved > LEAST_SHARE * np.exp(answer[6]) else np.zeros(6)
+    return bool(moved > LEAST_SHARE * np.exp(answer[6]))
+
+
+def _largest_error(trained_range: Mapping[str, float]) -> float:
+    """Mean error of the points of a pose at the border of what a model card names [radii]."""
+    return TURN_RADII * np.deg2rad(trained_range["rotation_deg"]) + trained_range["shift_radii"]

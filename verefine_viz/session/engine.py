@@ -122,6 +122,10 @@ class Run:
         """The method that makes the iteration after the cursor."""
         return self._plan.method_at(self.cursor)
 
+    def method_of(self, index: int) -> Method[Any]:
+        """The method that makes iteration ``index`` = 1, 2, …"""
+        return self._plan.method_at(index - 1)
+
     @property
     def final_verifier(self) -> Verifier:
         """What the answers so far are scored by."""

@@ -259,6 +259,10 @@ class Toolbox:
         """What scores iteration ``index`` = 1, 2, … of a run of this session."""
         return next((t for k, t in reversed(self._later) if k < index), self).verifier
 
+    def refiner_of(self, index: int) -> Refiner:
+        """What refines in iteration ``index`` = 1, 2, … of a run of this session."""
+        return next((t for k, t in reversed(self._later) if k < index), self).method.refiner
+
     def prepare(self, problem: Problem) -> None:
         """Builds what is built once per model and cached on disk, so that no iteration waits for it (seconds each).
 

@@ -109,7 +109,14 @@ class Exporter:
 
         space = state.workspace
         run, branch = space.run, space.branch
-        recorder = Recorder(path, space.session, run.problem, lambda k: branch.evaluator_of(k).verifier, block=1)
+        recorder = Recorder(
+            path,
+            space.session,
+            run.problem,
+            lambda k: branch.evaluator_of(k).verifier,
+            block=1,
+            refiner_of=lambda k: run.method_of(k).refiner,
+        )
         try:
             # A fork at the end shows its watchers the whole history and changes nothing.
             run.fork(run.length, watchers=(ReportsProgress(self._progress, run.length), recorder)).close()

@@ -10,8 +10,10 @@ import numpy as np
 import viser
 
 from verefine_viz.core.palette import CLASS_COLORS, Scale
+from verefine_viz.core.refiner_steps import RefinerStep
 from verefine_viz.core.scores import MAP_NAMES, MapName
 from verefine_viz.pictures.map_images import MapImages, palette_of
+from verefine_viz.pictures.refiner_crops import step_picture, step_words
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.bandit_tables import passes_table
 from verefine_viz.viewer.drawing.markup import Row, carries, focus_label, number, sentence, swatch, table, text
@@ -140,11 +142,18 @@ WORDS_ON_BAR: dict[MapName, tuple[str, str]] = {
 """At the ends of a colour bar: where the model lies, against what was observed."""
 
 
+REFINED_NOWHERE = '<p class="dim">No refined pose here.</p>'
 WIPE = (
     '<span>all B</span><input type="range" min="0" max="100" value="0" aria-label="A or B" '
     'title="drag the line: A on its left, B on its right"><span>all A</span>'
 )
 """Where the line between A and B is in the Maps layout; each browser's own (``assets/page.js``)."""
+
+SWITCH = (
+    '<label title="the crops that the network saw in this iteration, and its steps">'
+    '<input type="checkbox">what the refiner saw</label>'
+)
+"""Shows the refiner's crops instead of the maps; each browser's own."""
 
 NAME_LENGTH = 7
 """Characters of a name for which there is room beside the maps, where they are not all of the page."""
@@ -155,12 +164,14 @@ class MapsPanel:
 
     def __init__(self, gui: viser.GuiApi) -> None:
         Block(gui, "maps-wipe").show(WIPE)
+        self._switch = Block(gui, "refiner-switch")
         self._strip = Block(gui, "strip")
 
     def show(self, snapshot: Snapshot) -> None:
         """New pictures; the old ones stay until they are known."""
         if snapshot.deep:
-            self._strip.show(maps_html(snapshot))
+            self._switch.show("" if snapshot.refiner_steps is None else SWITCH)
+            self._strip.show(maps_html(snapshot) + refiner_html(snapshot.refiner_steps))
 
 
 def maps_html(snapshot: Snapshot) -> str:
@@ -187,6 +198,18 @@ def maps_html(snapshot: Snapshot) -> str:
     who = f'<div class="who">{whose}{names[0]}{observed}{"".join(names[1:])}<span class="maps-readout"></span></div>'
     kind = "maps coloured" if "correlation" in shown else "maps"
     return f'<div class="{kind}">{who}{"".join(columns)}</div>'
+
+
+def refiner_html(steps: Sequence[RefinerStep] | None) -> str:
+    """What a learned refiner saw, a picture a step; nothing for other refiners."""
+    if steps is None:
+        return ""
+    figures = "".join(
+        f'<figure><img src="{data_uri(png(step_picture(step)))}" alt="step {k}: what the refiner saw">'
+        f"<figcaption><b>step {k}</b> {'<br>'.join(map(text, step_words(step)))}</figcaption></figure>"
+        for k, step in enumerate(steps, 1)
+    )
+    return f'<div class="refiner">{figures or REFINED_NOWHERE}</div>'
 
 
 def _column(name: MapName, tiles: Sequence[str], scales: Mapping[MapName, Scale]) -> str:

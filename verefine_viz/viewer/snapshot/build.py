@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Instance, Problem, Target
 from verefine_viz.core.records import Best, Iteration
+from verefine_viz.core.refiner_steps import LearnedRefiner, RefinerStep
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import Cause
@@ -136,6 +138,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         if options.whole_scene
         else {},
         physics=known_physics(scene, evaluator),
+        refiner_steps=_refiner_steps(branch, target, shown if "refined" in poses else None),
         deep=deep,
         message=state.message,
         refused=state.refused,
@@ -147,6 +150,16 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
 
 def _track(source: object) -> tuple[tuple[str, Float | None], ...]:
     return source.track if isinstance(source, RecordedSource) else ()
+
+
+def _refiner_steps(branch: Branch, target: Target, shown: Iteration | None) -> Sequence[RefinerStep] | None:
+    """Of the iteration; no step where none is shown, None where the refiner is not a learned one."""
+    refiner = (branch.run.method if shown is None else branch.run.method_of(shown.index)).refiner
+    if not isinstance(refiner, LearnedRefiner):
+        return None
+    pairs = pairwise(shown.stages) if shown is not None else ()
+    starts = [before.T_cam_obj for before, after in pairs if after.name == "refined"]
+    return branch.evaluator.refiner_steps(refiner, target, starts[0]) if starts else ()
 
 
 def state_of(state: Any, target: Target) -> Any:

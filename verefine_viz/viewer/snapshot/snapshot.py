@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +12,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import RGB, SIDE_COLORS, STAGE_COLORS
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Best, Iteration
+from verefine_viz.core.refiner_steps import RefinerStep
 from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Edit, Session
 from verefine_viz.diagnosis.ambiguity import OtherPose
@@ -181,6 +182,8 @@ class Snapshot:
     """By iteration: errors of the best pose of its object; empty unless the whole scene is shown."""
     physics: ScenePhysics
     """What is known by now about the scene."""
+    refiner_steps: Sequence[RefinerStep] | None = None
+    """What the refiner saw in the iteration that is shown; None where it is not a learned one."""
     deep: bool = True
     """Whether score maps, the probed pixel and plausibility were worked out; else panels keep theirs. While a
     pose is edited plausibility always is: it has to follow the pose."""

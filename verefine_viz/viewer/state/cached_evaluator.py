@@ -15,6 +15,7 @@ from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Iteration
+from verefine_viz.core.refiner_steps import LearnedRefiner, RefinerStep
 from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.ambiguity import OtherPose, other_pose, run_poses
@@ -70,6 +71,11 @@ class CachedEvaluator:
         """The score of one pose pixel by pixel."""
         key = _key("maps", target, T_cam_obj)
         return self._remember(key, lambda: self._toolbox.verifier.maps(target, T_cam_obj))
+
+    def refiner_steps(self, refiner: LearnedRefiner, target: Target, T_cam_obj: Float) -> Sequence[RefinerStep]:
+        """What a learned refiner saw and answered when it was called at a pose."""
+        key = (*_key("refiner maps", target, T_cam_obj), id(refiner))
+        return self._remember(key, lambda: refiner.explain(target, T_cam_obj))
 
     def scene_score(self, targets: Sequence[Target], Ts_cam_obj: Float, whole_frame: bool = False) -> PoseScore:
         """The score of one combination of poses (m, 4, 4) as a scene."""

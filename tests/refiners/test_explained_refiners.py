@@ -1,0 +1,89 @@
+"""What learned refiners say about a call is what they do, and it can be drawn."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.fakes import box_problem
+from tests.learned.tiny_network import constant_network
+from verefine_viz.core.algorithm_settings import DepthNetSettings
+from verefine_viz.core.geometry import angle_between
+from verefine_viz.core.refiner_steps import LearnedRefiner, RefinerStep
+from verefine_viz.core.settings import Session
+from verefine_viz.pictures.refiner_crops import step_picture, step_words
+from verefine_viz.refiners.depth_net import LARGEST_RAD, DepthNet
+from verefine_viz.refiners.registry import make_refiner
+
+TARGET = box_problem().targets[0]
+STARTS = [h.T_cam_obj for h in box_problem(7).targets[0].instance.hypotheses]
+NET = DepthNet(DepthNetSettings(), 0.0)
+
+
+def explained(folder: Path, answer: list[float]) -> RefinerStep:
+    (folder / "net.onnx").write_bytes(constant_network(np.array(answer)))
+    (step,) = DepthNet(DepthNetSettings(weights=str(folder / "net.onnx"), iterations=1), 0.0).explain(TARGET, STARTS[0])
+    return step
+
+
+def test_only_learned_refiners_explain_themselves() -> None:
+    learned = {name for name in ("icp", "trimmed_icp", "identity", "depth_net", "depth_net_icp")
+               if isinstance(make_refiner(name, Session()), LearnedRefiner)}  # fmt: skip
+    assert learned == {"depth_net", "depth_net_icp"}
+
+
+@pytest.mark.parametrize("T", STARTS)
+def test_the_steps_of_an_explanation_are_those_that_were_made(T: np.ndarray) -> None:
+    """Turn and shift of each step against the poses before and after it."""
+    poses = [T, *(step.Ts_cam_obj[0] for step in NET.steps(TARGET, T))]
+    centre = (TARGET.model.vertices.min(axis=0) + TARGET.model.vertices.max(axis=0)) / 2
+    for (before, after), step in zip(pairwise(poses), NET.explain(TARGET, T), strict=True):
+        moved_m = np.linalg.norm((after - before)[:3, :3] @ centre + (after - before)[:3, 3])
+        turned_rad = angle_between(after[:3, :3], before[:3, :3])
+        assert turned_rad == pytest.approx(np.linalg.norm(step.turn) if step.is_taken else 0, abs=1e-6)
+        assert moved_m == pytest.approx(np.linalg.norm(step.shift_m) if step.is_taken else 0, abs=1e-9)
+
+
+def test_explaining_changes_no_answer() -> None:
+    refiner = make_refiner("depth_net_icp", Session())
+    assert isinstance(refiner, LearnedRefiner)
+    first = refiner.refine(TARGET, STARTS[0])
+    refiner.explain(TARGET, STARTS[1])
+    assert np.array_equal(refiner.refine(TARGET, STARTS[0]), first)
+
+
+def test_a_step_that_is_not_taken_and_one_that_is_shortened_say_so(tmp_path: Path) -> None:
+    radius_mm = 500 * TARGET.model.diameter_m
+    stays = explained(tmp_path, [0, 0, 0, 0.1, 0, 0, np.log(0.3)])
+    assert not stays.is_taken
+    assert stays.expected_mm == pytest.approx(0.3 * radius_mm, rel=1e-5)
+    assert "not taken" in step_words(stays)[0]
+    long = explained(tmp_path, [50.0, 0, 0, 0, 0, 0, -3.0])
+    assert np.linalg.norm(long.turn) == pytest.approx(LARGEST_RAD)
+
+
+def test_an_expected_error_beyond_the_trained_range_is_said_with_both_numbers() -> None:
+    (step, *_) = NET.explain(TARGET, STARTS[0])
+    assert step.trained_mm is not None
+    beyond = RefinerStep(**{**vars(step), "expected_mm": 2 * step.trained_mm})
+    assert f"trained to {step.trained_mm:.0f} mm" in step_words(beyond)[1]
+    assert "trained" not in step_words(RefinerStep(**{**vars(step), "expected_mm": step.trained_mm / 2}))[1]
+
+
+def test_the_line_over_the_rendered_crop_is_the_shift(tmp_path: Path) -> None:
+    """The picture of a step to the right differs from that of none right of the middle only."""
+    still, right = (explained(tmp_path, [0, 0, 0, x, 0, 0, -9.0]) for x in (0.0, 0.5))
+    changed = np.argwhere((step_picture(still) != step_picture(right)).any(axis=2))
+    height, width = step_picture(right).shape[:2]
+    assert len(changed)
+    assert (changed[:, 0] < height / 2).all()
+    assert (changed[:, 1] >= 3 * width / 4 - 6).all()
+
+
+def test_out_of_sight_nothing_is_explained() -> None:
+    away = np.array(STARTS[0])
+    away[2, 3] = -1.0
+    assert NET.explain(TARGET, away) == []
