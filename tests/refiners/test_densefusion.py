@@ -8,13 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tests.learned.test_densefusion_steps import OFFSET, QUAT, coloured_target
 from tests.learned.tiny_network import pose_network, refine_network
 from verefine_viz.core.algorithm_settings import DenseFusionSettings
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
+from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators.registry import make_estimator
+from verefine_viz.pictures.refiner_crops import step_picture
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.verify import first_difference, verify
 from verefine_viz.refiners.registry import WEIGHTS, make_refiner
@@ -185,3 +188,23 @@ def test_stepping_headless_and_replaying_are_the_same(tmp_path: Path, method: st
     again = verify(file)
     assert again.difference is None
     assert again.n_compared == headless.length
+
+
+def test_its_explanation_is_what_it_does(tmp_path: Path) -> None:
+    """Turn and shift of the steps, one after another, lead from the start to the refined pose."""
+    refiner = make_refiner("densefusion", session(tmp_path, iterations=3))
+    assert isinstance(refiner, LearnedRefiner)
+    steps = refiner.explain(TARGET, START)
+    assert len(steps) == 3
+    T, colours = np.array(START), TARGET.observation.rgb
+    for step in steps:
+        T[:3, :3] = Rotation.from_rotvec(step.turn).as_matrix() @ T[:3, :3]
+        T[:3, 3] += step.shift_m
+    np.testing.assert_allclose(T, refiner.refine(TARGET, START), atol=1e-9)
+    assert colours is not None
+    seen = colours[TARGET.instance.mask].astype(int)
+    assert steps[0].points_px is not None
+    at = steps[0].crops["image"][tuple(steps[0].points_px.astype(int).T[::-1])]
+    assert all((np.abs(seen - one).max(axis=1) <= 1).any() for one in at[:20].astype(int))
+    assert 0 < (steps[0].confidence or 0) < 1
+    assert step_picture(steps[0]).shape[2] == 3

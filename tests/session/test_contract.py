@@ -19,7 +19,9 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
+from verefine_viz.recording import entities
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.recording.verify import first_difference, verify
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import resolve
@@ -150,3 +152,24 @@ def test_flips_bring_the_pack_the_right_way_up_by_colour_and_by_nothing_else() -
         errors[flips, weight] = pose_errors(target.model, best.T_cam_obj, target.instance.T_cam_obj_gt).relative
     assert errors[True, 0.1] < 0.05
     assert min(errors[True, 0.0], errors[False, 0.0], errors[False, 0.1]) > 0.3
+
+
+def test_with_a_learned_refiner_stepping_headless_and_replaying_are_the_same(tmp_path: Path) -> None:
+    """What it saw is drawn into the recording and changes nothing."""
+    raw = session_of("rir")
+    raw["method"] = {"name": "rir", "iterations": 2, "refiner": "depth_net_icp"}
+    box, problem = Toolbox(resolve(raw)), two_objects("recommended")
+    headless = box.run(problem)
+    headless.finish()
+    stepped = Toolbox(resolve(raw)).run(problem)
+    while not stepped.at_end:
+        stepped.step()
+    assert first_difference(headless.iterations, stepped.iterations) is None
+    recorder = Recorder(tmp_path / "run.rrd", box.session, problem, box.verifier_of, refiner_of=box.refiner_of)
+    recorded = box.run(problem, [recorder])
+    recorded.finish()
+    assert first_difference(headless.iterations, recorded.iterations) is None
+    drawn = [chunk for chunk in chunks_of(tmp_path / "run.rrd") if chunk.entity_path == entities.REFINER]
+    assert sum(chunk.num_rows for chunk in drawn) == len(headless.iterations)
+    again = verify(tmp_path / "run.rrd")
+    assert again.difference is None

@@ -151,7 +151,7 @@ WIPE = (
 
 SWITCH = (
     '<label title="the crops that the network saw in this iteration, and its steps">'
-    '<input type="checkbox">what the refiner saw</label>'
+    '<input type="checkbox" aria-label="what the refiner saw">refiner</label>'
 )
 """Shows the refiner's crops instead of the maps; each browser's own."""
 
