@@ -162,8 +162,8 @@ class Method(Protocol[S]):
         ...
 
     @property
-    def refiner(self) -> Refiner:
-        """What it refines with."""
+    def refiner(self) -> Refiner | None:
+        """What it refines with; None where it repeats recorded steps."""
         ...
 
     def rescored(self, state: S) -> S:

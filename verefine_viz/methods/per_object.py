@@ -108,7 +108,7 @@ class PerObject:
         return self.method.verifier
 
     @property
-    def refiner(self) -> Refiner:
+    def refiner(self) -> Refiner | None:
         return self.method.chain.refiner
 
     def rescored(self, state: FrameState) -> FrameState:

@@ -39,6 +39,8 @@ class AsRecorded:
 class NoSteps:
     """The chain of a hypothesis whose recorded steps are all taken: it stays where it is."""
 
+    refiner = None
+
     def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], begin: BeginScore) -> Draft:
         return Draft((Stage("refined", T_cam_obj),), ("refined",), why_stuck="nothing was recorded for it")
 

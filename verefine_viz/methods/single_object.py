@@ -43,7 +43,7 @@ class Chain(Protocol):
     """How a hypothesis moves on."""
 
     @property
-    def refiner(self) -> Refiner: ...
+    def refiner(self) -> Refiner | None: ...
 
     def draft(self, target: Target, T_cam_obj: Float, k: int, fixed: Sequence[Placed], begin: BeginScore) -> Draft:
         """The poses of iteration ``k`` = 1, 2, … of a hypothesis that is at ``T_cam_obj``.

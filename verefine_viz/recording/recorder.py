@@ -69,7 +69,7 @@ class Recorder:
         problem: Problem,
         verifier_of: Callable[[int], Verifier] | None = None,
         block: int = BLOCK,
-        refiner_of: Callable[[int], Refiner] | None = None,
+        refiner_of: Callable[[int], Refiner | None] | None = None,
     ) -> None:
         """Nothing is written before :meth:`on_start`.
 

@@ -259,7 +259,7 @@ class Toolbox:
         """What scores iteration ``index`` = 1, 2, … of a run of this session."""
         return next((t for k, t in reversed(self._later) if k < index), self).verifier
 
-    def refiner_of(self, index: int) -> Refiner:
+    def refiner_of(self, index: int) -> Refiner | None:
         """What refines in iteration ``index`` = 1, 2, … of a run of this session."""
         return next((t for k, t in reversed(self._later) if k < index), self).method.refiner
 
