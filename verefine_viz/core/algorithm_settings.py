@@ -180,6 +180,34 @@ class DependencySettings(Settings):
     """An object whose lowest visible point is lower than this over the plane stands on it [m]."""
 
 
+class GraspSettings(Settings):
+    """The simulated grasp: a parallel gripper as wide as the Toyota HSR's, in Bullet. docs/methods.md 8.4."""
+
+    folder: InputPath = ""
+    """Folder of annotated grasps, .npy files of 4×4 transforms [m] in the object's frame, one per object, named after
+    it ("011_banana.npy", "obj_000010.npy"), relative to the session file; "" = grasps sampled on the mesh."""
+    samples: Annotated[int, Field(ge=1, le=1000)] = 64
+    """Grasps that are sampled on the mesh of an object without annotated ones."""
+    seed: Seed = 0
+    """Seeds the sampled grasps."""
+    opening_m: Annotated[float, Field(ge=0.01, le=0.5, allow_inf_nan=False)] = 0.135
+    """Distance of the open fingers [m]; that of the Toyota HSR is 0.135."""
+    force_n: Annotated[float, Field(ge=0.1, le=1000, allow_inf_nan=False)] = 40.0
+    """Force of each closing finger [N]."""
+    stop_n: Annotated[float, Field(ge=0.1, le=1000, allow_inf_nan=False)] = 10.0
+    """An approaching gripper that is pushed harder than this has collided [N]."""
+    mass_kg: Annotated[float, Field(ge=1e-3, le=100, allow_inf_nan=False)] = 0.5
+    """Mass of every object [kg]."""
+    friction: Annotated[float, Field(ge=0, le=10, allow_inf_nan=False)] = 0.5
+    """Coefficient of friction between finger and object [-]."""
+    approach_m: Annotated[float, Field(ge=0.01, le=1, allow_inf_nan=False)] = 0.10
+    """Length of the straight approach along the grasp [m]."""
+    lift_m: Annotated[float, Field(ge=0.01, le=1, allow_inf_nan=False)] = 0.15
+    """How far the object is lifted [m]."""
+    voxel_m: Annotated[float, Field(ge=0.001, le=0.1, allow_inf_nan=False)] = 0.005
+    """Side of the voxels of the observed depth that the gripper must not meet on its approach [m]."""
+
+
 MOST = {"score_falls_by": 1, "jump_mm": 10_000, "jump_deg": 180, "error_grows_by_mm": 10_000}
 """The largest threshold of each breakpoint that has one; no iteration exceeds it."""
 

@@ -16,6 +16,7 @@ from verefine_viz.core.algorithm_settings import (
     DenseFusionSettings,
     DependencySettings,
     DepthNetSettings,
+    GraspSettings,
     IcpSettings,
     MctsSettings,
     PcsSettings,
@@ -250,6 +251,7 @@ class Session(Settings):
     pcs: PcsSettings = PcsSettings()
     score: ScoreSettings = ScoreSettings()
     physics: PhysicsSettings = PhysicsSettings()
+    grasp: GraspSettings = GraspSettings()
     breakpoints: BreakpointSettings = BreakpointSettings()
     recording: RecordingSettings = RecordingSettings()
     edits: tuple[Edit, ...] = ()

@@ -136,7 +136,9 @@ class World:
         """The body of ``key`` that never moves, of convex ``parts`` (n, 3) in the world [m]; made at its first use."""
         body = self._bodies.get(key)
         if body is None:
-            body = self._bodies[key] = self._body_of(parts, np.eye(4), 0.0, friction)
+            body = self._bodies[key] = convex_body(
+                self._bullet, parts, np.eye(4), 0.0, friction, self._settings.margin_m
+            )
             self._park(body)
         return body
 
@@ -186,7 +188,9 @@ class World:
     def _made(self, collider: Collider, moves: bool) -> int:
         settings = self._settings
         mass_kg = settings.mass_kg if moves else 0.0
-        body = self._body_of(collider.parts, collider.T_obj_com, mass_kg, settings.friction)
+        body = convex_body(
+            self._bullet, collider.parts, collider.T_obj_com, mass_kg, settings.friction, settings.margin_m
+        )
         if moves:
             inertia = (collider.inertia_m2 * mass_kg).tolist()
             self._bullet.changeDynamics(body, -1, localInertiaDiagonal=inertia)
@@ -195,15 +199,18 @@ class World:
                 self._bullet.changeDynamics(body, -1, linearDamping=rate, angularDamping=rate)
         return body
 
-    def _body_of(self, parts: Sequence[Float], T_obj_com: Float, mass_kg: float, friction: float) -> int:
-        """A body of convex parts (n, 3) in the object frame."""
-        with tempfile.TemporaryDirectory() as folder:  # A new name each time: Bullet caches files by name.
-            path = Path(folder) / "parts.obj"
-            path.write_text(_wavefront(parts, T_obj_com), encoding="ascii")
-            shape = self._bullet.createCollisionShape(pybullet.GEOM_MESH, fileName=str(path))
-        body = self._bullet.createMultiBody(mass_kg, shape)
-        self._bullet.changeDynamics(body, -1, lateralFriction=friction, collisionMargin=self._settings.margin_m)
-        return body
+
+def convex_body(
+    bullet: BulletClient, parts: Sequence[Float], T_obj_com: Float, mass_kg: float, friction: float, margin_m: float
+) -> int:
+    """A new body of convex ``parts`` (n, 3) in the object frame [m], its centre of mass at the origin."""
+    with tempfile.TemporaryDirectory() as folder:  # A new name each time: Bullet caches files by name.
+        path = Path(folder) / "parts.obj"
+        path.write_text(_wavefront(parts, T_obj_com), encoding="ascii")
+        shape = bullet.createCollisionShape(pybullet.GEOM_MESH, fileName=str(path))
+    body = bullet.createMultiBody(mass_kg, shape)
+    bullet.changeDynamics(body, -1, lateralFriction=friction, collisionMargin=margin_m)
+    return body
 
 
 def damping_rate(share: float) -> float:

@@ -32,6 +32,7 @@ FILES = (
     ("densefusion", "weights"),
     ("densefusion", "refiner_weights"),
     ("physics", "mesh"),
+    ("grasp", "folder"),
 )
 """Sections and fields that name one file; of the scene and the hypotheses it depends on others what they name."""
 _READ_BY = {

@@ -1,0 +1,81 @@
+"""A grasp in Bullet: what it holds, what it does not, and that it always comes to the same."""
+
+import numpy as np
+import pytest
+
+from verefine_viz.core.algorithm_settings import GraspSettings
+from verefine_viz.core.geometry import transform
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.grasping.grasp_poses import sampled
+from verefine_viz.grasping.grasp_trial import Body, GraspPath, GraspWorld
+from verefine_viz.grasping.gripper import TIP_M
+from verefine_viz.physics.colliders import build
+from verefine_viz.scenes.demo_models import demo_model
+
+SETTINGS = GraspSettings()
+DOWN = np.diag([1.0, -1.0, -1.0])
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@pytest.fixture(scope="module")
+def block() -> ObjectModel:
+    """75 × 45 × 30 mm."""
+    return demo_model("block", 500, 0)
+
+
+def _tried(
+    model: ObjectModel, y_m: float = 0.0, tip_m: float = 0.005, settings: GraspSettings = SETTINGS, there: bool = True
+) -> GraspPath:
+    """From above, the fingers closing along y, off the middle by ``y_m``."""
+    T_world_obj = transform(np.eye(3), [0.0, 0.0, -float(model.vertices[:, 2].min())])
+    bodies = [Body(0, build(model, "hull"), T_world_obj)] if there else []
+    grasp = transform(DOWN, [0.0, y_m, TIP_M + tip_m])
+    return GraspWorld(bodies, 0, UP, settings, 0.5).run(grasp)
+
+
+def test_block_is_lifted_and_stays_between_the_fingers(block: ObjectModel) -> None:
+    path = _tried(block)
+    rise_m = path.Ts_world_obj[0][-1, 2, 3] - path.Ts_world_obj[0][0, 2, 3]
+    assert path.verdict == "success"
+    assert rise_m == pytest.approx(SETTINGS.lift_m, abs=0.005)
+    assert path.gaps_m[-1] == pytest.approx(0.045, abs=0.002)
+
+
+@pytest.mark.parametrize(
+    ("y_m", "tip_m", "verdict"),
+    [(0.055, 0.005, "collided with the target"), (0.0, -0.01, "collided with the ground"), (0.0, 0.04, "no contact")],
+)
+def test_a_wrong_pose_ends_as_it_would(block: ObjectModel, y_m: float, tip_m: float, verdict: str) -> None:
+    assert _tried(block, y_m, tip_m).verdict == verdict
+
+
+def test_an_object_that_is_gone_is_never_grasped(block: ObjectModel) -> None:
+    assert _tried(block, there=False).verdict == "no contact"
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.0, "slipped"), (0.85, "slipped"), (1.5, "success")])
+def test_the_pads_hold_what_coulomb_allows(block: ObjectModel, share: float, verdict: str) -> None:
+    needed = SETTINGS.mass_kg * 9.81 / (2 * SETTINGS.force_n)
+    assert _tried(block, settings=SETTINGS.model_copy(update={"friction": share * needed})).verdict == verdict
+
+
+def test_an_object_too_heavy_for_the_friction_slips(block: ObjectModel) -> None:
+    most_kg = 2 * SETTINGS.friction * SETTINGS.force_n / 9.81
+    assert _tried(block, settings=SETTINGS.model_copy(update={"mass_kg": 0.6 * most_kg})).verdict == "success"
+    assert _tried(block, settings=SETTINGS.model_copy(update={"mass_kg": 1.2 * most_kg})).verdict == "slipped"
+
+
+def test_same_arguments_give_the_same_bits(block: ObjectModel) -> None:
+    one, other = _tried(block, 0.01), _tried(block, 0.01)
+    assert one.Ts_world_obj[0].tobytes() == other.Ts_world_obj[0].tobytes()
+    assert one.forces_n.tobytes() == other.forces_n.tobytes()
+
+
+def test_sampled_grasps_hold_the_object_and_come_again_for_a_seed(block: ObjectModel) -> None:
+    poses = sampled(block, SETTINGS)
+    assert len(poses) == SETTINGS.samples
+    assert poses.tobytes() == sampled(block, SETTINGS).tobytes()
+    for T in poses:
+        x, y, z = ((block.points - T[:3, 3]) @ T[:3, :3]).T
+        between = (np.abs(x) < 0.01) & (z < TIP_M)
+        assert np.ptp(y[between]) < SETTINGS.opening_m

@@ -1,0 +1,102 @@
+"""Would an answer's pose have lifted the object? Its grasps, which are free, which one is chosen, and how it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.algorithm_settings import GraspSettings
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.geometry import apply
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import PhysicsSettings
+from verefine_viz.grasping.grasp_check import Obstacles, are_free, obstacles
+from verefine_viz.grasping.grasp_poses import Grasps, grasps_of
+from verefine_viz.grasping.grasp_trial import Body, GraspPath, GraspWorld, Verdict
+from verefine_viz.grasping.gripper import PINCH_M
+from verefine_viz.physics.colliders import Collider, collider
+
+
+@dataclass(frozen=True, eq=False)
+class GraspAttempt:
+    """What became of one pose."""
+
+    instance_id: int
+    verdict: Verdict
+    grasps: Grasps
+    is_free: NDArray[np.bool_]
+    """(N,) of the grasps at the estimated pose."""
+    chosen: int | None
+    """Index of the grasp that was carried out; None: none is free."""
+    path: GraspPath | None
+    """None where nothing was carried out."""
+
+
+class GraspScene:
+    """One frame in which grasps are tried; its objects are at their ground-truth poses.
+
+    Args:
+        problem: the frame.
+        settings: gripper, grasps, masses.
+        physics: which colliders the objects have, and their friction.
+        collider_of: makes a model's collider; by default from the cache.
+
+    Raises:
+        InputError: the frame has no support plane, or an object no ground truth.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        settings: GraspSettings,
+        physics: PhysicsSettings,
+        collider_of: Callable[[ObjectModel], Collider] | None = None,
+    ) -> None:
+        self._problem, self._settings, self._physics = problem, settings, physics
+        self.around: Obstacles = obstacles(problem.observation, settings)
+        make = collider_of or (lambda model: collider(model, physics.collider))
+        T_world_cam = self.around.support.T_world_cam
+        bodies: list[Body] = []
+        for i in problem.instances:
+            if i.T_cam_obj_gt is None:
+                raise InputError(
+                    f"frame {problem.frame}: object {i.obj_id} has no ground truth; a simulated grasp needs it"
+                )
+            bodies.append(Body(i.instance_id, make(problem.models[i.obj_id]), T_world_cam @ i.T_cam_obj_gt))
+        self.bodies: tuple[Body, ...] = tuple(bodies)
+
+    def grasps(self, instance_id: int) -> Grasps:
+        """Those of an object.
+
+        Raises:
+            InputError: its file cannot be used.
+        """
+        return grasps_of(self._problem.target(instance_id).model, self._settings)
+
+    def attempt(self, instance_id: int, T_cam_obj: Float) -> GraspAttempt:
+        """Chooses a grasp for the estimated pose (4, 4) [m] and carries it out.
+
+        Of the free grasps the one is chosen whose pads are nearest to the object's centre of mass.
+        """
+        grasps = self.grasps(instance_id)
+        is_free = are_free(T_cam_obj @ grasps.T_obj_gripper, self.around, self._settings)
+        if not is_free.any():
+            return GraspAttempt(instance_id, "no collision-free grasp", grasps, is_free, None, None)
+        com = next(b.collider.com_obj for b in self.bodies if b.instance_id == instance_id)
+        pinch = np.array([apply(T, np.array([[0.0, 0.0, PINCH_M]]))[0] for T in grasps.T_obj_gripper])
+        away = np.where(is_free, np.linalg.norm(pinch - com, axis=1), np.inf)
+        chosen = int(np.argmin(away))
+        path = self.carry_out(instance_id, T_cam_obj @ grasps.T_obj_gripper[chosen])
+        return GraspAttempt(instance_id, path.verdict, grasps, is_free, chosen, path)
+
+    def carry_out(self, instance_id: int, T_cam_grasp: Float, without_target: bool = False) -> GraspPath:
+        """One grasp (4, 4) in the camera frame, free or not; ``without_target`` takes the object away before."""
+        bodies = [b for b in self.bodies if not (without_target and b.instance_id == instance_id)]
+        support = self.around.support
+        world = GraspWorld(bodies, instance_id, support.normal_world, self._settings, self._physics.friction)
+        return world.run(support.T_world_cam @ T_cam_grasp)

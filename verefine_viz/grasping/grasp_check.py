@@ -1,0 +1,60 @@
+"""Which grasps of an estimated pose are free: the open gripper's straight approach against what the sensor saw.
+
+As with the octomap of Sec. V-D: voxels of the observed depth, the target's own included, so that a pose that is off
+puts a finger where the object is. What was not seen counts as free.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.algorithm_settings import GraspSettings
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.geometry import apply
+from verefine_viz.core.observation import Observation, Support
+from verefine_viz.grasping.gripper import is_blocked, lowest
+
+FEWEST = 2
+"""Measured points that make a voxel occupied: a flying pixel alone makes none."""
+REACH_M = 0.35
+"""Voxels further from an object than this do not concern its grasps [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacles:
+    """What an approach must not meet, in the world of the frame's support plane."""
+
+    support: Support
+    voxels: Float
+    """(N, 3) middles of the occupied voxels that lie higher than one voxel over the plane [m]."""
+
+
+def obstacles(observation: Observation, settings: GraspSettings) -> Obstacles:
+    """Of a frame.
+
+    Raises:
+        InputError: it has no support plane.
+    """
+    support = observation.support
+    if support is None:
+        raise InputError(f"{observation.support_note}; without a plane nothing can be grasped")
+    seen = observation.camera.back_project(observation.depth_m)[observation.depth_m > 0].astype(np.float64)
+    points = apply(support.T_world_cam, seen)
+    points = points[points @ support.normal_world > settings.voxel_m]
+    cells, counts = np.unique(np.floor(points / settings.voxel_m).astype(np.int64), axis=0, return_counts=True)
+    return Obstacles(support, (cells[counts >= FEWEST] + 0.5) * settings.voxel_m)
+
+
+def are_free(T_cam_grasps: Float, around: Obstacles, settings: GraspSettings) -> NDArray[np.bool_]:
+    """Which grasps (N, 4, 4) meet neither a voxel nor the plane on their approach."""
+    Ts = around.support.T_world_cam @ T_cam_grasps
+    if not len(Ts):
+        return np.zeros(0, dtype=bool)
+    near = np.linalg.norm(around.voxels - Ts[:, :3, 3].mean(axis=0), axis=1) < REACH_M
+    blocked = is_blocked(Ts, around.voxels[near], settings.opening_m, settings.approach_m)
+    over = lowest(Ts, around.support.normal_world, settings.opening_m, settings.approach_m)
+    return ~blocked & (over >= 0.0)

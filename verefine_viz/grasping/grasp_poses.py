@@ -1,0 +1,192 @@
+"""Where an object can be gripped: annotated grasps from files, or antipodal ones sampled on its mesh.
+
+A grasp is T_obj_gripper (4, 4) [m], in the gripper's frame of ``gripper.py``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import open3d as o3d
+import platformdirs
+from numpy.typing import NDArray
+
+from verefine_viz.core.algorithm_settings import GraspSettings
+from verefine_viz.core.array_cache import DAMAGES, NPZ_READING, Arrays, cached
+from verefine_viz.core.arrays import Float, finite
+from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.geometry import as_rigid, axis_angle, transform
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.paths import read_input
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.grasping.gripper import PALM_FRONT_M, PINCH_M, TIP_M, is_blocked
+
+FORMAT = 1
+"""Part of the cache's file names; raise it when grasps are sampled in another way."""
+TRIED = 4000
+"""Points of the surface at which an antipodal pair is looked for."""
+TURNS = 12
+"""Approach directions about the line between the fingers."""
+CONE_DEG = 14.0
+"""Largest angle between the surfaces' normals and the line between the fingers [deg]: friction 0.25."""
+SPARE_M = 0.010
+"""The open fingers are further apart than the object is wide by at least this [m]."""
+AGREES = 0.5
+"""Share of annotated grasps that must have the object between the fingers; else they are another object's."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grasps:
+    """Grasps of one object."""
+
+    T_obj_gripper: Float
+    """(N, 4, 4) [m]."""
+    source: Literal["annotated", "sampled"]
+
+
+def grasps_of(model: ObjectModel, settings: GraspSettings, progress: ProgressToken = NEVER_CANCELLED) -> Grasps:
+    """The grasps of ``model``: annotated ones where ``settings.folder`` has them, else sampled and cached.
+
+    Raises:
+        InputError: the folder or the object's file cannot be used, or holds grasps of another object.
+        Cancelled: through ``progress``.
+    """
+    if settings.folder:
+        file = annotated_file(Path(settings.folder), model)
+        if file is not None:
+            return Grasps(read_annotated(file, model, settings), "annotated")
+    key = f"{model.mesh_hash} {settings.samples} {settings.seed} {settings.opening_m}"
+    name = hashlib.sha256(key.encode()).hexdigest()[:32]
+    path = platformdirs.user_cache_path("verefine-viz") / "grasps" / f"{name}-{FORMAT}.npz"
+    poses = cached(
+        path,
+        lambda: sampled(model, settings),
+        _unpacked,
+        lambda poses: {"T_obj_gripper": poses},
+        progress.checkpoint,
+        preparing=f"Sampling grasps on {model.name}; cached once they are made.",
+        waiting=f"Waiting for the grasps of {model.name}, which another process is sampling.",
+    )
+    return Grasps(poses, "sampled")
+
+
+def _unpacked(arrays: Arrays) -> Float:
+    return finite(arrays["T_obj_gripper"], "grasps", (None, 4, 4))
+
+
+def annotated_file(folder: Path, model: ObjectModel) -> Path | None:
+    """The object's file: ``011_banana.npy``, or ``banana.npy``, of an object so named; or ``obj_000010.npy``.
+
+    Raises:
+        InputError: the folder is none, or holds no .npy file.
+    """
+    if not folder.is_dir():
+        raise InputError(f"grasp.folder {folder} is no folder; expected one with a .npy file per object")
+    files = sorted(folder.glob("*.npy"))
+    if not files:
+        raise InputError(f"grasp.folder {folder} holds no .npy files; expected one per object, as obj_000010.npy")
+    names = (model.name, f"obj_{model.obj_id:06d}")
+    for file in files:
+        if file.stem in names or file.stem.split("_", 1)[-1] in names:
+            return file
+    return None
+
+
+def read_annotated(file: Path, model: ObjectModel, settings: GraspSettings) -> Float:
+    """Annotated grasps (N, 4, 4) [m].
+
+    Raises:
+        InputError: the file is no array of transforms in metres, or its grasps have none of ``model`` between the
+            fingers.
+    """
+    content = read_input(file, "grasps")
+    try:
+        with NPZ_READING:
+            values = np.load(io.BytesIO(content), allow_pickle=False)
+        numbers = np.asarray(values, dtype=np.float64).reshape(-1, 4, 4)
+    except DAMAGES as error:
+        raise InputError(f"{file} is no .npy file of 4×4 transforms ({error})") from None
+    if not len(numbers):
+        raise InputError(f"{file} holds no grasp")
+    try:
+        poses = np.array([as_rigid(T, f"grasp {k + 1}") for k, T in enumerate(numbers)])
+    except ShapeError as error:
+        raise InputError(f"{file}: {error}; expected 4×4 transforms in metres, row by row") from None
+    share = float(np.mean(_between(poses, model.points, settings.opening_m)))
+    if share < AGREES:
+        raise InputError(
+            f"{file}: {1 - share:.0%} of the grasps have nothing of {model.name} ({model.obj_id}) between the fingers; "
+            "they belong to another object, or are not in metres in its frame"
+        )
+    return poses
+
+
+def _between(poses: Float, points: Float, opening_m: float) -> NDArray[np.bool_]:
+    """Which grasps (N, 4, 4) have a point (M, 3) between the open fingers, and none in palm or fingers."""
+    half = opening_m / 2
+    inside = np.zeros(len(poses), dtype=bool)
+    for k, T in enumerate(poses):
+        x, y, z = ((points - T[:3, 3]) @ T[:3, :3]).T
+        inside[k] = ((np.abs(x) < 0.010) & (np.abs(y) < half) & (z > PALM_FRONT_M) & (z < TIP_M)).any()
+    return inside & ~is_blocked(poses, points, opening_m, 0.0)
+
+
+def sampled(model: ObjectModel, settings: GraspSettings) -> Float:
+    """At most ``settings.samples`` antipodal grasps (N, 4, 4) [m], spread over the object; the same for a seed.
+
+    A ray goes from a point of the surface straight into the object. Where it comes out, the surface must face the
+    other way within ``CONE_DEG``. The gripper comes from ``TURNS`` directions about that line; those from which the
+    open gripper meets the object are dropped. Source: Chen & Burdick, "Finding antipodal point grasps", 1993.
+    """
+    rng = np.random.default_rng((settings.seed, 30))
+    chosen = rng.integers(len(model.points), size=TRIED)
+    starts, normals = model.points[chosen], model.point_normals[chosen]
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(
+        o3d.core.Tensor.from_numpy(model.vertices.astype(np.float32)),
+        o3d.core.Tensor.from_numpy(model.faces.astype(np.uint32)),
+    )
+    rays = np.concatenate([starts - 1e-4 * normals, -normals], axis=1).astype(np.float32)
+    hits = scene.cast_rays(o3d.core.Tensor.from_numpy(rays))
+    width = hits["t_hit"].numpy().astype(np.float64) + 1e-4
+    opposite = np.abs((hits["primitive_normals"].numpy().astype(np.float64) * normals).sum(axis=1))
+    good = (width < settings.opening_m - SPARE_M) & (width > 0.005) & (opposite >= np.cos(np.radians(CONE_DEG)))
+    middles = starts[good] - 0.5 * width[good, None] * normals[good]
+    turns = rng.uniform(0, 2 * np.pi / TURNS, size=len(middles))
+    poses = [
+        _around(middle, along, turn + 2 * np.pi * k / TURNS)
+        for middle, along, turn in zip(middles[:400], normals[good][:400], turns[:400], strict=True)
+        for k in range(TURNS)
+    ]
+    if not poses:
+        return np.zeros((0, 4, 4))
+    free = np.array(poses)
+    free = free[~is_blocked(free, model.points, settings.opening_m, settings.approach_m)]
+    return free[_spread(free, settings.samples, model.diameter_m)]
+
+
+def _around(middle: Float, along: Float, turn_rad: float) -> Float:
+    """The gripper whose fingers close along a direction, with the middle between its pads."""
+    across = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+    across /= np.linalg.norm(across)
+    z = axis_angle(along, turn_rad) @ across
+    R = np.stack([np.cross(along, z), along, z], axis=1)
+    return transform(R, middle - PINCH_M * z)
+
+
+def _spread(poses: Float, n: int, diameter_m: float) -> NDArray[np.intp]:
+    """Indices of ``n`` poses far from each other in place and approach, the first one given."""
+    if len(poses) <= n:
+        return np.arange(len(poses))
+    where = np.concatenate([poses[:, :3, 3], 0.5 * diameter_m * poses[:, :3, 2]], axis=1)
+    taken = [0]
+    nearest = np.linalg.norm(where - where[0], axis=1)
+    while len(taken) < n:
+        taken.append(int(np.argmax(nearest)))
+        nearest = np.minimum(nearest, np.linalg.norm(where - where[taken[-1]], axis=1))
+    return np.array(taken, dtype=np.intp)

@@ -1,0 +1,296 @@
+"""One grasp, carried out in Bullet: approach, close, lift, shake, hold. Same arguments, same bits.
+
+Every trial has a world of its own. The objects are where they are, and move; the gripper goes where the estimate has
+it. Source: Sec. V-D, in simulation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from verefine_viz.core.algorithm_settings import GraspSettings
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import quat_wxyz, transform
+from verefine_viz.grasping.gripper import FINGER_M, PALM_FRONT_M, PALM_M, TIP_M
+from verefine_viz.physics.colliders import Collider
+from verefine_viz.physics.world import PLANE_FRICTION, QuietClient, convex_body, pybullet
+
+Verdict = Literal[
+    "success",
+    "slipped",
+    "no contact",
+    "collided with the target",
+    "collided with a neighbour",
+    "collided with the ground",
+    "no collision-free grasp",
+]
+"""How a grasp ends; the last one is never carried out."""
+
+STEP_S = 1 / 240
+SOLVER_ITERATIONS = 60
+MARGIN_M = 1e-4
+SETTLE_S, CLOSE_S, HOLD_S = 0.25, 0.9, 0.5
+"""How long the objects come to rest, the fingers close, and the object is held at the end [s]."""
+APPROACH_M_S, LIFT_M_S = 0.15, 0.25
+SHAKES, SHAKE_M, SHAKE_S = 2, 0.015, 0.5
+"""How often, how far to both sides and how long each [m, s]."""
+FINGER_M_S = 0.12
+ARM_N = 400.0
+"""Largest force along each axis of the arm [N]."""
+STABLE_M = 0.01
+"""An object that still moves further than this in the gripper while it is held is slipping [m]."""
+LIFTED = 0.5
+"""Share of the lift that the object must have risen by; one that hangs down from the pads rises less than the hand."""
+PAD_M = 0.0066
+"""Radius at which friction resists a turn about the line between the pads: 2/3 of half a pad's width [m]."""
+SHOWN_EVERY = 8
+"""Every n-th step is in the path, 30 a second."""
+_X, _Y, _Z, _LEFT, _RIGHT = range(5)
+"""The joints."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """An object of the scene."""
+
+    instance_id: int
+    collider: Collider
+    T_world_obj: Float
+    """(4, 4) where it is [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class GraspPath:
+    """What happened, 30 times a second."""
+
+    verdict: Verdict
+    stages: tuple[str, ...]
+    """(N) settle, approach, close, lift, shake, hold."""
+    Ts_world_gripper: Float
+    """(N, 4, 4) [m]."""
+    gaps_m: Float
+    """(N,) distance of the fingers."""
+    Ts_world_obj: Mapping[int, Float]
+    """(N, 4, 4) of each object, by instance_id [m]."""
+    forces_n: Float
+    """(N, 2) of the fingers on the target [N]."""
+
+
+class GraspWorld:
+    """Bullet with the objects of a scene on a plane, and the gripper; for one trial."""
+
+    def __init__(
+        self, bodies: Sequence[Body], target: int, plane_normal: Float, settings: GraspSettings, substance: float
+    ) -> None:
+        """``target`` is the instance_id of what is to be grasped; ``substance`` the friction of the objects."""
+        self._settings, self._bodies = settings, {body.instance_id: body for body in bodies}
+        self._bullet = bullet = QuietClient()
+        bullet.setPhysicsEngineParameter(
+            fixedTimeStep=STEP_S,
+            numSubSteps=0,
+            numSolverIterations=SOLVER_ITERATIONS,
+            deterministicOverlappingPairs=1,
+        )
+        bullet.setGravity(0, 0, -9.81)
+        plane = bullet.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=plane_normal.tolist())
+        self._plane = bullet.createMultiBody(0, plane)
+        bullet.changeDynamics(self._plane, -1, lateralFriction=PLANE_FRICTION)
+        self._ids: dict[int, int] = {}
+        self._target = -1
+        for body in sorted(bodies, key=lambda b: b.instance_id):
+            self._ids[body.instance_id] = self._made(body, substance)
+        self._target = self._ids.get(target, -1)
+        self._hand = -1
+        self._substance = substance
+        self._frames: list[tuple] = []
+
+    def _made(self, body: Body, friction: float) -> int:
+        solid, mass = body.collider, self._settings.mass_kg
+        made = convex_body(self._bullet, solid.parts, solid.T_obj_com, mass, friction, MARGIN_M)
+        inertia = (solid.inertia_m2 * mass).tolist()
+        self._bullet.changeDynamics(made, -1, localInertiaDiagonal=inertia)
+        T = body.T_world_obj @ solid.T_obj_com
+        self._bullet.resetBasePositionAndOrientation(made, T[:3, 3].tolist(), _quat_xyzw(T))
+        return made
+
+    def run(self, T_world_grasp: Float) -> GraspPath:
+        """Carries the grasp out; ``T_world_grasp`` (4, 4) is the gripper's pose when it closes [m]."""
+        try:
+            verdict = self._run(T_world_grasp)
+        finally:
+            self._bullet.disconnect()
+        return self._path(verdict)
+
+    def _run(self, T_world_grasp: Float) -> Verdict:
+        s, R = self._settings, T_world_grasp[:3, :3]
+        self._hand = self._gripper(T_world_grasp)
+        back = np.array([0.0, 0.0, -s.approach_m])
+        up = R.T @ np.array([0.0, 0.0, s.lift_m])
+        self._drive(back, back, SETTLE_S, "settle", grips=False)
+        if (hit := self._drive(back, np.zeros(3), s.approach_m / APPROACH_M_S, "approach", grips=False)) is not None:
+            return hit
+        self._drive(np.zeros(3), np.zeros(3), CLOSE_S, "close", grips=True)
+        if min(self._finger_forces()) <= 0.0:
+            return "no contact"
+        low_m = self._height()
+        self._drive(np.zeros(3), up, s.lift_m / LIFT_M_S, "lift", grips=True)
+        across = R.T @ np.array([[SHAKE_M, 0.0, 0.0], [0.0, SHAKE_M, 0.0]]).T
+        for k in range(SHAKES):
+            side = across[:, k % 2]
+            self._drive(up, up, SHAKE_S, "shake", grips=True, swing=side)
+        held = self._in_hand()
+        self._drive(up, up, HOLD_S, "hold", grips=True)
+        is_stable = float(np.linalg.norm(self._in_hand() - held)) <= STABLE_M
+        is_up = self._height() - low_m >= LIFTED * s.lift_m
+        # A pad on a round body may be off it for a step: contact counts over the whole time.
+        pressed_n = np.mean([frame[4] for frame in self._frames if frame[0] == "hold"], axis=0)
+        return "success" if is_stable and is_up and min(pressed_n) > 0.0 else "slipped"
+
+    def _gripper(self, T_world_grasp: Float) -> int:
+        """Three sliding axes of an arm, the palm and two fingers, in the grasp's frame with the fingers open."""
+        bullet, s = self._bullet, self._settings
+        arm = bullet.createCollisionShape
+        px, py, pz = PALM_M
+        fx, fy = FINGER_M
+        length = TIP_M - PALM_FRONT_M
+        palm = arm(pybullet.GEOM_BOX, halfExtents=(px / 2, py / 2, pz / 2))
+        pad = arm(pybullet.GEOM_BOX, halfExtents=(fx / 2, fy / 2, length / 2))
+        middle_z = PALM_FRONT_M - pz / 2
+        out_y = s.opening_m / 2 + fy / 2
+        out_z = PALM_FRONT_M + length / 2 - middle_z
+        T = T_world_grasp @ transform(np.eye(3), [0.0, 0.0, -s.approach_m])
+        still = (0.0, 0.0, 0.0, 1.0)
+        at = [(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, middle_z), (0.0, -out_y, out_z), (0.0, out_y, out_z)]
+        hand = bullet.createMultiBody(
+            baseMass=0,
+            basePosition=T[:3, 3].tolist(),
+            baseOrientation=_quat_xyzw(T),
+            linkMasses=[0.5, 0.5, 0.8, 0.1, 0.1],
+            linkCollisionShapeIndices=[-1, -1, palm, pad, pad],
+            linkVisualShapeIndices=[-1] * 5,
+            linkPositions=at,
+            linkOrientations=[still] * 5,
+            linkInertialFramePositions=[(0.0, 0.0, 0.0)] * 5,
+            linkInertialFrameOrientations=[still] * 5,
+            linkParentIndices=[0, 1, 2, 3, 3],
+            linkJointTypes=[pybullet.JOINT_PRISMATIC] * 5,
+            linkJointAxis=[(1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 1, 0), (0, -1, 0)],
+            flags=pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_ALL_PARENTS,
+        )
+        # One property a call: with damping in the same call, Bullet leaves the friction of a link as it was.
+        for link in range(5):
+            bullet.changeDynamics(hand, link, linearDamping=0, angularDamping=0, jointDamping=0)
+            bullet.changeDynamics(hand, link, jointLowerLimit=-10, jointUpperLimit=10)
+            # Bullet multiplies the coefficients of both bodies.
+            bullet.changeDynamics(hand, link, lateralFriction=s.friction / max(self._substance, 1e-6))
+        for link in (_LEFT, _RIGHT):
+            bullet.changeDynamics(hand, link, spinningFriction=PAD_M)
+            bullet.changeDynamics(hand, link, jointLowerLimit=0, jointUpperLimit=s.opening_m / 2)
+        # One motor closes both fingers: apart, both would drift to one side with the object between them.
+        gear = bullet.createConstraint(
+            hand, _LEFT, hand, _RIGHT, pybullet.JOINT_GEAR, (0, 1, 0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        )
+        bullet.changeConstraint(gear, gearRatio=-1, erp=0.2, maxForce=ARM_N)
+        return hand
+
+    def _drive(
+        self, start: Float, end: Float, seconds: float, stage: str, grips: bool, swing: Float | None = None
+    ) -> Verdict | None:
+        """Moves the arm, in the frame of the grasp; what it collides with on an approach."""
+        bullet, s = self._bullet, self._settings
+        n = max(1, round(seconds / STEP_S))
+        base = np.array([0.0, 0.0, -s.approach_m])
+        for k in range(1, n + 1):
+            share = k / n
+            # Starts and ends at rest.
+            smooth = share * share * (3 - 2 * share)
+            at = start + smooth * (end - start)
+            if swing is not None:
+                at = at + np.sin(2 * np.pi * share) * swing
+            bullet.setJointMotorControlArray(
+                self._hand,
+                [_X, _Y, _Z],
+                pybullet.POSITION_CONTROL,
+                targetPositions=(at - base).tolist(),
+                positionGains=[0.5] * 3,
+                velocityGains=[1.0] * 3,
+                forces=[ARM_N] * 3,
+            )
+            bullet.setJointMotorControlArray(
+                self._hand,
+                [_LEFT, _RIGHT],
+                pybullet.VELOCITY_CONTROL,
+                targetVelocities=[FINGER_M_S if grips else -FINGER_M_S] * 2,
+                forces=[s.force_n] * 2,
+            )
+            bullet.stepSimulation()
+            if k % SHOWN_EVERY == 0 or k == n:
+                self._note(stage)
+            if stage == "approach" and (hit := self._collided()) is not None:
+                self._note(stage)
+                return hit
+        return None
+
+    def _collided(self) -> Verdict | None:
+        forces: dict[int, float] = {}
+        for p in self._bullet.getContactPoints(self._hand):
+            forces[p[2]] = forces.get(p[2], 0.0) + p[9]
+        hit = max(forces, key=lambda body: forces[body], default=None)
+        if hit is None or forces[hit] <= self._settings.stop_n:
+            return None
+        if hit == self._plane:
+            return "collided with the ground"
+        return "collided with the target" if hit == self._target else "collided with a neighbour"
+
+    def _finger_forces(self) -> tuple[float, float]:
+        """Of each finger on the target [N]; 0 where they do not touch."""
+        if self._target < 0:
+            return 0.0, 0.0
+        left, right = (
+            sum(p[9] for p in self._bullet.getContactPoints(self._hand, self._target, link)) for link in (_LEFT, _RIGHT)
+        )
+        return left, right
+
+    def _in_hand(self) -> Float:
+        """Where the target's centre of mass is in the palm's frame (3,) [m]."""
+        position, quat = self._bullet.getLinkState(self._hand, _Z)[:2]
+        R = np.array(pybullet.getMatrixFromQuaternion(quat)).reshape(3, 3)
+        return R.T @ (np.array(self._bullet.getBasePositionAndOrientation(self._target)[0]) - np.array(position))
+
+    def _height(self) -> float:
+        return self._bullet.getBasePositionAndOrientation(self._target)[0][2]
+
+    def _note(self, stage: str) -> None:
+        bullet = self._bullet
+        left, right = (bullet.getJointState(self._hand, link)[0] for link in (_LEFT, _RIGHT))
+        hand = bullet.getLinkState(self._hand, _Z)[:2]
+        poses = {i: bullet.getBasePositionAndOrientation(body) for i, body in self._ids.items()}
+        gap_m = self._settings.opening_m - left - right
+        self._frames.append((stage, hand, gap_m, poses, self._finger_forces()))
+
+    def _path(self, verdict: Verdict) -> GraspPath:
+        palm_z = transform(np.eye(3), [0.0, 0.0, -(PALM_FRONT_M - PALM_M[2] / 2)])
+        return GraspPath(
+            verdict,
+            tuple(frame[0] for frame in self._frames),
+            np.array([_transform(*frame[1]) @ palm_z for frame in self._frames]),
+            np.array([frame[2] for frame in self._frames]),
+            {
+                i: np.array([_transform(*frame[3][i]) for frame in self._frames]) @ body.collider.T_com_obj
+                for i, body in self._bodies.items()
+            },
+            np.array([frame[4] for frame in self._frames]),
+        )
+
+
+def _transform(position: Sequence[float], quat_xyzw: Sequence[float]) -> Float:
+    return transform(np.array(pybullet.getMatrixFromQuaternion(quat_xyzw)).reshape(3, 3), position)
+
+
+def _quat_xyzw(T: Float) -> tuple[float, float, float, float]:
+    w, x, y, z = quat_wxyz(T[:3, :3]).tolist()
+    return x, y, z, w

@@ -1,0 +1,83 @@
+"""A parallel gripper of three boxes: what it is made of, and the space that it takes on a straight approach.
+
+Its frame is that of the annotated grasps, the palm link of the Toyota HSR: z points to the object, the fingers close
+along y. The grippers that come with pybullet do not open far enough for the annotated grasps (WSG 50: 102 mm, Panda:
+80 mm; the potted meat can is 102 mm long), and Bullet gives the palm of the WSG 50 no shape to collide with.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import apply
+
+PALM_M = (0.050, 0.175, 0.080)
+"""Width, length along the closing direction, and depth of the palm [m]."""
+PALM_FRONT_M = 0.005
+"""Where the palm ends towards the object, along z [m]."""
+TIP_M = 0.078
+"""Where the fingers end along z [m]: 2 mm less than the annotated grasp nearest to a table allows."""
+FINGER_M = (0.020, 0.012)
+"""Width and thickness of a finger [m]."""
+PINCH_M = TIP_M - 0.015
+"""Where along z the middle of a finger pad is [m]."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """An upright box in the gripper's frame [m]."""
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+    @property
+    def corners(self) -> Float:
+        """(8, 3)."""
+        return np.array(np.meshgrid(*zip(self.low, self.high, strict=True), indexing="ij")).reshape(3, -1).T
+
+    def swept(self, back_m: float) -> Box:
+        """The space it takes as it comes from ``back_m`` behind along z."""
+        x, y, z = self.low
+        return Box((x, y, z - back_m), self.high)
+
+    def holds(self, points: Float) -> NDArray[np.bool_]:
+        """Which points (N, 3) are in it."""
+        return np.logical_and.reduce((points >= self.low) & (points <= self.high), axis=1)
+
+
+def palm() -> Box:
+    """The part that the fingers slide on."""
+    x, y, z = PALM_M
+    return Box((-x / 2, -y / 2, PALM_FRONT_M - z), (x / 2, y / 2, PALM_FRONT_M))
+
+
+def finger(gap_m: float, side: int) -> Box:
+    """A finger while the fingers are ``gap_m`` apart; ``side`` -1 or 1 along y."""
+    x, y = FINGER_M
+    low, high = sorted((side * gap_m / 2, side * (gap_m / 2 + y)))
+    return Box((-x / 2, low, PALM_FRONT_M), (x / 2, high, TIP_M))
+
+
+def boxes(gap_m: float) -> tuple[Box, Box, Box]:
+    """Palm and fingers."""
+    return palm(), finger(gap_m, -1), finger(gap_m, 1)
+
+
+def is_blocked(T_grasps: Float, points: Float, gap_m: float, back_m: float) -> NDArray[np.bool_]:
+    """Which grasps (N, 4, 4) meet a point (M, 3) on a straight approach of ``back_m`` with open fingers."""
+    swept = [box.swept(back_m) for box in boxes(gap_m)]
+    blocked = np.zeros(len(T_grasps), dtype=bool)
+    for k, T in enumerate(T_grasps):
+        mine = (points - T[:3, 3]) @ T[:3, :3]
+        blocked[k] = any(box.holds(mine).any() for box in swept)
+    return blocked
+
+
+def lowest(T_world_grasps: Float, normal_world: Float, gap_m: float, back_m: float) -> Float:
+    """Height (N,) of the lowest corner on such an approach, over the plane through the origin [m]."""
+    corners = np.concatenate([box.swept(back_m).corners for box in boxes(gap_m)])
+    return np.array([(apply(T, corners) @ normal_world).min() for T in T_world_grasps])
