@@ -30,7 +30,7 @@ def _tried(
     T_world_obj = transform(np.eye(3), [0.0, 0.0, -float(model.vertices[:, 2].min())])
     bodies = [Body(0, build(model, "hull"), T_world_obj)] if there else []
     grasp = transform(DOWN, [0.0, y_m, TIP_M + tip_m])
-    return GraspWorld(bodies, 0, UP, settings, 0.5).run(grasp)
+    return GraspWorld(bodies, 0, UP, settings).run(grasp)
 
 
 def test_block_is_lifted_and_stays_between_the_fingers(block: ObjectModel) -> None:

@@ -1,4 +1,4 @@
-"""``verefine-viz study``: the paper's ablation, robustness and tables on any data."""
+"""``verefine-viz study``: the paper's ablation, robustness, tables and grasping on any data."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from verefine_viz.core.paths import check_folder
 class Study:
     """Run a study of the paper: every method under growing error, or with missing depth, or with every budget."""
 
-    name: Annotated[Literal["ablation", "robustness", "tables"], tyro.conf.Positional]
+    name: Annotated[Literal["ablation", "robustness", "tables", "grasping"], tyro.conf.Positional]
     """ablation: error of the initial pose (Fig. 4). robustness: missing depth (Fig. 5). tables: refiner, method, budget
-    (Tables I-III)."""
+    (Tables I-III). grasping: objects lifted by a simulated gripper (Table IV)."""
     out: Path
     """Folder for the figure (PNG, SVG) and the numbers (CSV). Stopped or killed, the same command goes on."""
     session: Path | None = None

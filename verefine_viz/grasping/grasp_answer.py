@@ -14,7 +14,6 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.grasping.grasp_check import Obstacles, are_free, obstacles
 from verefine_viz.grasping.grasp_poses import Grasps, grasps_of
 from verefine_viz.grasping.grasp_trial import Body, GraspPath, GraspWorld, Verdict
@@ -43,8 +42,8 @@ class GraspScene:
     Args:
         problem: the frame.
         settings: gripper, grasps, masses.
-        physics: which colliders the objects have, and their friction.
-        collider_of: makes a model's collider; by default from the cache.
+        collider_of: makes a model's collider; by default its convex decomposition, from the cache. What a method's own
+            physics takes for the object does not change how it is grasped.
 
     Raises:
         InputError: the frame has no support plane, or an object no ground truth.
@@ -54,12 +53,11 @@ class GraspScene:
         self,
         problem: Problem,
         settings: GraspSettings,
-        physics: PhysicsSettings,
         collider_of: Callable[[ObjectModel], Collider] | None = None,
     ) -> None:
-        self._problem, self._settings, self._physics = problem, settings, physics
+        self._problem, self._settings = problem, settings
         self.around: Obstacles = obstacles(problem.observation, settings)
-        make = collider_of or (lambda model: collider(model, physics.collider))
+        make = collider_of or (lambda model: collider(model, "decomposition"))
         T_world_cam = self.around.support.T_world_cam
         bodies: list[Body] = []
         for i in problem.instances:
@@ -98,5 +96,5 @@ class GraspScene:
         """One grasp (4, 4) in the camera frame, free or not; ``without_target`` takes the object away before."""
         bodies = [b for b in self.bodies if not (without_target and b.instance_id == instance_id)]
         support = self.around.support
-        world = GraspWorld(bodies, instance_id, support.normal_world, self._settings, self._physics.friction)
+        world = GraspWorld(bodies, instance_id, support.normal_world, self._settings)
         return world.run(support.T_world_cam @ T_cam_grasp)

@@ -46,7 +46,8 @@ def obstacles(observation: Observation, settings: GraspSettings) -> Obstacles:
     points = apply(support.T_world_cam, seen)
     points = points[points @ support.normal_world > settings.voxel_m]
     cells, counts = np.unique(np.floor(points / settings.voxel_m).astype(np.int64), axis=0, return_counts=True)
-    return Obstacles(support, (cells[counts >= FEWEST] + 0.5) * settings.voxel_m)
+    voxels = (cells[counts >= FEWEST].astype(np.float64) + 0.5) * settings.voxel_m
+    return Obstacles(support, voxels)
 
 
 def are_free(T_cam_grasps: Float, around: Obstacles, settings: GraspSettings) -> NDArray[np.bool_]:

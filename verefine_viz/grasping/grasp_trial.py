@@ -33,6 +33,8 @@ Verdict = Literal[
 STEP_S = 1 / 240
 SOLVER_ITERATIONS = 60
 MARGIN_M = 1e-4
+OBJECT_FRICTION = 0.5
+"""Coefficient of the objects, between each other and (times the plane's) on the plane."""
 SETTLE_S, CLOSE_S, HOLD_S = 0.25, 0.9, 0.5
 """How long the objects come to rest, the fingers close, and the object is held at the end [s]."""
 APPROACH_M_S, LIFT_M_S = 0.15, 0.25
@@ -83,10 +85,8 @@ class GraspPath:
 class GraspWorld:
     """Bullet with the objects of a scene on a plane, and the gripper; for one trial."""
 
-    def __init__(
-        self, bodies: Sequence[Body], target: int, plane_normal: Float, settings: GraspSettings, substance: float
-    ) -> None:
-        """``target`` is the instance_id of what is to be grasped; ``substance`` the friction of the objects."""
+    def __init__(self, bodies: Sequence[Body], target: int, plane_normal: Float, settings: GraspSettings) -> None:
+        """``target`` is the instance_id of what is to be grasped."""
         self._settings, self._bodies = settings, {body.instance_id: body for body in bodies}
         self._bullet = bullet = QuietClient()
         bullet.setPhysicsEngineParameter(
@@ -102,15 +102,14 @@ class GraspWorld:
         self._ids: dict[int, int] = {}
         self._target = -1
         for body in sorted(bodies, key=lambda b: b.instance_id):
-            self._ids[body.instance_id] = self._made(body, substance)
+            self._ids[body.instance_id] = self._made(body)
         self._target = self._ids.get(target, -1)
         self._hand = -1
-        self._substance = substance
         self._frames: list[tuple] = []
 
-    def _made(self, body: Body, friction: float) -> int:
+    def _made(self, body: Body) -> int:
         solid, mass = body.collider, self._settings.mass_kg
-        made = convex_body(self._bullet, solid.parts, solid.T_obj_com, mass, friction, MARGIN_M)
+        made = convex_body(self._bullet, solid.parts, solid.T_obj_com, mass, OBJECT_FRICTION, MARGIN_M)
         inertia = (solid.inertia_m2 * mass).tolist()
         self._bullet.changeDynamics(made, -1, localInertiaDiagonal=inertia)
         T = body.T_world_obj @ solid.T_obj_com
@@ -186,7 +185,7 @@ class GraspWorld:
             bullet.changeDynamics(hand, link, linearDamping=0, angularDamping=0, jointDamping=0)
             bullet.changeDynamics(hand, link, jointLowerLimit=-10, jointUpperLimit=10)
             # Bullet multiplies the coefficients of both bodies.
-            bullet.changeDynamics(hand, link, lateralFriction=s.friction / max(self._substance, 1e-6))
+            bullet.changeDynamics(hand, link, lateralFriction=s.friction / OBJECT_FRICTION)
         for link in (_LEFT, _RIGHT):
             bullet.changeDynamics(hand, link, spinningFriction=PAD_M)
             bullet.changeDynamics(hand, link, jointLowerLimit=0, jointUpperLimit=s.opening_m / 2)

@@ -22,11 +22,12 @@ from verefine_viz.core.paths import check_folder, clear_parts, try_lock
 from verefine_viz.core.settings import Session
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.studies.ablation import ablation, robustness
+from verefine_viz.studies.grasping_study import grasping
 from verefine_viz.studies.paper_tables import tables
 from verefine_viz.studies.solve_unit import Outcome, Solver
 from verefine_viz.studies.study_plan import Study, Unit
 
-STUDIES = ("ablation", "robustness", "tables")
+STUDIES = ("ablation", "robustness", "tables", "grasping")
 STUDY_FILE = "study.json"
 """In the folder of a study's journal: which study, and the sessions of its scenes."""
 
@@ -53,6 +54,8 @@ class StudyRequest:
             return robustness(self.quick)
         if self.name == "tables":
             return tables(self.quick, self.own_initial_poses, self.refiner)
+        if self.name == "grasping":
+            return grasping(self.quick, self.own_initial_poses, self.refiner)
         raise SettingsError(unknown("study", self.name, STUDIES))
 
 

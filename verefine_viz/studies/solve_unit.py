@@ -20,6 +20,7 @@ from verefine_viz.evaluation.ground_truth import GtImage, GtInstance
 from verefine_viz.evaluation.pair_errors import Drawn, pair_errors
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.evaluation.vsd import DELTA_MM
+from verefine_viz.grasping.grasp_answer import GraspScene
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.studies.study_plan import Curve, Panel, Unit
 
@@ -94,6 +95,10 @@ class Outcome(BaseModel):
     """Of the whole frame, shared equally by its objects."""
     refiner_calls: float
     """The same."""
+    name: str = ""
+    """The object's."""
+    grasp: str = ""
+    """How a grasp with the answer ends, where it was tried; "no answer" without one."""
 
 
 class Solver:
@@ -103,6 +108,7 @@ class Solver:
         self._toolboxes = {name: Toolbox(session) for name, session in sessions.items()}
         self._panels = {panel.name: panel for panel in panels}
         self._refiners: dict[tuple[str, str], Refiner] = {}
+        self._grasp_scene: tuple[Problem, GraspScene] | None = None
         self._last: tuple[tuple[str, str], Problem] | None = None
 
     def solve(self, unit: Unit) -> tuple[Outcome, ...]:
@@ -115,10 +121,20 @@ class Solver:
         frame = self._frame(unit.scene, unit.frame)
         problem = panel.prepare(frame, unit.x, unit.seed)
         outcomes: list[Outcome] = []
+        grasping = self._grasping(unit, frame) if panel.is_grasped else None
         for curve in panel.curves:
+            if curve.settings is None:
+                outcomes += _unrefined(unit, curve, problem, frame, grasping)
+                continue
             changed = toolbox.changed({section: dict(fields) for section, fields in curve.settings.items()})
-            outcomes += _outcomes(unit, curve, changed, self._refiner(changed), problem, frame)
+            outcomes += _outcomes(unit, curve, changed, self._refiner(changed), problem, frame, grasping)
         return tuple(outcomes)
+
+    def _grasping(self, unit: Unit, frame: Problem) -> GraspScene:
+        """The frame with the gripper, made once as long as frames do not change."""
+        if self._grasp_scene is None or self._grasp_scene[0] is not frame:
+            self._grasp_scene = frame, GraspScene(frame, self._toolboxes[unit.scene].session.grasp)
+        return self._grasp_scene[1]
 
     def _refiner(self, toolbox: Toolbox) -> Refiner:
         """The toolbox's, shared by all curves with the same settings: its index of each model takes long to build."""
@@ -133,7 +149,13 @@ class Solver:
 
 
 def _outcomes(
-    unit: Unit, curve: Curve, toolbox: Toolbox, refiner: Refiner, problem: Problem, frame: Problem
+    unit: Unit,
+    curve: Curve,
+    toolbox: Toolbox,
+    refiner: Refiner,
+    problem: Problem,
+    frame: Problem,
+    grasping: GraspScene | None,
 ) -> list[Outcome]:
     """One for each object; ``frame`` is ``problem`` before it was disturbed."""
     counted = _Counted(refiner)
@@ -159,9 +181,37 @@ def _outcomes(
             ms=ms / n,
             # A method that brings its own refiner calls it once an iteration.
             refiner_calls=(counted.calls or run.length) / n,
+            name=target.model.name,
+            grasp=_grasp(target, None if best is None else best.T_cam_obj, grasping),
         )
         for target, best in zip(problem.targets, final.best, strict=True)
     ]
+
+
+def _unrefined(
+    unit: Unit, curve: Curve, problem: Problem, frame: Problem, grasping: GraspScene | None
+) -> list[Outcome]:
+    """One for each object, whose first initial pose is taken as it is."""
+    return [
+        Outcome(
+            **unit.__dict__,
+            curve=curve.label,
+            instance_id=target.instance.instance_id,
+            obj_id=target.instance.obj_id,
+            quality=quality(target, target.instance.hypotheses[0].T_cam_obj, frame),
+            ms=0.0,
+            refiner_calls=0.0,
+            name=target.model.name,
+            grasp=_grasp(target, target.instance.hypotheses[0].T_cam_obj, grasping),
+        )
+        for target in problem.targets
+    ]
+
+
+def _grasp(target: Target, T_cam_obj: Float | None, grasping: GraspScene | None) -> str:
+    if grasping is None:
+        return ""
+    return "no answer" if T_cam_obj is None else grasping.attempt(target.instance.instance_id, T_cam_obj).verdict
 
 
 class _Counted:

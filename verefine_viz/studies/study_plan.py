@@ -19,8 +19,9 @@ class Curve:
     """One method with its budget."""
 
     label: str
-    settings: Settings
-    """Sections ``method``, ``icp``, ``tricp``, ``mcts``, ``physics``, ``score``."""
+    settings: Settings | None
+    """Sections ``method``, ``icp``, ``tricp``, ``mcts``, ``physics``, ``score``; None: the first initial pose is the
+    answer, unrefined."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,8 @@ class Panel:
     claims: tuple[Claim, ...] = ()
     trend: str = ""
     """What the paper reports, in a sentence."""
+    is_grasped: bool = False
+    """Whether every answer is tried with the simulated gripper."""
 
 
 @dataclass(frozen=True)

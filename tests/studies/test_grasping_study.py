@@ -1,0 +1,45 @@
+"""Table IV with a simulated gripper: budgets, rows, and what a run comes to."""
+
+from pathlib import Path
+
+import pytest
+
+from verefine_viz.session.files import load_session
+from verefine_viz.studies.grasp_table import grasp_rows
+from verefine_viz.studies.grasping_study import GIVEN, TABLE, grasping
+from verefine_viz.studies.run_study import StudyRequest, run_study
+from verefine_viz.studies.solve_unit import Outcome, Quality
+
+
+def test_methods_with_several_hypotheses_have_the_calls_of_one() -> None:
+    calls = {c.label: c.settings["method"]["iterations"] for c in grasping().panels[0].curves if "MCTS" not in c.label}
+    assert calls["ICP alone, 10"] == 10
+    assert calls["ICP + RIR, 10"] == calls["ICP + VF_d, 10"] == 2
+
+
+def _outcome(seed: int, name: str, grasp: str) -> Outcome:
+    return Outcome(
+        panel=TABLE, x=0.0, seed=seed, scene="s", frame="0/0", curve="ICP + RIR, 10", instance_id=0, obj_id=1,
+        quality=Quality(), ms=0.0, refiner_calls=10.0, name=name, grasp=grasp,
+    )  # fmt: skip
+
+
+def test_found_and_success_are_counted_apart() -> None:
+    ends = ("success", "slipped", "collided with the ground", "no contact", "no collision-free grasp", "no answer")
+    rows = grasp_rows(grasping(), [_outcome(k, "can", end) for k, end in enumerate(ends)])
+    (total,) = (r for r in rows if r["object"] == "all")
+    assert (total["n"], total["successes"]) == (6, 1)
+    assert total["found"] == pytest.approx(4 / 6)
+    assert (total["paper_success_percent"], total["paper_found_percent"]) == (86, 90)
+
+
+@pytest.mark.usefixtures("long_run", "processes")
+def test_the_ground_truth_is_lifted_and_workers_do_not_matter(tmp_path: Path) -> None:
+    scene = {"demo": "duck"}
+    sessions = {"duck": load_session(None, {"preset": "published", "scene": scene})}
+    request = StudyRequest("grasping", quick=True)
+    one = run_study(request, sessions, 1, 1, tmp_path / "one", lambda done, total: None)
+    two = run_study(request, sessions, 1, 2, tmp_path / "two", lambda done, total: None)
+    without_times = [[o.model_copy(update={"ms": 0.0}) for o in outcomes] for outcomes in (one, two)]
+    assert without_times[0] == without_times[1]
+    assert {o.grasp for o in one if o.curve == GIVEN and o.x == 0} == {"success"}

@@ -1,0 +1,134 @@
+"""What a study of grasps comes to: Table IV beside the paper's, and success over the error of the pose."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from verefine_viz.core.paths import atomic
+from verefine_viz.studies.figure import COLORS, DPI, MARKERS, band, save
+from verefine_viz.studies.grasping_study import PAPER, TABLE
+from verefine_viz.studies.solve_unit import Outcome
+from verefine_viz.studies.study_plan import Study
+
+NONE_FREE = ("no collision-free grasp", "no answer")
+
+
+def grasp_rows(study: Study, outcomes: Sequence[Outcome]) -> list[dict[str, str | float]]:
+    """A row per panel, curve, x and object, and one of all objects ("all")."""
+    rows: list[dict[str, str | float]] = []
+    for panel in study.panels:
+        for curve in panel.curves:
+            for x in panel.xs:
+                mine = [o for o in outcomes if (o.panel, o.curve, o.x) == (panel.name, curve.label, x)]
+                for name in (*sorted({o.name for o in mine}), "all"):
+                    some = [o for o in mine if name in (o.name, "all")]
+                    if some:
+                        rows.append(_row(panel.name, curve.label, x, name, some))
+    return rows
+
+
+def _row(panel: str, curve: str, x: float, name: str, some: Sequence[Outcome]) -> dict[str, str | float]:
+    success = np.array([float(o.grasp == "success") for o in some])
+    low, high = band(success)
+    paper = next((values for end, values in PAPER.items() if name == "all" and curve.endswith(end)), ("", ""))
+    return {
+        "panel": panel,
+        "curve": curve,
+        "x": x,
+        "object": name,
+        "n": len(some),
+        "successes": int(success.sum()),
+        "success": float(success.mean()),
+        "success_low": low,
+        "success_high": high,
+        "found": float(np.mean([o.grasp not in NONE_FREE for o in some])),
+        "collided": float(np.mean([o.grasp.startswith("collided") for o in some])),
+        "no_contact": float(np.mean([o.grasp == "no contact" for o in some])),
+        "slipped": float(np.mean([o.grasp == "slipped" for o in some])),
+        "refiner_calls_per_object": float(np.mean([o.refiner_calls for o in some])),
+        "paper_success_percent": paper[0],
+        "paper_found_percent": paper[1],
+    }
+
+
+def report_grasps(study: Study, outcomes: Sequence[Outcome], out: Path, about: str) -> None:
+    """Writes ``grasping.csv`` and the figure, and prints the table.
+
+    Raises:
+        InputError: they cannot be written.
+    """
+    rows = grasp_rows(study, outcomes)
+    with atomic(out / "grasping.csv") as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, fieldnames=list(rows[0]) if rows else [])
+        writer.writeheader()
+        writer.writerows([{k: f"{v:.6g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows])
+    png, svg = save(draw_grasps(study, rows, about), out, "grasping")
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(_printed(study, rows))
+    console.print(escape(f"Figures: {png}, {svg.name}; numbers: grasping.csv beside them"))
+
+
+def _printed(study: Study, rows: Sequence[dict[str, str | float]]) -> Table:
+    table = Table(title=study.title)
+    mine = [r for r in rows if r["panel"] == TABLE]
+    names = list(dict.fromkeys(str(r["object"]) for r in mine if r["object"] != "all"))
+    for heading in ("", *names, "success % (95 %)", "paper", "found %", "paper", "calls/object"):
+        table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+    for curve in dict.fromkeys(str(r["curve"]) for r in mine):
+        by_name = {str(r["object"]): r for r in mine if r["curve"] == curve}
+        total = by_name["all"]
+        low, high = 100 * float(total["success_low"]), 100 * float(total["success_high"])
+        table.add_row(
+            curve,
+            *(f"{by_name[n]['successes']}/{by_name[n]['n']}" if n in by_name else "" for n in names),
+            f"{100 * float(total['success']):.0f} ({low:.0f}-{high:.0f})",
+            str(total["paper_success_percent"]),
+            f"{100 * float(total['found']):.0f}",
+            str(total["paper_found_percent"]),
+            f"{float(total['refiner_calls_per_object']):.0f}",
+        )
+    return table
+
+
+def draw_grasps(study: Study, rows: Sequence[dict[str, str | float]], about: str) -> Figure:
+    """Bars of success and found per method, and success over the error per object."""
+    figure = Figure(figsize=(17, 5.6), dpi=DPI)
+    figure.suptitle(f"{study.title}\n{about}", fontsize=12)
+    for k, panel in enumerate(study.panels, start=1):
+        axes = figure.add_subplot(1, len(study.panels), k)
+        mine = [r for r in rows if r["panel"] == panel.name]
+        if panel.name == TABLE:
+            total = [r for r in mine if r["object"] == "all"]
+            ys, values = np.arange(len(total)), np.array([100 * float(r["success"]) for r in total])
+            spread = np.array([[100 * float(r[end]) for r in total] for end in ("success_low", "success_high")])
+            free = [100 * float(r["found"]) for r in total]
+            axes.barh(ys, free, color="#d0d0d0", label="found")
+            axes.barh(ys, values, xerr=np.abs(spread - values), color=COLORS[2], height=0.5, capsize=2, label="success")
+            paper = [float(r["paper_success_percent"] or "nan") for r in total]
+            axes.plot(paper, ys, "k|", ms=16, label="success in the paper")
+            axes.set_yticks(ys, [str(r["curve"]) for r in total])
+            axes.invert_yaxis()
+            axes.set_xlabel("trials [%]")
+        else:
+            for c, name in enumerate(dict.fromkeys(str(r["object"]) for r in mine)):
+                line = [r for r in mine if r["object"] == name]
+                xs, ys = [float(r["x"]) for r in line], [100 * float(r["success"]) for r in line]
+                color = "k" if name == "all" else COLORS[c % len(COLORS)]
+                axes.plot(
+                    xs, ys, color=color, marker=MARKERS[c % len(MARKERS)], lw=2.5 if name == "all" else 1, label=name
+                )
+            axes.set_xlabel(panel.x_label)
+            axes.set_ylabel("success [%]")
+            axes.set_ylim(-3, 103)
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=8)
+    figure.tight_layout()
+    return figure

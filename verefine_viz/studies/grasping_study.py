@@ -1,0 +1,74 @@
+"""Does a better pose lift more objects? The paper's Table IV (Sec. V-D) with a simulated gripper, and the curve of
+success over the error of the pose.
+
+Trials differ in their initial poses (a seed each) where the paper puts the objects down again, and turns them for half
+of the trials.
+"""
+
+from __future__ import annotations
+
+from verefine_viz.core.problem import Problem
+from verefine_viz.studies.disturbance import disturbed, with_ground_truth
+from verefine_viz.studies.paper_tables import DF_R, HYPOTHESES, LONG, REFINERS, ROTATION_DEG, SHORT, TRANSLATION_MM
+from verefine_viz.studies.study_plan import Curve, Panel, Prepare, Study
+
+TABLE = "table"
+"""The panel of Table IV; the others are curves over the error."""
+GIVEN = "pose with this error"
+ERRORS_MM = (0.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0)
+ERRORS_DEG = (0.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0)
+PAPER = {"alone, 2": (42, 46), "+ SIR, 2": (50, 70), "alone, 10": (62, 70), "PHYSIM-MCTS, 10": (54, 78)}
+PAPER |= {"+ RIR, 10": (86, 90)}
+"""Success and found [%] of Table IV, whose refiner is DenseFusion's, by the end of the row's name."""
+TREND = "RIR lifts most; supervision (SIR) helps at the same number of refiner calls"
+
+
+def grasping(quick: bool = False, own_initial_poses: bool = False, refiner: str = "icp") -> Study:
+    """Table IV, and two curves.
+
+    Args:
+        quick: fewer errors, and without the methods that the paper's table does not have.
+        own_initial_poses: the session's own initial poses instead of disturbed ground truth.
+        refiner: the session's.
+    """
+    name = (REFINERS | DF_R).get(refiner, refiner)
+    rows = [("alone", "refine", SHORT, 1), ("+ SIR", "sir", SHORT, 1)]
+    rows += [("alone", "refine", LONG, 1), ("+ RIR", "rir", LONG, HYPOTHESES)]
+    if not quick:
+        rows += [("+ VF_b", "vf_breadth", LONG, HYPOTHESES), ("+ VF_d", "vf_depth", LONG, HYPOTHESES)]
+    # The table counts refiner calls per object: those with several hypotheses share them out.
+    curves = [
+        Curve(
+            f"{name} {suffix}, {calls}", {"method": {"name": method, "refiner": refiner, "iterations": calls // arms}}
+        )
+        for suffix, method, calls, arms in rows
+    ]
+    mcts = {"method": {"name": "physim_mcts"}, "mcts": {"expansions": LONG}}
+    curves.insert(3, Curve(f"PHYSIM-MCTS, {LONG}", mcts))
+    prepare = _as_it_is if own_initial_poses else _far
+    given = (Curve(GIVEN, None),)
+    every = 2 if quick else 1
+    return Study(
+        "grasping",
+        "Grasping (paper, Table IV)",
+        (
+            Panel(TABLE, "", (0.0,), tuple(curves), prepare, (), TREND, True),
+            Panel("translation", "error of the pose [mm]", ERRORS_MM[::every], given, _off(0.0, 1.0), (), "", True),
+            Panel("rotation", "error of the pose [°]", ERRORS_DEG[::every], given, _off(1.0, 0.0), (), "", True),
+        ),
+    )
+
+
+def _as_it_is(problem: Problem, x: float, seed: int) -> Problem:
+    return with_ground_truth(problem)
+
+
+def _far(problem: Problem, x: float, seed: int) -> Problem:
+    return disturbed(problem, HYPOTHESES, ROTATION_DEG, TRANSLATION_MM, seed)
+
+
+def _off(deg: float, mm: float) -> Prepare:
+    def prepare(problem: Problem, x: float, seed: int) -> Problem:
+        return disturbed(problem, 1, deg * x, mm * x, seed)
+
+    return prepare
