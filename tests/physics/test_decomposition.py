@@ -73,6 +73,26 @@ def test_a_process_that_fails_is_reported_in_one_line_with_the_way_out(monkeypat
     )
 
 
+@pytest.mark.parametrize("unit_m", [1.0, 30.0])
+def test_parts_in_units_of_their_own_are_made_again(monkeypatch: pytest.MonkeyPatch, unit_m: float) -> None:
+    vertices, faces = unit_m * ring().vertices, ring().faces
+    right = decomposed("ring", vertices, faces)
+    elsewhere = [vertices[:20] / np.abs(vertices).max()]
+    answers = iter([elsewhere, elsewhere, right])
+    monkeypatch.setattr(decomposition, "_by_coacd", lambda *_: next(answers))
+    assert decomposed("ring", vertices, faces) is right
+
+
+def test_parts_that_stay_beside_the_mesh_are_refused_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(decomposition, "_by_coacd", lambda *_: [ring().vertices + 1.0])
+    with pytest.raises(ShapeError) as caught:
+        decomposed("object 7 (ring)", ring().vertices, ring().faces)
+    assert str(caught.value) == (
+        "object 7 (ring) cannot be taken apart into convex parts (those of CoACD lie beside the mesh, 3 times); "
+        'set physics.collider = "hull"'
+    )
+
+
 def test_what_lies_in_the_working_folder_is_not_imported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "coacd.py").write_text("raise SystemExit(3)")
     monkeypatch.chdir(tmp_path)

@@ -39,7 +39,7 @@ FULL_ENOUGH = 0.06
 The foam brick of YCB-Video lacks 5.7 % in three holes as wide as a finger; CoACD took 11 s to make 16 parts of it."""
 DECOMPOSED_FACES = 1000
 """Faces that the decomposition works on; more cost minutes and change little."""
-FORMAT = 3
+FORMAT = 4
 """Part of the cache's file names; raise it when the way colliders are built changes."""
 
 
