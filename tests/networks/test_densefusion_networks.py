@@ -132,10 +132,15 @@ def test_the_slim_networks_are_small() -> None:
 @pytest.mark.parametrize(("height", "width", "n"), [(40, 80, 30), (120, 40, 7)])
 def test_pose_net_computes_the_papers_formulas(size: Size, height: int, width: int, n: int) -> None:
     model = seeded(PoseNet(5, size))
+    with torch.no_grad():
+        model.state_dict()["conv4_c.weight"].mul_(1e-5)  # Confidences that are neither 0 nor 1.
     image, points, chosen = random_input(height, width, n)
+    points = points * size.unit_m
     with torch.no_grad():
         answers = model(image, points, chosen, torch.tensor([3]))
-        expected = pose_by_formula(model.state_dict(), image, points[0], chosen, 3, size.largest_colour)
+        seen = (points[0] - points[0].mean(0) if size.is_centred else points[0]) / size.unit_m
+        r, t, c, described = pose_by_formula(model.state_dict(), image, seen, chosen, 3, size.largest_colour)
+        expected = r, t * size.unit_m, c, described
     for ours, theirs in zip((*answers[:3], answers[3][0]), expected, strict=True):
         scale = float(theirs.abs().max())
         assert scale > 1e-4
@@ -148,7 +153,8 @@ def test_pose_refine_net_computes_the_papers_formulas(size: Size) -> None:
     points, described = torch.randn(1, 40, 3), torch.randn(1, size.colour, 40)
     with torch.no_grad():
         answers = model(points, described, torch.tensor([2]))
-        expected = refine_by_formula(model.state_dict(), points[0], described[0], 2)
+        r, t = refine_by_formula(model.state_dict(), points[0] / size.unit_m, described[0], 2)
+        expected = r, t * size.unit_m
     for ours, theirs in zip(answers, expected, strict=True):
         np.testing.assert_allclose(ours, theirs, atol=1e-4 * float(theirs.abs().max()))
 

@@ -111,7 +111,7 @@ def test_refining_goes_on_from_the_most_confident_pose() -> None:
         POINTS,
     )
     model = rng.normal(size=(20, 3)).astype(np.float32)
-    sample = Sample(crop, 1, model, model + np.float32(0.5), False)
+    sample = Sample(crop, 1, model, model + np.float32(0.5), False, np.eye(4, dtype=np.float32))
     image, points, chosen, index = train_densefusion.inputs(sample)
     with torch.no_grad():
         quats, offsets, confidences, _ = pose(image, points, chosen, index)

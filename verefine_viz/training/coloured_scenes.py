@@ -30,8 +30,8 @@ from verefine_viz.scenes.sensor import Sensor, sense
 from verefine_viz.scenes.source import open_scene
 
 IMAGE_PX = (640, 480)
-FOCAL_PX = (480.0, 1100.0)
-DISTANCE_M = (0.5, 1.1)
+FOCAL_PX = (480.0, 700.0)
+DISTANCE_M = (0.45, 1.1)
 """Of the camera from the middle of the table."""
 ELEVATION_DEG = (20.0, 75.0)
 OBJECTS = (2, 6)

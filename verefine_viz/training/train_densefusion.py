@@ -79,6 +79,10 @@ def train_densefusion(
     torch.set_num_threads(1)  # Sums depend on the number of threads.
     torch.manual_seed(seed)
     pose, refine = PoseNet(len(scenes.obj_ids), size), PoseRefineNet(len(scenes.obj_ids), size)
+    for layer in pose.cnn.modules():
+        if isinstance(layer, nn.Conv2d):
+            # Torch's own start lets colours fade from layer to layer, and nothing normalises them.
+            nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
     optimizers = [torch.optim.Adam(net.parameters(), PEAK_RATE) for net in (pose, refine)]
     made_with = {"seed": seed, "batch_size": batch_size, "n_points": n_points, "data": scenes.described}
     made_with["parameters"] = sum(p.numel() for p in pose.parameters())
@@ -142,6 +146,8 @@ def refining_loss(pose: PoseNet, refine: PoseRefineNet, sample: Sample) -> tuple
         quats, offsets, confidences, colours = pose(image, points, chosen, index)
         best = confidences.argmax()
         R, t = rotations(quats[best][None])[0], points[0, best] + offsets[best]
+        start = torch.from_numpy(sample.T_start)
+        R, t = R @ start[:3, :3], t + R @ start[:3, 3]
     total, loss = torch.zeros(()), torch.zeros(())
     for _ in range(REFINE_STEPS):
         # What was at the pose before is now seen from there; the next step begins where this one ends.
