@@ -39,6 +39,9 @@ class PlayedState:
 class Playback:
     """Steps through the iterations of a recording as a method steps through a run."""
 
+    refiner = None
+    """A recording has what came out of the refiner, not the refiner."""
+
     def __init__(self, recorded: Recorded) -> None:
         self._recorded = recorded
         self._iterations = recorded.iterations
