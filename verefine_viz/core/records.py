@@ -279,6 +279,11 @@ class Iteration:
         return None
 
     @property
+    def before_refined(self) -> Stage | None:
+        """Where the refiner began; None in an iteration without it."""
+        return next((before for before, after in pairwise(self.stages) if after.name == "refined"), None)
+
+    @property
     def accepted_stage(self) -> Stage:
         stage = self.stage(self.accepted)
         assert stage is not None, f"no {self.accepted} pose was made"

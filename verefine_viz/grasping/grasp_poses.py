@@ -24,12 +24,14 @@ from verefine_viz.core.geometry import as_rigid, axis_angle, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.paths import read_input
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
-from verefine_viz.grasping.gripper import PALM_FRONT_M, PINCH_M, TIP_M, is_blocked
+from verefine_viz.grasping.gripper import FINGER_M, PALM_FRONT_M, PINCH_M, TIP_M, is_blocked
 
 FORMAT = 1
 """Part of the cache's file names; raise it when grasps are sampled in another way."""
 TRIED = 4000
 """Points of the surface at which an antipodal pair is looked for."""
+PAIRS = 400
+"""Antipodal pairs that are taken at most."""
 TURNS = 12
 """Approach directions about the line between the fingers."""
 CONE_DEG = 14.0
@@ -132,7 +134,7 @@ def _between(poses: Float, points: Float, opening_m: float) -> NDArray[np.bool_]
     inside = np.zeros(len(poses), dtype=bool)
     for k, T in enumerate(poses):
         x, y, z = ((points - T[:3, 3]) @ T[:3, :3]).T
-        inside[k] = ((np.abs(x) < 0.010) & (np.abs(y) < half) & (z > PALM_FRONT_M) & (z < TIP_M)).any()
+        inside[k] = ((np.abs(x) < FINGER_M[0] / 2) & (np.abs(y) < half) & (z > PALM_FRONT_M) & (z < TIP_M)).any()
     return inside & ~is_blocked(poses, points, opening_m, 0.0)
 
 
@@ -160,7 +162,7 @@ def sampled(model: ObjectModel, settings: GraspSettings) -> Float:
     turns = rng.uniform(0, 2 * np.pi / TURNS, size=len(middles))
     poses = [
         _around(middle, along, turn + 2 * np.pi * k / TURNS)
-        for middle, along, turn in zip(middles[:400], normals[good][:400], turns[:400], strict=True)
+        for middle, along, turn in zip(middles[:PAIRS], normals[good][:PAIRS], turns[:PAIRS], strict=True)
         for k in range(TURNS)
     ]
     if not poses:

@@ -43,8 +43,8 @@ def events_of(iteration: Iteration, draft: Draft, before: ObjectState) -> tuple[
     if iteration.path is not None and iteration.path.tipping is not None:
         events.append(_unstable(iteration.path, iteration.path.tipping))
     events.extend(_worse_by_physics(iteration))
-    if refined is not None:
-        start = iteration.stages[iteration.stages.index(refined) - 1]
+    start = iteration.before_refined
+    if refined is not None and start is not None:
         moved = 1e3 * math.dist(refined.T_cam_obj[:3, 3].tolist(), start.T_cam_obj[:3, 3].tolist())
         turned = math.degrees(angle_between(start.T_cam_obj[:3, :3], refined.T_cam_obj[:3, :3]))
         if moved < STUCK_MM and turned < STUCK_MM and draft.why_stuck:

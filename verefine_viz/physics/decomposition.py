@@ -28,9 +28,9 @@ time on the clock: what comes out must not depend on how busy the machine is."""
 PARTS_OF = "the convex parts of"
 """Words of every message about a decomposition that is waited for."""
 ATTEMPTS, BESIDE = 3, 0.1
-"""CoACD 1.0.14 sometimes (about once in a hundred calls, of open meshes) ends early with a few parts in its own units,
-and says nothing: they reach beyond the bounds of the mesh by more than ``BESIDE`` of its diagonal. The same call again
-gives the right ones, always the same."""
+"""CoACD 1.0.14 seldom (three of 479 cached results, of open meshes; none of 140 calls in a row) ends early with a few
+parts in its own units, and says nothing: they reach beyond the bounds of the mesh by more than ``BESIDE`` of its
+diagonal. The same call again gives the right ones, always the same."""
 CHECKPOINT_S = 0.1
 """Time between two checkpoints [s]."""
 

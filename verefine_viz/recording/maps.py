@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -141,12 +140,13 @@ class Maps:
 
 def send_refiner_steps(file: RecordingFile, refiner: LearnedRefiner, target: Target, iteration: Iteration) -> None:
     """What a learned refiner saw and answered in an iteration: a picture of its steps, and the same in numbers."""
-    starts = [a.T_cam_obj for a, b in pairwise(iteration.stages) if b.name == "refined"]
-    steps = refiner.explain(target, starts[0]) if starts else ()
+    start = iteration.before_refined
+    steps = () if start is None else refiner.explain(target, start.T_cam_obj)
     if not steps:
         return
-    gap = np.full((step_picture(steps[0]).shape[0], GAP_PX, 3), EMPTY, np.uint8)
-    parts = [part for step in steps for part in (step_picture(step), gap)]
+    pictures = [step_picture(step) for step in steps]
+    gap = np.full((pictures[0].shape[0], GAP_PX, 3), EMPTY, np.uint8)
+    parts = [part for picture in pictures for part in (picture, gap)]
     picture = rr.Image(np.concatenate(parts[:-1], axis=1)).compress(jpeg_quality=85)
     words = rr.TextDocument("\n".join(f"step {k}: {', '.join(step_words(step))}" for k, step in enumerate(steps, 1)))
     for entity, archetype in ((entities.REFINER, picture), (entities.REFINER_WORDS, words)):

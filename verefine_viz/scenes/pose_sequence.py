@@ -75,7 +75,7 @@ class PoseSequence:
         if rgb is None:
             notes.append(f"{RGB}/ has no image {name}")
         mask_file = next((file for kind in MASKS if (file := find_image(self.folder / kind, name))), None)
-        pose, truth = (self._pose(kind, name, notes) for kind in (POSES, GROUND_TRUTH))
+        pose, T_gt = (self._pose(kind, name, notes) for kind in (POSES, GROUND_TRUTH))
         poses = () if pose is None else (Hypothesis(pose, 1.0, POSES),)
         one = RecordedObject(
             self.objects[0],
@@ -85,7 +85,7 @@ class PoseSequence:
             poses,
             (None,) * len(poses),
             () if pose is None else (RecordedStep(0, pose, ANSWER),),
-            truth,
+            T_gt,
         )
         return RecordedFrame(name, self._K, depth, rgb, (one,), notes=tuple(notes))
 

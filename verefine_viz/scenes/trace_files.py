@@ -170,11 +170,9 @@ def _object(
         Hypothesis(first["T"], 0.0 if score is None else score, f"{name} #{h}")
         for h, first, score in zip(poses, firsts, scores, strict=True)
     )
-    truth = (
-        None if line.get("truth") is None else as_rigid(np.reshape(line["truth"], (4, 4)), f"ground truth of {name}")
-    )
+    T_gt = None if line.get("truth") is None else as_rigid(np.reshape(line["truth"], (4, 4)), f"ground truth of {name}")
     path = folder / mesh if mesh else None
-    return RecordedObject(name, path, float(line["unit_m"]), mask, hypotheses, scores, tuple(steps), truth)
+    return RecordedObject(name, path, float(line["unit_m"]), mask, hypotheses, scores, tuple(steps), T_gt)
 
 
 def _nearest(poses: Mapping[int, Sequence[Mapping[str, Any]]], T_cam_obj: Float) -> int:

@@ -17,8 +17,6 @@ from verefine_viz.viewer.text.display_names import arm_color
 GOES_ON = "rir"
 """The method that continues a trace."""
 WIDTH, HEIGHT, LEFT, BOTTOM, MARGIN = 272, 130, 30, 26, 8
-AGREE, DISAGREE = 0.7, 0.3
-"""Rank correlations of two scores from which on they agree, and below which they do not."""
 FEWEST = 4
 """Poses below which a correlation has no meaning."""
 
@@ -106,23 +104,14 @@ def rank_correlation(poses: tuple[ScoredPose, ...]) -> float | None:
 
 
 def agreement(poses: tuple[ScoredPose, ...]) -> str:
-    """Whether the two scores agree, in a sentence."""
-    if not poses:
-        return ""
+    """How far the two scores agree, in a number."""
     rank = rank_correlation(poses)
-    if rank is None:
-        return f"{len(poses)} poses with a recorded score: too few, or too alike, to compare it with ours."
-    verdict = "agrees with" if rank >= AGREE else "does not agree with" if rank < DISAGREE else "partly agrees with"
-    sentence = f"The recorded score {verdict} ours: rank correlation {rank:.2f} over {len(poses)} poses."
-    best = max(poses, key=lambda p: p.theirs)
-    ours = max(poses, key=lambda p: p.ours)
-    if best.label != ours.label:
-        sentence += f" Its highest is {best.label} (ours {best.ours:.2f}), ours {ours.label} ({ours.ours:.2f})."
-    return sentence
+    of = f"{len(poses)} poses"
+    return f"Recorded score and ours: {of}" if rank is None else f"Rank correlation of the scores: {rank:.2f} ({of})"
 
 
 def agreement_html(snapshot: Snapshot) -> str:
-    """The sentence and a plot of our score over the recorded one; a click goes to a pose. Empty without any."""
+    """The number and a plot of our score over the recorded one; a click goes to a pose. Empty without any."""
     poses = scored_poses(snapshot)
     if not poses:
         return ""

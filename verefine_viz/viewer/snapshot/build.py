@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -157,9 +156,8 @@ def _refiner_steps(branch: Branch, target: Target, shown: Iteration | None) -> S
     refiner = (branch.run.method if shown is None else branch.run.method_of(shown.index)).refiner
     if not isinstance(refiner, LearnedRefiner):
         return None
-    pairs = pairwise(shown.stages) if shown is not None else ()
-    starts = [before.T_cam_obj for before, after in pairs if after.name == "refined"]
-    return branch.evaluator.refiner_steps(refiner, target, starts[0]) if starts else ()
+    start = None if shown is None else shown.before_refined
+    return () if start is None else branch.evaluator.refiner_steps(refiner, target, start.T_cam_obj)
 
 
 def state_of(state: Any, target: Target) -> Any:

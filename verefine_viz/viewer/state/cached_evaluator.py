@@ -75,7 +75,8 @@ class CachedEvaluator:
     def refiner_steps(self, refiner: LearnedRefiner, target: Target, T_cam_obj: Float) -> Sequence[RefinerStep]:
         """What a learned refiner saw and answered when it was called at a pose."""
         key = (*_key("refiner maps", target, T_cam_obj), id(refiner))
-        return self._remember(key, lambda: refiner.explain(target, T_cam_obj))
+        # With the refiner itself, so that no other one gets its id meanwhile.
+        return self._remember(key, lambda: (refiner, refiner.explain(target, T_cam_obj)))[1]
 
     def scene_score(self, targets: Sequence[Target], Ts_cam_obj: Float, whole_frame: bool = False) -> PoseScore:
         """The score of one combination of poses (m, 4, 4) as a scene."""
