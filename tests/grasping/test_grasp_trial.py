@@ -6,6 +6,7 @@ import pytest
 from verefine_viz.core.algorithm_settings import GraspSettings
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.grasping import grasp_trial
 from verefine_viz.grasping.grasp_poses import sampled
 from verefine_viz.grasping.grasp_trial import Body, GraspPath, GraspWorld
 from verefine_viz.grasping.gripper import TIP_M
@@ -79,3 +80,22 @@ def test_sampled_grasps_hold_the_object_and_come_again_for_a_seed(block: ObjectM
         x, y, z = ((block.points - T[:3, 3]) @ T[:3, :3]).T
         between = (np.abs(x) < 0.01) & (z < TIP_M)
         assert np.ptp(y[between]) < SETTINGS.opening_m
+
+
+def test_the_path_is_read_only(block: ObjectModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    often = _tried(block, 0.01)
+    monkeypatch.setattr(grasp_trial, "SHOWN_EVERY", 10**9)
+    seldom = _tried(block, 0.01)
+    assert seldom.verdict == often.verdict
+    assert seldom.n_moments < often.n_moments / 10
+    assert seldom.Ts_world_obj[0][-1].tobytes() == often.Ts_world_obj[0][-1].tobytes()
+    assert seldom.Ts_world_gripper[-1].tobytes() == often.Ts_world_gripper[-1].tobytes()
+
+
+def test_contacts_name_what_is_touched(block: ObjectModel) -> None:
+    path = _tried(block)
+    held = [
+        {c.instance_id for c in now} for now, stage in zip(path.contacts, path.stages, strict=True) if stage == "hold"
+    ]
+    assert set().union(*held) == {0}
+    assert {c.instance_id for c in _tried(block, tip_m=-0.01).contacts[-1]} == {None}

@@ -80,6 +80,10 @@ class ObjectRow(Row):
     """The same for a turn; 180 about an axis of symmetry."""
     n_hypotheses: int = 0
     n_iterations: int = 0
+    grasp: str = ""
+    """How a simulated grasp by the answer ends (``grasping/grasp_trial.py``); empty where none was tried."""
+    grasp_ground_truth: str = ""
+    """The same by the ground-truth pose."""
     events: str = ""
     """Kinds and how often: ``arm_switched 4; score_fell 1``."""
     ms_refine: float = 0.0
@@ -139,9 +143,9 @@ class ObjectRow(Row):
 
 TIME_COLUMNS = ("ms_refine", "ms_simulate", "ms_score", "ms_total")
 """Columns of frames.csv that differ from run to run; everything else is the same for the same session."""
-STAGES = ("read", "prepare", "start", "iterate", "record", "summarise", "explain")
+STAGES = ("read", "prepare", "start", "iterate", "grasp", "record", "summarise", "explain")
 """What a frame's time goes to: images and clouds; models, most of it at the first frame that shows them; first scores;
-iterations; recording; errors and rows; causes."""
+iterations; grasps; recording; errors and rows; causes."""
 SOLVING = ("start", "iterate")
 """The stages that are the method's own."""
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.settings import Session
+from verefine_viz.grasping.grasp_poses import grasp_files
 from verefine_viz.observation.given_order import Entries, checked, read_orders
 from verefine_viz.scenes.environment_mesh import environment_mesh
 from verefine_viz.scenes.frames import frame_name, parse_frame
@@ -21,8 +22,8 @@ def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
         Its frames, and notes about the choice of frames and about the initial poses.
 
     Raises:
-        VerefineError: the data set, a frame, the method, a given order, the mesh of the surroundings or another name in
-            the session is wrong, or the results files are of other frames or objects.
+        VerefineError: the data set, a frame, the method, a given order, the mesh of the surroundings, the folder of
+            grasps or another name in the session is wrong, or the results files are of other frames or objects.
     """
     toolbox = Toolbox(session)
     frames = toolbox.frames
@@ -33,6 +34,8 @@ def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     _ = toolbox.method
     if session.physics.support == "mesh":
         environment_mesh(session.physics)
+    if session.grasp.answers and session.grasp.folder:
+        grasp_files(Path(session.grasp.folder))
     return frames, notes
 
 

@@ -6,6 +6,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 
 from verefine_viz.batch.machine import temporary_folder
@@ -18,6 +19,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Iteration
 from verefine_viz.diagnosis.diagnose import diagnose
+from verefine_viz.grasping.answer_grasps import AnswerGrasps, answer_grasps
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
@@ -93,9 +95,17 @@ def with_causes(result: FrameResult, run: Run, toolbox: Toolbox) -> FrameResult:
 
 
 def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> FrameResult:
-    keep, watch = toolbox.session.recording.keep, _Stopwatch()
+    keep, watch, settings = toolbox.session.recording.keep, _Stopwatch(), toolbox.session.grasp
     with watch("read"):
         problem = toolbox.problem(frame, lambda: watch("prepare"))
+
+    @cache
+    def grasping(state: RunState) -> AnswerGrasps | None:
+        if not settings.answers:
+            return None
+        with watch("grasp"):
+            return answer_grasps(problem, [best and best.T_cam_obj for best in state.best], settings)
+
     recorder = Recorder(
         out / "recordings" / f"{file_stem(frame)}.rrd",
         toolbox.session,
@@ -109,8 +119,9 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> FrameResu
             run = toolbox.run(problem, [timed] if keep == "all" else [])
         with watch("iterate"):
             run.finish()
+        grasps = grasping(run.final_state)
         with watch("summarise"):
-            result = frame_result(run, toolbox.session, recorder.landscapes)
+            result = frame_result(run, toolbox.session, recorder.landscapes, grasps)
         if keep == "failures" and result.is_failure:
             run.fork(run.length, watchers=[timed])  # the recorder sees the whole history
     except BaseException:

@@ -21,6 +21,7 @@ from verefine_viz.diagnosis.signs import discarded
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.landscape import Landscape, undetermined
 from verefine_viz.evaluation.pose_errors import add_s_mm, add_where_add_s_is_below, pose_errors
+from verefine_viz.grasping.answer_grasps import AnswerGrasps
 from verefine_viz.methods.registry import method_of
 from verefine_viz.session.edits import never_reached
 from verefine_viz.session.engine import Run
@@ -29,9 +30,19 @@ MUCH, MUCH_SCORE = 0.03, 0.01
 """Share of the diameter, and score, that an iteration must lose to count as one where things went wrong."""
 
 
-def frame_result(run: Run, session: Session, recorded: Mapping[int, Landscape] = MappingProxyType({})) -> FrameResult:
-    """The result of a finished run of ``session``; ``recorded``: the score around its answers, by instance, where its
-    recording has it already.
+def frame_result(
+    run: Run,
+    session: Session,
+    recorded: Mapping[int, Landscape] = MappingProxyType({}),
+    grasps: AnswerGrasps | None = None,
+) -> FrameResult:
+    """The result of a finished run of ``session``.
+
+    Args:
+        run: finished.
+        session: what was run.
+        recorded: the score around its answers, by instance, where its recording has it already.
+        grasps: what became of its answers in the gripper, where that was tried.
     """
     problem, state = run.problem, run.final_state
     poses = [None if best is None else best.T_cam_obj for best in state.best]
@@ -43,6 +54,8 @@ def frame_result(run: Run, session: Session, recorded: Mapping[int, Landscape] =
     if doubts:
         evidence = " ".join(f"{DATA_FIRST} {doubt}." for doubt in doubts)
         rows = tuple(row.model_copy(update={"evidence": evidence}) if row.status == "ok" else row for row in rows)
+    if grasps is not None:
+        rows = tuple(_with_grasp(row, grasps) for row in rows)
     rows += tuple(left_out_row(problem, one, session.method.name, session.hypotheses.seed) for one in problem.left_out)
     estimates = tuple(
         Estimate(
@@ -56,6 +69,7 @@ def frame_result(run: Run, session: Session, recorded: Mapping[int, Landscape] =
     no_physics = _no_physics(problem, session)
     notes = (*problem.notes, *([no_physics] if no_physics else []))
     notes += never_reached(run.edits, session.changes, run.length)
+    notes += () if grasps is None else grasps.notes
     return FrameResult(
         frame=problem.frame,
         failed=False,
@@ -66,6 +80,13 @@ def frame_result(run: Run, session: Session, recorded: Mapping[int, Landscape] =
         doubts=doubts,
         n_unreadable=sum(one.is_unreadable for one in problem.left_out),
     )
+
+
+def _with_grasp(row: ObjectRow, grasps: AnswerGrasps) -> ObjectRow:
+    pair = None if row.instance_id is None else grasps.pairs.get(row.instance_id)
+    if pair is None:
+        return row
+    return row.model_copy(update={"grasp": pair.answer.verdict, "grasp_ground_truth": pair.ground_truth.verdict})
 
 
 def _no_physics(problem: Problem, session: Session) -> str:

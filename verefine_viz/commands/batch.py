@@ -41,6 +41,9 @@ class Batch:
     diagnose: bool = True
     """Diagnose wrong answers where ground truth is known (columns cause and evidence); its re-runs take time, for
     wrong answers only."""
+    grasp: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Carry out a grasp at each answer and at its ground truth, in simulation (columns grasp and grasp_ground_truth);
+    takes seconds per object. The same as --grasp.answers True."""
     cluster: str = ""
     """Address of a Dask scheduler (tcp://host:8786), or "local" to start one here: frames are solved by its workers,
     which read the data set and write recordings by path, from storage that all machines share."""
@@ -61,6 +64,8 @@ class Batch:
         backend = Backend(self.workers, limit, self.cluster)
         task = "explain" if self.diagnose else "solve"
         overrides = given(self.settings, arguments)
+        if self.grasp:
+            overrides["grasp"] = {**overrides.get("grasp", {}), "answers": True}
         if self.methods or self.seeds is not None:
             jobs = sweep_jobs(self.sessions, self.out, overrides, self.methods, self.seeds)
         else:

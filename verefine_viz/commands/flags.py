@@ -110,7 +110,8 @@ def given(flags: Any, arguments: Sequence[str]) -> dict[str, Any]:
         if word.startswith("--"):
             section, _, name = word[2:].partition("=")[0].replace("-", "_").rpartition(".")
             group = getattr(flags, section, None) if section else flags
-            if hasattr(group, name):
+            # A command may have a flag that is called as a section is: batch --grasp.
+            if hasattr(group, name) and (section or name not in SECTIONS):
                 (settings.setdefault(section, {}) if section else settings)[name] = getattr(group, name)
     return settings
 

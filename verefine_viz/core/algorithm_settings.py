@@ -183,6 +183,9 @@ class DependencySettings(Settings):
 class GraspSettings(Settings):
     """The simulated grasp: a parallel gripper as wide as the Toyota HSR's, in Bullet. docs/methods.md 8.4."""
 
+    answers: bool = False
+    """Whether a batch carries out a grasp at each answer, and at its ground truth, and recordings show it; takes
+    seconds per object."""
     folder: InputPath = ""
     """Folder of annotated grasps, .npy files of 4×4 transforms [m] in the object's frame, one per object, named after
     it ("011_banana.npy", "obj_000010.npy"), relative to the session file; "" = grasps sampled on the mesh."""

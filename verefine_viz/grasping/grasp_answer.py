@@ -14,6 +14,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.grasping.grasp_check import Obstacles, are_free, obstacles
 from verefine_viz.grasping.grasp_poses import Grasps, grasps_of
 from verefine_viz.grasping.grasp_trial import Body, GraspPath, GraspWorld, Verdict
@@ -68,20 +69,25 @@ class GraspScene:
             bodies.append(Body(i.instance_id, make(problem.models[i.obj_id]), T_world_cam @ i.T_cam_obj_gt))
         self.bodies: tuple[Body, ...] = tuple(bodies)
 
-    def grasps(self, instance_id: int) -> Grasps:
+    def grasps(self, instance_id: int, progress: ProgressToken = NEVER_CANCELLED) -> Grasps:
         """Those of an object.
 
         Raises:
             InputError: its file cannot be used.
+            Cancelled: through ``progress``.
         """
-        return grasps_of(self._problem.target(instance_id).model, self._settings)
+        return grasps_of(self._problem.target(instance_id).model, self._settings, progress)
 
-    def attempt(self, instance_id: int, T_cam_obj: Float) -> GraspAttempt:
+    def attempt(self, instance_id: int, T_cam_obj: Float, progress: ProgressToken = NEVER_CANCELLED) -> GraspAttempt:
         """Chooses a grasp for the estimated pose (4, 4) [m] and carries it out.
 
         Of the free grasps the one is chosen whose pads are nearest to the object's centre of mass.
+
+        Raises:
+            InputError: the file of the object's grasps cannot be used.
+            Cancelled: through ``progress``.
         """
-        grasps = self.grasps(instance_id)
+        grasps = self.grasps(instance_id, progress)
         is_free = are_free(T_cam_obj @ grasps.T_obj_gripper, self.around, self._settings)
         if not is_free.any():
             return GraspAttempt(instance_id, "no collision-free grasp", grasps, is_free, None, None)
@@ -89,12 +95,18 @@ class GraspScene:
         pinch = np.array([apply(T, np.array([[0.0, 0.0, PINCH_M]]))[0] for T in grasps.T_obj_gripper])
         away = np.where(is_free, np.linalg.norm(pinch - com, axis=1), np.inf)
         chosen = int(np.argmin(away))
-        path = self.carry_out(instance_id, T_cam_obj @ grasps.T_obj_gripper[chosen])
+        path = self.carry_out(instance_id, T_cam_obj @ grasps.T_obj_gripper[chosen], progress=progress)
         return GraspAttempt(instance_id, path.verdict, grasps, is_free, chosen, path)
 
-    def carry_out(self, instance_id: int, T_cam_grasp: Float, without_target: bool = False) -> GraspPath:
+    def carry_out(
+        self,
+        instance_id: int,
+        T_cam_grasp: Float,
+        without_target: bool = False,
+        progress: ProgressToken = NEVER_CANCELLED,
+    ) -> GraspPath:
         """One grasp (4, 4) in the camera frame, free or not; ``without_target`` takes the object away before."""
         bodies = [b for b in self.bodies if not (without_target and b.instance_id == instance_id)]
         support = self.around.support
         world = GraspWorld(bodies, instance_id, support.normal_world, self._settings)
-        return world.run(support.T_world_cam @ T_cam_grasp)
+        return world.run(support.T_world_cam @ T_cam_grasp, progress)

@@ -81,8 +81,8 @@ def _unpacked(arrays: Arrays) -> Float:
     return finite(arrays["T_obj_gripper"], "grasps", (None, 4, 4))
 
 
-def annotated_file(folder: Path, model: ObjectModel) -> Path | None:
-    """The object's file: ``011_banana.npy``, or ``banana.npy``, of an object so named; or ``obj_000010.npy``.
+def grasp_files(folder: Path) -> list[Path]:
+    """The files of annotated grasps.
 
     Raises:
         InputError: the folder is none, or holds no .npy file.
@@ -92,6 +92,16 @@ def annotated_file(folder: Path, model: ObjectModel) -> Path | None:
     files = sorted(folder.glob("*.npy"))
     if not files:
         raise InputError(f"grasp.folder {folder} holds no .npy files; expected one per object, as obj_000010.npy")
+    return files
+
+
+def annotated_file(folder: Path, model: ObjectModel) -> Path | None:
+    """The object's file: ``011_banana.npy``, or ``banana.npy``, of an object so named; or ``obj_000010.npy``.
+
+    Raises:
+        InputError: the folder is none, or holds no .npy file.
+    """
+    files = grasp_files(folder)
     names = (model.name, f"obj_{model.obj_id:06d}")
     for file in files:
         if file.stem in names or file.stem.split("_", 1)[-1] in names:

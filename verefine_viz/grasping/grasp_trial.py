@@ -15,6 +15,7 @@ import numpy as np
 from verefine_viz.core.algorithm_settings import GraspSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import quat_wxyz, transform
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.grasping.gripper import FINGER_M, PALM_FRONT_M, PALM_M, TIP_M
 from verefine_viz.physics.colliders import Collider
 from verefine_viz.physics.world import PLANE_FRICTION, QuietClient, convex_body, pybullet
@@ -66,6 +67,17 @@ class Body:
 
 
 @dataclass(frozen=True, eq=False)
+class GraspContact:
+    """Where the gripper touches something."""
+
+    instance_id: int | None
+    """The object; None: the support plane."""
+    point_world: Float
+    """(3,) [m]."""
+    force_n: float
+
+
+@dataclass(frozen=True, eq=False)
 class GraspPath:
     """What happened, 30 times a second."""
 
@@ -80,6 +92,12 @@ class GraspPath:
     """(N, 4, 4) of each object, by instance_id [m]."""
     forces_n: Float
     """(N, 2) of the fingers on the target [N]."""
+    contacts: tuple[tuple[GraspContact, ...], ...]
+    """(N) what the gripper presses on."""
+
+    @property
+    def n_moments(self) -> int:
+        return len(self.stages)
 
 
 class GraspWorld:
@@ -104,8 +122,10 @@ class GraspWorld:
         for body in sorted(bodies, key=lambda b: b.instance_id):
             self._ids[body.instance_id] = self._made(body)
         self._target = self._ids.get(target, -1)
+        self._instance_of = {body: instance_id for instance_id, body in self._ids.items()}
         self._hand = -1
         self._frames: list[tuple] = []
+        self._progress = NEVER_CANCELLED
 
     def _made(self, body: Body) -> int:
         solid, mass = body.collider, self._settings.mass_kg
@@ -116,8 +136,13 @@ class GraspWorld:
         self._bullet.resetBasePositionAndOrientation(made, T[:3, 3].tolist(), _quat_xyzw(T))
         return made
 
-    def run(self, T_world_grasp: Float) -> GraspPath:
-        """Carries the grasp out; ``T_world_grasp`` (4, 4) is the gripper's pose when it closes [m]."""
+    def run(self, T_world_grasp: Float, progress: ProgressToken = NEVER_CANCELLED) -> GraspPath:
+        """Carries the grasp out; ``T_world_grasp`` (4, 4) is the gripper's pose when it closes [m].
+
+        Raises:
+            Cancelled: through ``progress``.
+        """
+        self._progress = progress
         try:
             verdict = self._run(T_world_grasp)
         finally:
@@ -264,12 +289,19 @@ class GraspWorld:
         return self._bullet.getBasePositionAndOrientation(self._target)[0][2]
 
     def _note(self, stage: str) -> None:
+        """Adds a moment to the path: only reads, so that a path changes nothing."""
+        self._progress.checkpoint(f"Grasping: {stage}")
         bullet = self._bullet
         left, right = (bullet.getJointState(self._hand, link)[0] for link in (_LEFT, _RIGHT))
         hand = bullet.getLinkState(self._hand, _Z)[:2]
         poses = {i: bullet.getBasePositionAndOrientation(body) for i, body in self._ids.items()}
         gap_m = self._settings.opening_m - left - right
-        self._frames.append((stage, hand, gap_m, poses, self._finger_forces()))
+        contacts = tuple(
+            GraspContact(self._instance_of.get(p[2]), np.array(p[6]), p[9])
+            for p in bullet.getContactPoints(self._hand)
+            if p[9] > 0.0
+        )
+        self._frames.append((stage, hand, gap_m, poses, self._finger_forces(), contacts))
 
     def _path(self, verdict: Verdict) -> GraspPath:
         palm_z = transform(np.eye(3), [0.0, 0.0, -(PALM_FRONT_M - PALM_M[2] / 2)])
@@ -283,6 +315,7 @@ class GraspWorld:
                 for i, body in self._bodies.items()
             },
             np.array([frame[4] for frame in self._frames]),
+            tuple(frame[5] for frame in self._frames),
         )
 
 

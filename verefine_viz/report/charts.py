@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import count
+from typing import get_args
 
 import numpy as np
 import plotly.graph_objects as go
@@ -12,6 +13,7 @@ import plotly.graph_objects as go
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, RGB, SIDE_COLORS, STAGE_COLORS
 from verefine_viz.diagnosis.causes import cause_title
+from verefine_viz.grasping.grasp_trial import Verdict
 from verefine_viz.report.failure_cards import ScoreCurve
 from verefine_viz.report.run_difference import SAME, Difference
 from verefine_viz.report.run_results import THRESHOLDS, LoadedRun, recall_curve, stage_times
@@ -140,6 +142,29 @@ def cause_figure(runs: Sequence[LoadedRun]) -> go.Figure:
     figure.update_layout(showlegend=len(runs) > 1)
     figure.update_yaxes(autorange="reversed", automargin=True)
     most = max((n for mine in counts.values() for n in mine.values()), default=0)
+    figure.update_xaxes(rangemode="tozero", tickformat="d", tick0=0, dtick=whole_step(most))
+    return figure
+
+
+def grasp_figure(runs: Sequence[LoadedRun]) -> go.Figure:
+    """How the grasps of each run's answers ended, beside those by the ground-truth poses."""
+    figure = new_figure("objects", "")
+    bars = [(f"{run.name}: answer" if len(runs) > 1 else "answer", color(run), run, "grasp") for run in runs]
+    bars.append(("ground truth", css(STAGE_COLORS["ground truth"]), runs[0], "grasp_ground_truth"))
+    counts = [Counter(getattr(r, column) for r in run.objects if r.grasp) for _, _, run, column in bars]
+    ends = [end for end in get_args(Verdict) if any(end in mine for mine in counts)]
+    for (name, shade, _, _), mine in zip(bars, counts, strict=True):
+        figure.add_bar(
+            y=ends,
+            x=[mine.get(end, 0) for end in ends],
+            name=name,
+            orientation="h",
+            marker={"color": shade},
+            hovertemplate=f"%{{y}}, {name}: %{{x}}<extra></extra>",
+        )
+    figure.update_layout(barmode="group", height=120 + (12 + 14 * len(bars)) * max(len(ends), 1))
+    figure.update_yaxes(autorange="reversed", automargin=True)
+    most = max((n for mine in counts for n in mine.values()), default=0)
     figure.update_xaxes(rangemode="tozero", tickformat="d", tick0=0, dtick=whole_step(most))
     return figure
 

@@ -66,6 +66,7 @@ def _context(a: Side, b: Side | None, difference: Difference | None, failures: G
     sides = [a, b] if b else [a]
     runs = [side.run for side in sides]
     has_truth = any(run.with_truth for run in runs)
+    grasped = [run for run in runs if any(row.grasp for row in run.objects)]
     has_causes = any(row.cause for run in runs for row in run.failures)
     return {
         "title": words.title(a.run, b.run if b else None),
@@ -90,6 +91,7 @@ def _context(a: Side, b: Side | None, difference: Difference | None, failures: G
         "times": figure_json(charts.time_figure(runs)) if any(stage_times(run) for run in runs) else None,
         "not_explained": [run.name for run in runs if run.failures and not any(row.cause for row in run.failures)],
         "causes": figure_json(charts.cause_figure(runs)) if has_causes else None,
+        "grasps": figure_json(charts.grasp_figure(grasped)) if grasped else None,
         "objects": [(mine, {o.obj_id: o for o in b.objects}.get(mine.obj_id) if b else None) for mine in a.objects],
         "difference": difference,
         "difference_sentence": words.difference_sentence(difference) if difference else "",

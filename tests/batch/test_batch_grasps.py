@@ -1,0 +1,56 @@
+"""``batch --grasp``: outcomes in the tables and the report, the same for any number of workers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.batch.frames import batch_here, make_frames, write_session
+from tests.report.pages import GONE, figures
+from tests.report.runs import row, write_run
+from verefine_viz.batch.rows import read_frames_csv
+from verefine_viz.batch.session_check import check
+from verefine_viz.core.errors import InputError
+from verefine_viz.report.build_report import write_report
+from verefine_viz.session.files import load_session
+
+
+@pytest.mark.usefixtures("processes", "long_run")
+def test_outcomes_are_the_same_for_any_number_of_workers(tmp_path: Path) -> None:
+    made = make_frames(tmp_path / "data", 2)
+    poses = {"rotation_deg": 0.0, "translation_mm": 0.0, "max_per_object": 1}
+    method = {"name": "refine", "refiner": "identity", "iterations": 1}
+    session = write_session(tmp_path, made, hypotheses=poses, method=method)
+    for n in (1, 2):
+        done = batch_here(session, tmp_path / str(n), "--grasp", "--workers", n)
+        assert done.returncode == 0, done.stderr
+    one, two = (read_frames_csv(tmp_path / n / "frames.csv") for n in ("1", "2"))
+    outcomes = [(r.frame, r.instance_id, r.grasp, r.grasp_ground_truth) for r in one]
+    assert outcomes == [(r.frame, r.instance_id, r.grasp, r.grasp_ground_truth) for r in two]
+    # The answers are the ground truth.
+    assert all(grasp == ground_truth != "" for _, _, grasp, ground_truth in outcomes)
+    assert "answers = true" in (tmp_path / "1" / "session.toml").read_text()
+
+
+def test_a_folder_without_grasps_is_refused_before_the_first_frame(tmp_path: Path) -> None:
+    grasp = {"answers": True, "folder": str(tmp_path / "none")}
+    session = load_session(write_session(tmp_path, make_frames(tmp_path / "data", 1), grasp=grasp))
+    with pytest.raises(InputError, match=r"none is no folder; expected one with a \.npy file per object"):
+        check(session)
+
+
+def test_the_report_counts_how_grasps_end(tmp_path: Path) -> None:
+    ends = ("success", "slipped", "collided with a neighbour", "slipped")
+    rows = [row(k, grasp=end, grasp_ground_truth="success", add_s_mm=40.0) for k, end in enumerate(ends)]
+    write_report(write_run(tmp_path / "a", rows, GONE), None, tmp_path / "r.html")
+    html = (tmp_path / "r.html").read_text(encoding="utf-8")
+    bars = {bar["name"]: dict(zip(bar["y"], bar["x"], strict=True)) for bar in figures(html)["grasps"]["data"]}
+    assert bars["answer"] == {"success": 1, "slipped": 2, "collided with a neighbour": 1}
+    assert bars["ground truth"] == {"success": 4, "slipped": 0, "collided with a neighbour": 0}
+    assert html.count("grasp: slipped (ground truth: success)") == 2
+
+
+def test_a_report_of_a_run_without_grasps_has_no_such_chart(tmp_path: Path) -> None:
+    write_report(write_run(tmp_path / "a", [row(1)], GONE), None, tmp_path / "r.html")
+    assert "grasps" not in figures((tmp_path / "r.html").read_text(encoding="utf-8"))
