@@ -3,9 +3,9 @@
     python -m bench.learned_methods DATASET_FOLDER… --out RESULTS.jsonl [--seeds 10]
     python -m bench.learned_methods --out RESULTS.jsonl --table
 
-Every instance starts from its ground truth, disturbed by a turn and a shift, five hypotheses an object; those of the key
-frames with ``pose_estimates/*.csv`` also from estimators' poses. A cell (data set, start, seed, method, refiner) is a
-line of the results; those that are there are not measured again, so that the command can be stopped and started. The
+Every instance starts from its ground truth, disturbed by a turn and a shift, five hypotheses an object; those of the
+key frames with ``pose_estimates/*.csv`` also from estimators' poses. A cell (data set, start, seed, method, refiner) is
+a line of the results; those that are there are not measured again, so that the command can be stopped and started. The
 table has everything that was measured for all refiners. Times are of the processor.
 """
 
@@ -154,7 +154,8 @@ def solved(box: Toolbox, problems: list[Problem], key: tuple[str, str, int, str,
         for target, best in zip(problem.targets, final.best, strict=True):
             if best is not None and target.instance.T_cam_obj_gt is not None:
                 of = quality(target, best.T_cam_obj, problem)
-                assert of.add_s_mm is not None and of.relative is not None
+                assert of.add_s_mm is not None
+                assert of.relative is not None
                 answers.append(Answer(problem.frame, target.model.name, of.add_s_mm, of.relative, of.ar))
     n = len(problems)
     return Cell(*key, n, 1e3 * seconds / n, 1e3 * timed.seconds / max(timed.n_calls, 1), tuple(answers))

@@ -327,6 +327,26 @@ def outscored(rng: np.random.Generator) -> Broken:
     return broken_by(Cause.DISCARDED, frame_of([Thing(m, T, tuple(poses))], rng, view), session)
 
 
+def out_of_range(rng: np.random.Generator) -> Broken:
+    """All initial poses are turned further than the learned refiner was trained on, or shifted further."""
+    m = model(str(rng.choice(["duck", "mug", "jug"])))
+    T = standing(m, rng)
+    poses = []
+    for _ in range(2):
+        shift_mm = (*rng.uniform(-10, 10, 2), 5)
+        if rng.random() < 0.5:
+            poses.append(moved(T, level(rng.uniform(0, 2 * np.pi)), rng.uniform(80, 160), shift_mm))
+        else:
+            aside = rng.uniform(1.0, 1.3) * 500 * m.diameter_m * level(rng.uniform(0, 2 * np.pi))
+            poses.append(moved(T, level(rng.uniform(0, 2 * np.pi)), rng.uniform(65, 90), aside + 5 * Z))
+    session = session_of(
+        str(rng.choice(["refine", "sir", "rir"])),
+        3,
+        method={"refiner": str(rng.choice(["depth_net", "depth_net_icp"]))},
+    )
+    return broken_by(Cause.OUT_OF_RANGE, frame_of([Thing(m, T, tuple(poses))], rng), session)
+
+
 def between_two_basins(rng: np.random.Generator) -> Broken:
     """Half of a quarter turn off: which way ICP turns a square carton depends on the points that it is given."""
     m = model("carton")
@@ -357,6 +377,7 @@ GENERATORS: dict[Cause, Callable[[np.random.Generator], Broken]] = {
     Cause.AMBIGUOUS: hidden_handle,
     Cause.DISCARDED: outscored,
     Cause.UNDECIDED: between_two_basins,
+    Cause.OUT_OF_RANGE: out_of_range,
 }
 """A new one goes to the end: the place of a cause is part of its scenes' seeds."""
 

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from tests.fakes import box_problem
-from tests.learned.tiny_network import constant_network
+from tests.learned.tiny_network import CARD, constant_network
 from verefine_viz.core.algorithm_settings import DepthNetSettings, IcpSettings
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.geometry import angle_between, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Instance, Target
+from verefine_viz.core.refiner_steps import TrainedRange, TrainedRefiner
 from verefine_viz.core.settings import Session
 from verefine_viz.learned.depth_crops import CHANNELS, FORMAT, SIDE_PX, crops_at, extent_of, moved_by
 from verefine_viz.learned.onnx_network import PACKAGED, OnnxNetwork
@@ -153,8 +154,24 @@ def test_the_packages_weights_are_small_and_state_how_they_were_made() -> None:
     file = PACKAGED / "depth_net.onnx"
     assert file.stat().st_size < 4_000_000
     network = OnnxNetwork(file, "depth_net", FORMAT)
-    assert network.card is not None
     about = network.card.about
     assert about["command"].startswith("verefine-viz train depth_net --out depth_net.onnx --steps ")
     assert {"seed", "data", "loss", "held_out", "trained_range", "made_with"} <= about.keys()
     assert WEIGHTS["depth_net"](Session()) == network.hash
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_trained_range_is_that_of_the_model_card(name: str) -> None:
+    refiner = make_refiner(name, Session())
+    assert isinstance(refiner, TrainedRefiner)
+    assert refiner.trained_range == TrainedRange(rotation_deg=60.0, shift_radii=0.8)
+
+
+@pytest.mark.parametrize(
+    "said", [{}, {"trained_range": 60}, {"trained_range": {"rotation_deg": "wide", "shift_radii": 1}}]
+)
+def test_a_card_without_a_range_that_can_be_read_has_none(said: dict[str, object], tmp_path: Path) -> None:
+    (tmp_path / "net.onnx").write_bytes(constant_network(np.zeros(7), CARD | said))
+    net = DepthNet(DepthNetSettings(weights=str(tmp_path / "net.onnx"), iterations=1), 0.0)
+    assert net.trained_range is None
+    assert net.explain(TARGET, START)[0].trained_mm is None

@@ -41,10 +41,30 @@ class RefinerStep:
     """The highest confidence of a point; None = it has none."""
 
 
+@dataclass(frozen=True)
+class TrainedRange:
+    """How far from the ground truth a pose may be that a refiner was trained to correct."""
+
+    rotation_deg: float
+    """Largest rotation [deg]."""
+    shift_radii: float
+    """Largest shift of the object's middle, in halves of its diameter."""
+
+
 @runtime_checkable
 class LearnedRefiner(Protocol):
     """A refiner that can say what it saw."""
 
     def explain(self, target: Target, T_cam_obj: Float) -> Sequence[RefinerStep]:
         """The steps of :meth:`Refiner.refine` from the same pose; none where the object does not show."""
+        ...
+
+
+@runtime_checkable
+class TrainedRefiner(Protocol):
+    """A refiner that knows its range."""
+
+    @property
+    def trained_range(self) -> TrainedRange | None:
+        """None where it is unknown."""
         ...

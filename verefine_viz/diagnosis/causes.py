@@ -30,6 +30,7 @@ class Cause(StrEnum):
     SIMULATION = "simulation"
     ARM_STARVED = "arm_starved"
     BUDGET = "budget"
+    OUT_OF_RANGE = "out_of_range"
     REFINER = "refiner"
     POOL = "pool"
     UNDECIDED = "undecided"
@@ -50,6 +51,7 @@ TITLES: dict[Cause, str] = {
     Cause.SIMULATION: "simulation pushed it away",
     Cause.ARM_STARVED: "best hypothesis tried too little",
     Cause.BUDGET: "budget too small",
+    Cause.OUT_OF_RANGE: "refiner out of its training range",
     Cause.REFINER: "refiner diverged or got stuck",
     Cause.POOL: "no good hypothesis in the pool",
     Cause.UNDECIDED: "undecided: between two basins",

@@ -44,7 +44,9 @@ _DONE = (discarded, ambiguous, simulation, *SEARCH_TESTS)
 _TESTS: tuple[Callable[[Case], Finding | None], ...] = (*_GIVEN, *_DONE)
 _OF_THE_SCENE = (*INPUT_TESTS[:1], neighbour, preference, discarded, ambiguous, *SEARCH_TESTS)
 """Where the object alone would have come right, no repair of what was given proves anything."""
-_BY_CHANCE = frozenset({Cause.SIMULATION, Cause.ARM_STARVED, Cause.BUDGET, Cause.REFINER, Cause.POOL})
+_BY_CHANCE = frozenset(
+    {Cause.SIMULATION, Cause.ARM_STARVED, Cause.BUDGET, Cause.OUT_OF_RANGE, Cause.REFINER, Cause.POOL}
+)
 """Causes that need a control also where no re-run showed them; others are plain to see in what the run did."""
 _NO_RERUN = (preference,)
 """Tested even after a cause is confirmed, as it costs next to nothing."""

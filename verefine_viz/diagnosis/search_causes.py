@@ -1,4 +1,4 @@
-"""Causes that lie in the search: starved hypotheses, too small a budget, the refiner, a bad pool."""
+"""Causes that lie in the search: starved hypotheses, too small a budget, the refiner and its range, a bad pool."""
 
 from __future__ import annotations
 
@@ -10,15 +10,64 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Hypothesis
 from verefine_viz.core.records import Best
+from verefine_viz.core.refiner_steps import TrainedRefiner
 from verefine_viz.diagnosis import score_causes, signs
 from verefine_viz.diagnosis.case import ALONE, FAR, Case, Pools, Rerun
 from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts, instead, share
 from verefine_viz.diagnosis.input_causes import of_another_unit
 from verefine_viz.evaluation.pose_errors import pose_errors, turning_on
+from verefine_viz.evaluation.trained_range import start_of
 from verefine_viz.refiners.registry import make_refiner
 
 ICP = "icp"
 """The refiner that others are measured against."""
+
+
+WELL_WITHIN = 0.5
+"""Share of the trained range that starts are brought into: near its border a refiner may fail as well."""
+
+
+def out_of_range(case: Case) -> Finding | None:
+    """Every start is further from the ground truth than the refiner was trained on; decided by a re-run from the same
+    starts, brought well into that range.
+    """
+    tried = case.target.instance.hypotheses[: 1 if case.lab.traits.first_only else None]
+    trained = case.lab.refiner.trained_range if isinstance(case.lab.refiner, TrainedRefiner) else None
+    if trained is None:
+        return None
+    starts = [start_of(case.target.model, h.T_cam_obj, case.T_gt) for h in tried]
+    if not all(start.is_beyond(trained) for start in starts):
+        return None
+    brought = case.with_pool(*(start.brought_within(trained, WELL_WITHIN) for start in starts))
+    what = "brought into the trained range"
+    if case.group:
+        again = case.rerun_together(what, {case.instance_id: brought.instance.hypotheses})
+    else:
+        again = case.rerun(what, brought)
+    if not again.repaired:
+        return None
+    j = int(np.argmin(case.initial_errors[: len(starts)]))
+    nearest, farthest_mm = starts[j], starts[j].largest_shift_mm(trained)
+    name = case.lab.toolbox.session.method.refiner
+    return Finding(
+        Cause.OUT_OF_RANGE,
+        f"The {case.name} starts {nearest.rotation_deg:.0f}° and {nearest.shift_mm:.0f} mm off (hypothesis {j + 1}, "
+        f"the nearest); {name} was trained up to {trained.rotation_deg:.0f}° and {farthest_mm:.0f} mm. From half of "
+        f"that range {instead(again.error, case.error)}.",
+        {
+            "hypotheses": float(len(starts)),
+            "nearest": float(j),
+            "nearest_error": float(case.initial_errors[j]),
+            "nearest_rotation_deg": nearest.rotation_deg,
+            "nearest_shift_mm": nearest.shift_mm,
+            "trained_rotation_deg": trained.rotation_deg,
+            "trained_shift_mm": farthest_mm,
+            "error": case.error,
+            "error_repaired": again.error,
+        },
+        True,
+        again.what,
+    )
 
 
 def refiner(case: Case) -> Finding | None:
@@ -323,4 +372,4 @@ def _accepted(case: Case) -> list[float]:
     return [float(case.initial_errors[case.answer.arm]), *accepted]
 
 
-SEARCH_TESTS: tuple[Callable[[Case], Finding | None], ...] = (starved, budget, refiner, leads_there, pool)
+SEARCH_TESTS: tuple[Callable[[Case], Finding | None], ...] = (starved, budget, out_of_range, refiner, leads_there, pool)

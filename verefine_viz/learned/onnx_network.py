@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.errors import InputError, in_one_line
 from verefine_viz.core.paths import open_input
+from verefine_viz.core.refiner_steps import TrainedRange
 
 PACKAGED = Path(__file__).parent / "weights"
 """Weights that come with the program."""
@@ -38,6 +39,15 @@ class ModelCard:
     """Of what goes in and comes out; a network of another one cannot be used."""
     about: dict[str, Any]
     """Data, seed, command, losses, metrics, and the range that it was trained on."""
+
+    @property
+    def trained_range(self) -> TrainedRange | None:
+        """How far its starts were from the ground truth; None where it does not say."""
+        try:
+            of = self.about["trained_range"]
+            return TrainedRange(float(of["rotation_deg"]), float(of["shift_radii"]))
+        except (KeyError, ValueError, TypeError):
+            return None
 
 
 class OnnxNetwork:
@@ -65,10 +75,11 @@ class OnnxNetwork:
                 f"weights {path} are no ONNX file that onnxruntime reads ({_first_line(error)}); "
                 f"verefine-viz train {name} writes one"
             ) from None
-        self.card = _card_of(self._session)
-        if self.card is None or (self.card.network, self.card.format) != (name, format):
-            what = "a network without a model card" if self.card is None else f"{self.card.network} {self.card.format}"
+        card = _card_of(self._session)
+        if card is None or (card.network, card.format) != (name, format):
+            what = "a network without a model card" if card is None else f"{card.network} {card.format}"
             raise InputError(f"weights {path} hold {what}, expected {name} {format}; see verefine-viz train {name}")
+        self.card = card
         self._inputs = [given.name for given in self._session.get_inputs()]
 
     def __call__(self, x: NDArray[np.float32]) -> NDArray[np.float64]:

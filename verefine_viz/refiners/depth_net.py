@@ -7,7 +7,7 @@ called after it, makes the rest of the way.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from weakref import WeakKeyDictionary
@@ -19,7 +19,7 @@ from verefine_viz.core.algorithm_settings import DepthNetSettings, IcpSettings
 from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed, Target
-from verefine_viz.core.refiner_steps import RefinerStep
+from verefine_viz.core.refiner_steps import RefinerStep, TrainedRange
 from verefine_viz.learned.depth_crops import (
     CHANNELS,
     DEEPEST,
@@ -81,6 +81,11 @@ class DepthNet:
         self._meshes = MeshStore(simplify_mm)
         self._extents: WeakKeyDictionary[ObjectModel, Extent] = WeakKeyDictionary()
 
+    @property
+    def trained_range(self) -> TrainedRange | None:
+        """As the model card of the weights has it."""
+        return self._network.card.trained_range
+
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
         """The refined pose (4, 4); the given one where the mask holds no depth or the model does not show.
 
@@ -115,8 +120,7 @@ class DepthNet:
         both = (of["own"] > 0) & (of["drawn"] > 0)
         shown = {"observed": of["measured"] > 0, "rendered": of["drawn"] > 0, "difference": both}
         step, expected_radii = _bounded(answer), float(np.exp(answer[6]))
-        card = self._network.card
-        trained = card.about.get("trained_range") if card is not None else None
+        trained = self.trained_range
         return RefinerStep(
             crops={name: np.where(where, of[name], np.float32(np.nan)) for name, where in shown.items()}
             | {"masks": of["own"] + 2 * of["drawn"]},
@@ -152,6 +156,11 @@ class DepthNetIcp:
 
     def __init__(self, net: DepthNet, icp: IcpSettings) -> None:
         self._net, self._icp = net, Icp(icp.model_copy(update={"gate": "published"}))
+
+    @property
+    def trained_range(self) -> TrainedRange | None:
+        """That of the network, which comes first."""
+        return self._net.trained_range
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
         """The refined pose (4, 4); as :meth:`DepthNet.refine`."""
@@ -194,6 +203,6 @@ def _is_worth_it(step: Float, answer: Float) -> bool:
     return bool(moved > LEAST_SHARE * np.exp(answer[6]))
 
 
-def _largest_error(trained_range: Mapping[str, float]) -> float:
-    """Mean error of the points of a pose at the border of what a model card names [radii]."""
-    return TURN_RADII * np.deg2rad(trained_range["rotation_deg"]) + trained_range["shift_radii"]
+def _largest_error(trained: TrainedRange) -> float:
+    """Mean error of the points of a pose at the border of the range [radii]."""
+    return TURN_RADII * float(np.deg2rad(trained.rotation_deg)) + trained.shift_radii

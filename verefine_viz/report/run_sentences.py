@@ -160,6 +160,8 @@ ADVICE = {
     Cause.SIMULATION: "look at what the simulation pushed, and try it without (physics.enabled)",
     Cause.ARM_STARVED: f"{_STARVED}more iterations (method.iterations) or more exploration (method.exploration)",
     Cause.BUDGET: "try more iterations (method.iterations)",
+    Cause.OUT_OF_RANGE: "the initial poses are further off than the refiner was trained for, so better ones are "
+    "needed ([hypotheses]), or weights trained on a wider range",
     Cause.REFINER: "try another refiner, or other settings of it (method.refiner)",
     Cause.POOL: "no initial pose led to the ground truth, so more or better ones are needed ([hypotheses])",
     Cause.UNDECIDED: "the same run comes out right for another scene.seed, so more hypotheses make it more certain "
