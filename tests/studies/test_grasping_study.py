@@ -5,10 +5,11 @@ from pathlib import Path
 import pytest
 
 from verefine_viz.session.files import load_session
-from verefine_viz.studies.grasp_table import grasp_rows
+from verefine_viz.studies.grasp_table import grasp_order, grasp_rows
 from verefine_viz.studies.grasping_study import GIVEN, TABLE, grasping
 from verefine_viz.studies.run_study import StudyRequest, run_study
 from verefine_viz.studies.solve_unit import Outcome, Quality
+from verefine_viz.studies.study_command import scenes
 
 
 def test_methods_with_several_hypotheses_have_the_calls_of_one() -> None:
@@ -17,9 +18,9 @@ def test_methods_with_several_hypotheses_have_the_calls_of_one() -> None:
     assert calls["ICP + RIR, 10"] == calls["ICP + VF_d, 10"] == 2
 
 
-def _outcome(seed: int, name: str, grasp: str) -> Outcome:
+def _outcome(seed: int, name: str, grasp: str, curve: str = "ICP + RIR, 10") -> Outcome:
     return Outcome(
-        panel=TABLE, x=0.0, seed=seed, scene="s", frame="0/0", curve="ICP + RIR, 10", instance_id=0, obj_id=1,
+        panel=TABLE, x=0.0, seed=seed, scene="s", frame="0/0", curve=curve, instance_id=0, obj_id=1,
         quality=Quality(), ms=0.0, refiner_calls=10.0, name=name, grasp=grasp,
     )  # fmt: skip
 
@@ -31,6 +32,22 @@ def test_found_and_success_are_counted_apart() -> None:
     assert (total["n"], total["successes"]) == (6, 1)
     assert total["found"] == pytest.approx(4 / 6)
     assert (total["paper_success_percent"], total["paper_found_percent"]) == (86, 90)
+
+
+@pytest.mark.parametrize(("n", "word"), [(3, "too close to tell"), (8, "as in the paper")])
+def test_the_order_is_tested_on_the_trials_that_both_rows_have(n: int, word: str) -> None:
+    rir = [_outcome(k, "can", "success") for k in range(n + 1)]
+    sir = [_outcome(k, "can", "slipped" if k else "success", "ICP + SIR, 2") for k in range(n + 5)]
+    (order,) = grasp_order(grasping().panels[0], rir + sir)
+    assert (order.n, order.better_alone, order.worse_alone) == (n + 1, n, 0)
+    assert order.p == pytest.approx(2 * 0.5**n)
+    assert order.word == word
+
+
+def test_trials_are_of_the_objects_as_they_lie_and_turned() -> None:
+    given, turned = scenes("grasping", None, {}, quick=True).values()
+    assert (given.scene.turned, turned.scene.turned) == (False, True)
+    assert given.scene.model_copy(update={"turned": True}) == turned.scene
 
 
 @pytest.mark.usefixtures("long_run", "processes")

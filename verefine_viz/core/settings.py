@@ -39,6 +39,9 @@ class SceneSettings(Settings):
     """BOP: the folder of the split below the data set (test, train_real, test_primesense, …)."""
     demo: str = "mug"
     """Demo: name of the built-in scene; an unknown name lists them."""
+    turned: bool = False
+    """Demo: every object turned by half, about the vertical or an axis about which its shape hardly changes, and put
+    down again where it lay. Paper Sec. V-D: half of the trials."""
     frames: tuple[str, ...] = ()
     """Frames as "scene/image"; none = all of the targets file, else all of the split."""
     objects: tuple[Index, ...] = ()

@@ -78,6 +78,17 @@ class GraspScene:
         """
         return grasps_of(self._problem.target(instance_id).model, self._settings, progress)
 
+    def check_any_grasp(self) -> None:
+        """
+        Raises:
+            InputError: no object of the frame has a grasp, wherever it may lie.
+        """
+        if not any(len(self.grasps(i.instance_id).T_obj_gripper) for i in self._problem.instances):
+            raise InputError(
+                f"frame {self._problem.frame}: no object can be gripped, as all are wider than grasp.opening_m = "
+                f"{self._settings.opening_m:g} allows; expected one at least: open the gripper further"
+            )
+
     def attempt(self, instance_id: int, T_cam_obj: Float, progress: ProgressToken = NEVER_CANCELLED) -> GraspAttempt:
         """Chooses a grasp for the estimated pose (4, 4) [m] and carries it out.
 

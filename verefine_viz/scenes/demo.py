@@ -57,7 +57,7 @@ def demo_problem(
 
     Args:
         name: one of :func:`demo_names`.
-        settings: seed, masks, objects, gravity and cloud sizes; the rest does not concern built-in scenes.
+        settings: seed, masks, objects, turned, gravity and cloud sizes; the rest does not concern built-in scenes.
         hypotheses: where initial poses come from. A scene about bad initial poses brings its own, which a note of the
             problem names; results files and estimators win over both.
         frame: one of :func:`demo_frames`.
@@ -128,7 +128,7 @@ def _placed(scene: DemoScene, T_world_cam: Float, settings: SceneSettings, progr
     models = [demo_model(item.model, settings.model_points, settings.seed) for item in scene.items]
     prepare(scene.items, progress)
     progress.checkpoint("Letting the objects of the scene fall into their places.")
-    poses = settled(scene.items)
+    poses = settled(scene.items, settings.turned)
     return [Placed(k, m, T_cam_world @ T) for k, (m, T) in enumerate(zip(models, poses, strict=True))]
 
 

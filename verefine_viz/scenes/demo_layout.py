@@ -23,6 +23,7 @@ from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.physics.simulator import BulletSimulator, settle_to_rest
 from verefine_viz.rendering.rendered_scene import render_scene
 from verefine_viz.scenes.demo_models import demo_model
+from verefine_viz.scenes.half_turn import half_turn
 
 CAMERA = Camera(np.array([[570.0, 0, 319.5], [0, 570.0, 239.5], [0, 0, 1]]), 640, 480)
 
@@ -175,6 +176,9 @@ class DemoScene:
     """How the hypotheses of this scene come about; None = perturbed ground truth as the settings have it."""
 
 
+TURNED_DROP_M = 0.004
+"""How far above its place a turned object is dropped [m]."""
+
 LAYOUT_FRAME = Support(np.eye(4), np.array([0.0, 0.0, 1.0]), "given", 1.0)
 """Objects are laid out without any camera: the world takes its place."""
 
@@ -192,21 +196,41 @@ def prepare(items: Sequence[Item], progress: ProgressToken = NEVER_CANCELLED) ->
 
 
 @cache
-def settled(items: tuple[Item, ...]) -> tuple[Float, ...]:
-    """Where items come to rest: T_world_obj (4, 4) each."""
-    simulator = BulletSimulator(PhysicsSettings())
-    resting: list[Placed] = []
-    for k, item in enumerate(items):
-        model = _body(item)
+def settled(items: tuple[Item, ...], are_turned: bool = False) -> tuple[Float, ...]:
+    """Where items come to rest: T_world_obj (4, 4) each.
+
+    Args:
+        items: in the order in which they are dropped.
+        are_turned: each is then turned by half (``half_turn.py``), and dropped again where it lay.
+    """
+    starts: list[Float] = []
+    models = [_body(item) for item in items]
+    for item, model in zip(items, models, strict=True):
         tilt = axis_angle([0, 1, 0], np.deg2rad(item.tilt_deg[1])) @ axis_angle([1, 0, 0], np.deg2rad(item.tilt_deg[0]))
         R = axis_angle([0, 0, 1], np.deg2rad(item.yaw_deg)) @ tilt
         lowest_m = float((model.vertices @ R[2]).min())
-        falling = Placed(k, model, transform(R, [item.x_m, item.y_m, item.drop_m - lowest_m]))
-        path = settle_to_rest(simulator, falling, resting, LAYOUT_FRAME)
+        starts.append(transform(R, [item.x_m, item.y_m, item.drop_m - lowest_m]))
+    poses = at_rest(models, starts)
+    return turned(models, poses) if are_turned else poses
+
+
+def at_rest(models: Sequence[ObjectModel], starts: Sequence[Float]) -> tuple[Float, ...]:
+    """Where objects come to rest that are dropped one after the other, T_world_obj (4, 4) each, from ``starts``."""
+    simulator = BulletSimulator(PhysicsSettings())
+    resting: list[Placed] = []
+    for k, (model, start) in enumerate(zip(models, starts, strict=True)):
+        path = settle_to_rest(simulator, Placed(k, model, start), resting, LAYOUT_FRAME)
         resting.append(Placed(k, model, path.T_cam_obj))
     return tuple(p.T_cam_obj for p in resting)
 
 
+def turned(models: Sequence[ObjectModel], poses: Sequence[Float]) -> tuple[Float, ...]:
+    """Objects at rest (4, 4), each turned by half and dropped again where it lay."""
+    lifted = transform(np.eye(3), [0.0, 0.0, TURNED_DROP_M])
+    starts = [lifted @ T @ half_turn(model, T[2, :3]) for model, T in zip(models, poses, strict=True)]
+    return at_rest(models, starts)
+
+
 def _body(item: Item) -> ObjectModel:
-    """What falls; its points play no part in it."""
-    return demo_model(item.model, 100, 0)
+    """What falls; its points play no part in it, but for which way it is turned."""
+    return demo_model(item.model, 500, 0)

@@ -38,6 +38,7 @@ FILES = (
 _READ_BY = {
     ("scene", "dataset"): ("bop", "trace", "sequence"),
     ("scene", "demo"): ("demo",),
+    ("scene", "turned"): ("demo",),
     ("hypotheses", "files"): ("results",),
 }
 """The sources (of the same section) that read a field."""

@@ -1,9 +1,12 @@
-"""What a study of grasps comes to: Table IV beside the paper's, and success over the error of the pose."""
+"""What a study of grasps comes to: Table IV beside the paper's, whether its order holds, and success over the error of
+the pose.
+"""
 
 from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +14,67 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+from scipy.stats import binomtest
 
 from verefine_viz.core.paths import atomic
 from verefine_viz.studies.figure import COLORS, DPI, MARKERS, band, save
 from verefine_viz.studies.grasping_study import PAPER, TABLE
 from verefine_viz.studies.solve_unit import Outcome
-from verefine_viz.studies.study_plan import Study
+from verefine_viz.studies.study_plan import Claim, Panel, Study
 
 NONE_FREE = ("no collision-free grasp", "no answer")
+
+
+@dataclass(frozen=True)
+class GraspOrder:
+    """Two rows of the table, compared trial by trial."""
+
+    claim: Claim
+    n: int
+    """Trials that both rows have: the same object, scene and initial poses."""
+    better_alone: int
+    """Trials in which the row that lifts more in the paper succeeds and the other does not."""
+    worse_alone: int
+    low: float
+    high: float
+    """95 % interval of the difference of the shares of success (bootstrap over the trials)."""
+    p: float
+    """Exact McNemar test, two-sided: how likely trials that differ part so unevenly by chance."""
+
+    @property
+    def difference(self) -> float:
+        return (self.better_alone - self.worse_alone) / self.n
+
+    @property
+    def word(self) -> str:
+        """As in the paper, the reverse of the paper, or too close to tell."""
+        if self.p >= 0.05:
+            return "too close to tell"
+        return "as in the paper" if self.difference > 0 else "the reverse of the paper"
+
+    def __str__(self) -> str:
+        return (
+            f"{self.claim.better} over {self.claim.worse}: {100 * self.difference:+.0f} % "
+            f"({100 * self.low:+.0f} to {100 * self.high:+.0f}), {self.better_alone} trials against "
+            f"{self.worse_alone}, p = {self.p:.2g}: {self.word}"
+        )
+
+
+def grasp_order(panel: Panel, outcomes: Sequence[Outcome]) -> list[GraspOrder]:
+    """The paper's order of the table's rows, tested on pairs of the same trial."""
+    by_curve: dict[str, dict[tuple[str, str, int, int], bool]] = {}
+    for o in outcomes:
+        if o.panel == panel.name:
+            by_curve.setdefault(o.curve, {})[o.scene, o.frame, o.instance_id, o.seed] = o.grasp == "success"
+    tested: list[GraspOrder] = []
+    for claim in panel.claims:
+        better, worse = by_curve.get(claim.better, {}), by_curve.get(claim.worse, {})
+        gains = np.array([float(better[trial]) - float(worse[trial]) for trial in better if trial in worse])
+        if gains.size:
+            up, down = int((gains > 0).sum()), int((gains < 0).sum())
+            p = float(binomtest(up, up + down).pvalue) if up + down else 1.0
+            tested.append(GraspOrder(claim, gains.size, up, down, *band(gains), p))
+    return tested
 
 
 def grasp_rows(study: Study, outcomes: Sequence[Outcome]) -> list[dict[str, str | float]]:
@@ -60,7 +116,7 @@ def _row(panel: str, curve: str, x: float, name: str, some: Sequence[Outcome]) -
 
 
 def report_grasps(study: Study, outcomes: Sequence[Outcome], out: Path, about: str) -> None:
-    """Writes ``grasping.csv`` and the figure, and prints the table.
+    """Writes ``grasping.csv``, ``grasping_order.csv`` and the figure, and prints the table.
 
     Raises:
         InputError: they cannot be written.
@@ -70,9 +126,18 @@ def report_grasps(study: Study, outcomes: Sequence[Outcome], out: Path, about: s
         writer = csv.DictWriter(file, fieldnames=list(rows[0]) if rows else [])
         writer.writeheader()
         writer.writerows([{k: f"{v:.6g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows])
+    orders = [order for panel in study.panels for order in grasp_order(panel, outcomes)]
+    with atomic(out / "grasping_order.csv") as part, part.open("w", newline="", encoding="utf-8") as file:
+        sheet = csv.writer(file)
+        sheet.writerow(["more", "less", "trials", "more_alone", "less_alone", "difference", "low", "high", "p"])
+        for o in orders:
+            numbers = (f"{v:.6g}" for v in (o.difference, o.low, o.high, o.p))
+            sheet.writerow([o.claim.better, o.claim.worse, o.n, o.better_alone, o.worse_alone, *numbers])
     png, svg = save(draw_grasps(study, rows, about), out, "grasping")
     console = Console(highlight=False, soft_wrap=True)
     console.print(_printed(study, rows))
+    for order in orders:
+        console.print(escape(str(order)))
     console.print(escape(f"Figures: {png}, {svg.name}; numbers: grasping.csv beside them"))
 
 

@@ -131,9 +131,15 @@ class Solver:
         return tuple(outcomes)
 
     def _grasping(self, unit: Unit, frame: Problem) -> GraspScene:
-        """The frame with the gripper, made once as long as frames do not change."""
+        """The frame with the gripper, made once as long as frames do not change; checked before anything is solved.
+
+        Raises:
+            InputError: the gripper fits no object of the frame.
+        """
         if self._grasp_scene is None or self._grasp_scene[0] is not frame:
-            self._grasp_scene = frame, GraspScene(frame, self._toolboxes[unit.scene].session.grasp)
+            scene = GraspScene(frame, self._toolboxes[unit.scene].session.grasp)
+            scene.check_any_grasp()
+            self._grasp_scene = frame, scene
         return self._grasp_scene[1]
 
     def _refiner(self, toolbox: Toolbox) -> Refiner:
