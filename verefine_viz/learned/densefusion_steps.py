@@ -7,7 +7,7 @@ shifted against those of BOP; their poses are converted on the way in and out.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from verefine_viz.core.algorithm_settings import DenseFusionSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.geometry import nearest_rotation, rotation_of_quat_wxyz, transform
+from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Target
 from verefine_viz.learned.densefusion_input import ObjectCrop, crop_of
 from verefine_viz.learned.onnx_network import OnnxNetwork
@@ -48,6 +49,8 @@ class Classes:
     """With how many points it was trained."""
     shifts_mm: Mapping[int, tuple[float, float, float]]
     """By obj_id, by what a model of the frame is moved against that of the training [mm]; none = not at all."""
+    extents_mm: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
+    """By obj_id, of the model of the training along its axes [mm]; none = unknown."""
 
 
 YCBV = Classes(tuple(range(1, 22)), 1000, dict(enumerate(YCBV_SHIFTS_MM, 1)))
@@ -76,7 +79,8 @@ def classes_of(network: OnnxNetwork, settings: DenseFusionSettings) -> Classes:
             )
         return Classes(settings.classes, n_points, {})
     if "classes" in about:
-        return Classes(tuple(about["classes"]), n_points, {})
+        extents = dict(zip(about["classes"], map(tuple, about.get("extents_mm", ())), strict=False))
+        return Classes(tuple(about["classes"]), n_points, {}, extents)
     if n not in OFFICIAL_CLASSES:
         raise InputError(
             f"weights {network.path} have {n} classes, neither the 21 of YCB-Video nor the 13 of LINEMOD; "
@@ -132,17 +136,17 @@ class DenseFusionPose:
             InputError: the frame has no colour, the network does not know the object, or its answer is not finite.
         """
         crop = self.crop(target)
-        return None if crop is None else self.poses_of(crop, target.model.obj_id)
+        return None if crop is None else self.poses_of(crop, target.model)
 
-    def poses_of(self, crop: ObjectCrop, obj_id: int) -> PixelPoses:
+    def poses_of(self, crop: ObjectCrop, model: ObjectModel) -> PixelPoses:
         """The same of a crop."""
-        index = index_of(self.classes, obj_id, self.network)
+        index = index_of(self.classes, model, self.network)
         quats, offsets, confidences, described = self.network.answers(crop.image, crop.points, crop.chosen, index)
         points = crop.points.astype(np.float64)
         Ts = np.tile(np.eye(4), (len(quats), 1, 1))
         Ts[:, :3, :3] = rotations_of(quats, self.network)
         Ts[:, :3, 3] = points[0] + offsets
-        Ts = Ts @ shift_of(self.classes, obj_id, -1)
+        Ts = Ts @ shift_of(self.classes, model.obj_id, -1)
         return PixelPoses(Ts, confidences, Colours(points, described), crop.n_distinct)
 
     def crop(self, target: Target) -> ObjectCrop | None:
@@ -168,14 +172,14 @@ class DenseFusionSteps:
         self.network = OnnxNetwork(path, REFINE_NET, FORMAT)
         self.classes = classes_of(self.network, settings)
 
-    def refined(self, T_cam_obj: Float, colours: Colours, obj_id: int, n_steps: int) -> Float:
+    def refined(self, T_cam_obj: Float, colours: Colours, model: ObjectModel, n_steps: int) -> Float:
         """The pose (4, 4) [m] after so many steps of the network.
 
         Raises:
             InputError: the network does not know the object, or its answer is not finite.
         """
-        index = index_of(self.classes, obj_id, self.network)
-        T = T_cam_obj @ shift_of(self.classes, obj_id, 1)
+        index = index_of(self.classes, model, self.network)
+        T = T_cam_obj @ shift_of(self.classes, model.obj_id, 1)
         described = colours.described.astype(np.float32)
         for _ in range(n_steps):
             # Seen from the object: were the pose right, the points would lie on the model.
@@ -183,18 +187,31 @@ class DenseFusionSteps:
             quat, shift = self.network.answers(points_obj.astype(np.float32), described, index)
             T = T @ transform(rotations_of(quat[None], self.network)[0], shift)
             T[:3, :3] = nearest_rotation(T[:3, :3])
-        return T @ shift_of(self.classes, obj_id, -1)
+        return T @ shift_of(self.classes, model.obj_id, -1)
 
 
-def index_of(classes: Classes, obj_id: int, network: OnnxNetwork) -> np.ndarray:
+def index_of(classes: Classes, model: ObjectModel, network: OnnxNetwork) -> np.ndarray:
     """(1,) number of an object's class.
 
     Raises:
-        InputError: it is none of the classes.
+        InputError: it is none of the classes, or another object has its id there.
     """
-    if obj_id not in classes.obj_ids:
-        raise InputError(f"weights {network.path}: {unknown('object', obj_id, classes.obj_ids)}")
-    return np.array([classes.obj_ids.index(obj_id)], np.int64)
+    if model.obj_id not in classes.obj_ids:
+        raise InputError(f"weights {network.path}: {unknown('object', model.obj_id, classes.obj_ids)}")
+    trained, given = classes.extents_mm.get(model.obj_id), extents_mm(model)
+    if trained and not np.allclose(trained, given, rtol=0.02, atol=1.0):
+        sizes = [" × ".join(f"{length:.0f}" for length in lengths) for lengths in (trained, given)]
+        raise InputError(
+            f"weights {network.path} were trained with an object {model.obj_id} of {sizes[0]} mm, the model "
+            f"{model.name} measures {sizes[1]} mm; train others: verefine-viz train densefusion --dataset DIR"
+        )
+    return np.array([classes.obj_ids.index(model.obj_id)], np.int64)
+
+
+def extents_mm(model: ObjectModel) -> tuple[float, float, float]:
+    """Length of a model along each of its axes [mm]."""
+    x, y, z = (round(1000 * float(length), 2) for length in np.ptp(model.vertices, axis=0))
+    return x, y, z
 
 
 def shift_of(classes: Classes, obj_id: int, sign: int) -> Float:

@@ -46,18 +46,42 @@ class Size:
     """Unit of lengths inside [m]."""
     is_centred: bool
     """Whether PoseNet sees the points from their mean, instead of from the camera."""
+    is_halved: bool
+    """Whether the colour branch sees the crop at half its height and width."""
     dropout: tuple[float, float]
     """Share of channels that training leaves out after the pyramid and after each enlargement."""
 
 
 OFFICIAL = Size(
-    (64, 128, 256, 512), 1024, (256, 64, 64), 32, (512, 1024), (640, 256, 128), (512, 128), 1.0, 1.0, False, (0.3, 0.15)
+    stages=(64, 128, 256, 512),
+    pyramid=1024,
+    enlarged=(256, 64, 64),
+    colour=32,
+    fused=(512, 1024),
+    head=(640, 256, 128),
+    refiner_head=(512, 128),
+    largest_colour=1.0,
+    unit_m=1.0,
+    is_centred=False,
+    is_halved=False,
+    dropout=(0.3, 0.15),
 )
 SLIM = Size(
-    (16, 32, 64, 128), 128, (48, 24, 16), 32, (128, 256), (192, 96, 64), (192, 96), 255.0, 0.1, True, (0.0, 0.0)
+    stages=(16, 32, 48, 64),
+    pyramid=64,
+    enlarged=(32, 16, 16),
+    colour=32,
+    fused=(128, 256),
+    head=(192, 96, 64),
+    refiner_head=(192, 96),
+    largest_colour=255.0,
+    unit_m=0.1,
+    is_centred=True,
+    is_halved=True,
+    dropout=(0.0, 0.0),
 )
-"""Ours: a tenth of the parameters, for training and inference on a processor. Its numbers are near 1, so that it learns
-in minutes: distances of 1 m between points 1 cm apart take long to be subtracted."""
+"""Ours: a twentieth of the parameters, for training and inference on a processor. Its numbers are near 1, so that it
+learns in minutes: distances of 1 m between points 1 cm apart take long to be subtracted."""
 
 
 class _Block(nn.Module):
@@ -174,10 +198,13 @@ class _Colours(nn.Module):
     def __init__(self, size: Size) -> None:
         super().__init__()
         self.model = _Module(_PspNet(size))
-        self._largest = size.largest_colour
+        self._largest, self._is_halved = size.largest_colour, size.is_halved
 
     def forward(self, image: Tensor) -> Tensor:
-        return self.model.module(image / self._largest)
+        if not self._is_halved:
+            return self.model.module(image / self._largest)
+        colours = self.model.module(F.avg_pool2d(image / self._largest, 2))
+        return F.interpolate(colours, size=image.shape[2:], mode="nearest")
 
 
 class _Fusion(nn.Module):
@@ -235,18 +262,23 @@ class PoseNet(nn.Module):
             index: (1,) number of the object's class.
         """
         colours = self.cnn(image).flatten(2)[:, :, chosen]
+        quats, offsets, confidences = self.poses(points, colours, index)
+        return quats[0], offsets[0], confidences[0], colours
+
+    def poses(self, points: Tensor, colours: Tensor, index: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """The same of the points (B, N, 3) and colours (B, E, N) of B objects: (B, N, 4), (B, N, 3) and (B, N)."""
         seen = points - points.mean(dim=1, keepdim=True) if self._is_centred else points
         pairs, whole = self.feat(seen.transpose(1, 2) / self._unit_m, colours)
         features = torch.cat([pairs, whole.mean(dim=2, keepdim=True).expand_as(whole)], dim=1)
         r, t, c = (self._head(name, features, index) for name in "rtc")
-        return r, t * self._unit_m, torch.sigmoid(c[:, 0]), colours
+        return r, t * self._unit_m, torch.sigmoid(c[:, :, 0])
 
     def _head(self, name: str, x: Tensor, index: Tensor) -> Tensor:
-        """(N, n) what a head answers for one class."""
+        """(B, N, n) what a head answers for each object's class."""
         for k in range(3):
             x = torch.relu(self.get_submodule(f"conv{k + 1}_{name}")(x))
-        x = self.get_submodule(f"conv4_{name}")(x)[0]
-        return x.view(self.n_classes, -1, x.shape[1])[index][0].T
+        every = self.get_submodule(f"conv4_{name}")(x).unflatten(1, (self.n_classes, -1))
+        return every[torch.arange(len(x)), index].transpose(1, 2)
 
 
 class PoseRefineNet(nn.Module):
@@ -276,6 +308,11 @@ class PoseRefineNet(nn.Module):
             colours: (1, E, N) as PoseNet gives it.
             index: (1,) number of the object's class.
         """
+        quats, shifts = self.steps(points, colours, index)
+        return quats[0], shifts[0]
+
+    def steps(self, points: Tensor, colours: Tensor, index: Tensor) -> tuple[Tensor, Tensor]:
+        """The same of B poses at once: (B, 4) and (B, 3) [m] of (B, N, 3), (B, E, N) and (B,)."""
         whole = self.feat(points.transpose(1, 2) / self._unit_m, colours)[1].mean(dim=2)
         r, t = (self._head(name, whole, index) for name in "rt")
         return r, t * self._unit_m
@@ -283,7 +320,8 @@ class PoseRefineNet(nn.Module):
     def _head(self, name: str, x: Tensor, index: Tensor) -> Tensor:
         for k in range(2):
             x = torch.relu(self.get_submodule(f"conv{k + 1}_{name}")(x))
-        return self.get_submodule(f"conv3_{name}")(x).view(self.n_classes, -1)[index][0]
+        every = self.get_submodule(f"conv3_{name}")(x).view(len(x), self.n_classes, -1)
+        return every[torch.arange(len(x)), index]
 
 
 def pose_net_example() -> tuple[tuple[Tensor, ...], tuple[dict[int, Any] | None, ...]]:

@@ -53,14 +53,14 @@ class DenseFusionRefiner:
         (colours,) = self._seen[target]
         if colours is None:
             return T_cam_obj
-        return self._steps.refined(T, colours, target.model.obj_id, self.settings.iterations)
+        return self._steps.refined(T, colours, target.model, self.settings.iterations)
 
     def explain(self, target: Target, T_cam_obj: Float) -> list[RefinerStep]:
         """The crop of the image with its points, and the pose's change step by step, seen by the camera."""
         crop = self._pose.crop(target)
         if crop is None:
             return []
-        poses, obj_id = self._pose.poses_of(crop, target.model.obj_id), target.model.obj_id
+        poses = self._pose.poses_of(crop, target.model)
         width = crop.image.shape[3]
         rows, columns = np.divmod(crop.chosen, width)
         points_px = np.stack([columns, rows], axis=1).astype(np.float64)
@@ -68,7 +68,7 @@ class DenseFusionRefiner:
         image = np.clip(np.rint(colours), 0, 255).astype(np.uint8)
         steps, T = [], T_cam_obj
         for _ in range(self.settings.iterations):
-            before, T = T, self._steps.refined(T, poses.colours, obj_id, 1)
+            before, T = T, self._steps.refined(T, poses.colours, target.model, 1)
             steps.append(
                 RefinerStep(
                     crops={"image": image},

@@ -31,14 +31,14 @@ from verefine_viz.scenes.source import open_scene
 
 IMAGE_PX = (640, 480)
 FOCAL_PX = (480.0, 700.0)
-DISTANCE_M = (0.45, 1.1)
+DISTANCE_M = (0.42, 0.95)
 """Of the camera from the middle of the table."""
-ELEVATION_DEG = (20.0, 75.0)
+ELEVATION_DEG = (25.0, 65.0)
 OBJECTS = (2, 6)
 """Fewest and most objects of a picture, the last excluded."""
 SPREAD_M = 0.18
 """Objects stand within this of the middle of the table."""
-STANDS = 0.6
+STANDS = 0.8
 """How often an object stands as its model does; else it is turned at random."""
 LEAST_PX = 150
 """Pixels of an object that show; with fewer it is not learned from."""
@@ -65,7 +65,7 @@ class LabelledObject:
 class ColouredScenes(Protocol):
     """Endless pictures."""
 
-    obj_ids: tuple[int, ...]
+    models: tuple[ObjectModel, ...]
     """Of the objects in them."""
     described: str
     """What they are, for the model card."""
@@ -82,11 +82,12 @@ class MadeUpScenes:
         models: with colours of their own.
         seed: of all pictures.
         described: what the models are.
+        is_halved: whether pictures are drawn at half their size and enlarged, in a quarter of the time: for a network
+            that sees its crops at half their size.
     """
 
-    def __init__(self, models: Sequence[ObjectModel], seed: int, described: str) -> None:
-        self._models, self._seed = models, seed
-        self.obj_ids = tuple(model.obj_id for model in models)
+    def __init__(self, models: Sequence[ObjectModel], seed: int, described: str, is_halved: bool) -> None:
+        self.models, self._seed, self._is_halved = tuple(models), seed, is_halved
         self.described = f"made-up views of {described}"
 
     def picture(self, index: int) -> tuple[LabelledObject, ...]:
@@ -94,13 +95,17 @@ class MadeUpScenes:
         rng = np.random.default_rng((self._seed, index))
         T_world_cam, camera = _viewpoint(rng)
         placed = self._placed(rng, inverse(T_world_cam))
-        seen = take_picture(placed, T_world_cam, camera)
-        sensor = Sensor(noise_px=rng.uniform(0.02, 0.1), edge_dropout=rng.uniform(0.2, 0.8))
-        depth_m = sense(seen.depth_m, seen.normals_cam, camera, int(rng.integers(2**31)), sensor)
-        rgb = _tinted(seen.rgb, seen.labels, rng)
+        step = 2 if self._is_halved else 1
+        drawn = every_pixel(camera, step)
+        seen = take_picture(placed, T_world_cam, drawn)
+        # Noise in pixels of the whole picture.
+        sensor = Sensor(noise_px=rng.uniform(0.02, 0.1) / step, edge_dropout=rng.uniform(0.2, 0.8))
+        sensed_m = sense(seen.depth_m, seen.normals_cam, drawn, int(rng.integers(2**31)), sensor)
+        rgb = enlarged(_tinted(seen.rgb, seen.labels, rng), step)
+        depth_m, labels = enlarged(sensed_m, step), enlarged(seen.labels, step)
         objects = []
         for k, item in enumerate(placed):
-            visible = seen.labels == k
+            visible = labels == k
             if (visible & (depth_m > 0)).sum() >= LEAST_PX:
                 mask = _detected(visible, rng)
                 objects.append(LabelledObject(rgb, depth_m, mask, camera, item.model, item.T_cam_obj))
@@ -108,11 +113,11 @@ class MadeUpScenes:
 
     def _placed(self, rng: np.random.Generator, T_cam_world: Float) -> list[Placed]:
         """Objects that stand or lie on the table beside each other."""
-        n = min(int(rng.integers(*OBJECTS)), len(self._models))
+        n = min(int(rng.integers(*OBJECTS)), len(self.models))
         placed: list[Placed] = []
         taken: list[tuple[Float, float]] = []
-        for k in rng.choice(len(self._models), n, replace=False):
-            model = self._models[k]
+        for k in rng.choice(len(self.models), n, replace=False):
+            model = self.models[k]
             R = axis_angle([0, 0, 1], rng.uniform(0, 2 * np.pi))
             if rng.random() >= STANDS:
                 R = R @ axis_angle(random_unit_vector(rng), rng.uniform(0, np.pi))
@@ -144,7 +149,8 @@ class AnnotatedFrames:
         scene = SceneSettings(source="bop", dataset=str(dataset), split=split, model_points=MODEL_POINTS)
         self._source = open_scene(scene, HypothesesSettings())
         self._seed = seed
-        self.obj_ids = ModelLibrary(dataset, MODEL_POINTS, 0).ids
+        library = ModelLibrary(dataset, MODEL_POINTS, 0)
+        self.models = tuple(library.get(obj_id) for obj_id in library.ids)
         self.described = f"{len(self._source.frames)} annotated frames of {dataset.resolve().name}/{split}"
 
     def picture(self, index: int) -> tuple[LabelledObject, ...]:
@@ -170,13 +176,14 @@ class AnnotatedFrames:
         return o.rgb, objects
 
 
-def coloured_scenes(dataset: Path | None, split: str, seed: int) -> ColouredScenes:
+def coloured_scenes(dataset: Path | None, split: str, seed: int, is_halved: bool = False) -> ColouredScenes:
     """What is trained on.
 
     Args:
         dataset: a BOP folder; None = the objects of the built-in scenes.
         split: its annotated frames; empty = made-up views of its models.
         seed: of the pictures.
+        is_halved: as for :class:`MadeUpScenes`.
 
     Raises:
         VerefineError: the folder is none of a BOP data set, or its models have no colours.
@@ -185,7 +192,7 @@ def coloured_scenes(dataset: Path | None, split: str, seed: int) -> ColouredScen
         names = dict.fromkeys(name for scene in demo_names() for name in demo_objects(scene).values())
         models = [demo_model(name, MODEL_POINTS, 0) for name in names]
         by_id = {model.obj_id: model for model in reversed(models)}
-        return MadeUpScenes([by_id[k] for k in sorted(by_id)], seed, f"the {len(by_id)} built-in objects")
+        return MadeUpScenes([by_id[k] for k in sorted(by_id)], seed, f"the {len(by_id)} built-in objects", is_halved)
     if split:
         return AnnotatedFrames(dataset, split, seed)
     library = ModelLibrary(dataset, MODEL_POINTS, 0)
@@ -193,7 +200,20 @@ def coloured_scenes(dataset: Path | None, split: str, seed: int) -> ColouredScen
     grey = [model.name for model in models if not model.has_colors]
     if grey:
         raise InputError(f"model {grey[0]} in {library.folder} has no colours; DenseFusion learns from colour")
-    return MadeUpScenes(models, seed, f"the {len(models)} models of {dataset.resolve().name}")
+    return MadeUpScenes(models, seed, f"the {len(models)} models of {dataset.resolve().name}", is_halved)
+
+
+def every_pixel(camera: Camera, step: int) -> Camera:
+    """The camera whose pixels are blocks of step × step of the given one's."""
+    # A pixel's centre is at a whole number: that of a block lies (step - 1) / 2 beside its first pixel's.
+    K = camera.K / [[step], [step], [1]]
+    K[:2, 2] = (camera.K[:2, 2] - (step - 1) / 2) / step
+    return Camera(K, camera.width // step, camera.height // step)
+
+
+def enlarged(image: NDArray, step: int) -> NDArray:
+    """Each pixel of an image (H, W, …) as a block of step × step."""
+    return image.repeat(step, axis=0).repeat(step, axis=1)
 
 
 def _viewpoint(rng: np.random.Generator) -> tuple[Float, Camera]:

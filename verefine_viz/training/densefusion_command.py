@@ -14,7 +14,14 @@ from verefine_viz.core.algorithm_settings import DenseFusionSettings
 from verefine_viz.core.geometry import nearest_rotation
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.learned.densefusion_input import crop_of
-from verefine_viz.learned.densefusion_steps import FORMAT, POSE_NET, REFINE_NET, DenseFusionPose, DenseFusionSteps
+from verefine_viz.learned.densefusion_steps import (
+    FORMAT,
+    POSE_NET,
+    REFINE_NET,
+    DenseFusionPose,
+    DenseFusionSteps,
+    extents_mm,
+)
 from verefine_viz.networks.densefusion_networks import (
     OFFICIAL,
     SLIM,
@@ -25,7 +32,7 @@ from verefine_viz.networks.onnx_export import onnx_bytes, with_card, write_netwo
 from verefine_viz.training.coloured_scenes import ColouredScenes, coloured_scenes
 from verefine_viz.training.course import losses_on_card, versions
 from verefine_viz.training.progress_bar import Progress, shown_progress
-from verefine_viz.training.train_densefusion import BATCH_SIZE, POSE_SHARE, TrainedDenseFusion, train_densefusion
+from verefine_viz.training.train_densefusion import SHARES, TrainedDenseFusion, train_densefusion
 
 HELD_OUT_PICTURES = 40
 """Pictures on which the networks are measured, …"""
@@ -50,8 +57,8 @@ def train_both(
     """
     console = Console(stderr=True, highlight=False, soft_wrap=True)
     checkpoint = out.with_name(f"{out.name}.checkpoint")
-    scenes = coloured_scenes(dataset, split, seed)
     size = SLIM if slim else OFFICIAL
+    scenes = coloured_scenes(dataset, split, seed, size.is_halved)
     with shown_progress(console, "densefusion", n_steps, in_words) as report:
         trained = train_densefusion(scenes, size, n_points, seed, n_steps, minutes, checkpoint, report)
     files = {POSE_NET: out, REFINE_NET: out.with_name(f"{out.stem}_refine.onnx")}
@@ -102,15 +109,16 @@ def card_of(
     return {
         "network": name,
         "format": FORMAT,
-        "n_classes": len(scenes.obj_ids),
-        "classes": list(scenes.obj_ids),
+        "n_classes": len(scenes.models),
+        "classes": [model.obj_id for model in scenes.models],
+        "objects": [model.name for model in scenes.models],
+        "extents_mm": [list(extents_mm(model)) for model in scenes.models],
         "points": n_points,
         "purpose": "DenseFusion: the 6D pose of the objects that it was trained on, from a colour and depth image",
         "command": command,
         "seed": seed,
         "steps": trained.n_steps,
-        "steps_of_pose_net": round(POSE_SHARE * trained.n_steps),
-        "samples": trained.n_steps * BATCH_SIZE,
+        "shares_of_steps": dict(zip(("whole_pose_net", "heads_of_pose_net", "refine_net"), SHARES, strict=True)),
         "parameters": parameters,
         "data": scenes.described,
         "loss": [{"step": s, "loss": round(a, 5), "add_m": round(b, 5)} for s, a, b in losses_on_card(trained.losses)],
@@ -130,10 +138,10 @@ def measured_on(scenes: ColouredScenes, pose_file: Path, refine_file: Path) -> d
             crop = crop_of(seen.rgb, seen.depth_m, seen.mask, seen.camera, pose.classes.n_points, 0)
             if crop is None:
                 continue
-            poses = pose.poses_of(crop, seen.model.obj_id)
+            poses = pose.poses_of(crop, seen.model)
             T = poses.Ts_cam_obj[int(poses.confidences.argmax())]
             T[:3, :3] = nearest_rotation(T[:3, :3])
-            refined = steps.refined(T, poses.colours, seen.model.obj_id, 2)
+            refined = steps.refined(T, poses.colours, seen.model, 2)
             errors.append([pose_errors(seen.model, one, seen.T_cam_obj).relative for one in (T, refined)])
     rows = {}
     for what, shares in zip(("pose_net", "after_two_steps"), np.array(errors).reshape(-1, 2).T, strict=True):

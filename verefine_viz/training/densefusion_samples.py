@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.geometry import apply, axis_angle, random_unit_vector, transform
+from verefine_viz.core.geometry import apply, transform
 from verefine_viz.learned.densefusion_input import ObjectCrop, crop_of
 from verefine_viz.training.coloured_scenes import ColouredScenes, LabelledObject
 
@@ -19,15 +18,11 @@ SCENES_FIRST = 64
 SCENES_HELD = 256
 """… and most of them, when the oldest gives way."""
 NEW_EVERY = 4
-"""Steps after which a picture is added: it takes half as long to make as a step of 8 samples."""
+"""Steps after which a picture is added: drawn at half its size it takes as long to make as a step of 8 samples."""
 LOSS_POINTS = 100
 """Points of the model that measure how far apart two poses are."""
 SHIFT_M = 0.03
 """Points and pose are shifted together by up to this along each axis, as the official training does [m]."""
-DISTURBED = 0.5
-"""How often PoseRefineNet begins beside PoseNet's pose, …"""
-TURN_DEG, AWAY_M = 30.0, 0.03
-"""… turned and shifted by up to these."""
 DRAWS = 2
 """What the second number of a seed stands for; pictures have two numbers."""
 
@@ -44,8 +39,8 @@ class Sample:
     wanted: NDArray[np.float32]
     """(M, 3) the same points at the ground truth, in the camera's frame [m]."""
     is_symmetric: bool
-    T_start: NDArray[np.float32]
-    """(4, 4) from PoseNet's pose to where PoseRefineNet begins, in the frame of the object [m]."""
+    T_cam_obj: NDArray[np.float32]
+    """(4, 4) ground truth [m]."""
 
 
 class TrainingSamples:
@@ -64,6 +59,7 @@ class TrainingSamples:
 
     def __init__(self, scenes: ColouredScenes, seed: int, n_points: int, batch_size: int, first_step: int = 0) -> None:
         self._scenes, self._seed, self._n_points = scenes, seed, n_points
+        self._obj_ids = [model.obj_id for model in scenes.models]
         self._size, self._step = batch_size, first_step
         self._n_made = SCENES_FIRST + first_step // NEW_EVERY
         pictures = (scenes.picture(k) for k in range(max(0, self._n_made - SCENES_HELD), self._n_made))
@@ -95,18 +91,12 @@ class TrainingSamples:
         model = seen.model.points[drawn]
         shift = rng.uniform(-SHIFT_M, SHIFT_M, 3)
         points = (crop.points + shift).astype(np.float32)
+        T_cam_obj = transform(seen.T_cam_obj[:3, :3], seen.T_cam_obj[:3, 3] + shift)
         return Sample(
             ObjectCrop(crop.image, points, crop.chosen, crop.n_distinct),
-            self._scenes.obj_ids.index(seen.model.obj_id),
+            self._obj_ids.index(seen.model.obj_id),
             model.astype(np.float32),
-            (apply(seen.T_cam_obj, model) + shift).astype(np.float32),
+            apply(T_cam_obj, model).astype(np.float32),
             seen.model.is_symmetric,
-            _start(rng).astype(np.float32),
+            T_cam_obj.astype(np.float32),
         )
-
-
-def _start(rng: np.random.Generator) -> Float:
-    """Nothing (4, 4), or a disturbance: a refiner is called from other poses than PoseNet's too."""
-    turn = axis_angle(random_unit_vector(rng), np.deg2rad(rng.uniform(0, TURN_DEG)))
-    away = random_unit_vector(rng) * rng.uniform(0, AWAY_M)
-    return transform(turn, away) if rng.random() < DISTURBED else np.eye(4)

@@ -1,4 +1,4 @@
-"""Trains DenseFusion: PoseNet first, then PoseRefineNet on its poses.
+"""Trains DenseFusion: PoseNet as a whole, then without its colour branch in larger batches, then PoseRefineNet.
 
 Same seed, data and number of steps, same weights on the same machine, stopped in between or not.
 """
@@ -16,6 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from verefine_viz.networks.densefusion_networks import PoseNet, PoseRefineNet, Size
+from verefine_viz.training.cached_samples import Batch, CachedSamples, from_camera, from_starts
 from verefine_viz.training.coloured_scenes import ColouredScenes
 from verefine_viz.training.course import Course
 from verefine_viz.training.densefusion_loss import pose_loss, refine_loss, rotations
@@ -23,13 +24,15 @@ from verefine_viz.training.densefusion_samples import Sample, TrainingSamples
 from verefine_viz.training.progress_bar import Progress
 
 BATCH_SIZE = 8
-"""Samples of a step; their crops differ in size, so they go through the networks one by one."""
-POSE_SHARE = 0.75
-"""Of the steps; the others train PoseRefineNet, while PoseNet stays as it is."""
+"""Samples of a step of the whole; their crops differ in size, so they go through the network one by one."""
+WHOLE, HEADS, REFINER = 0, 1, 2
+"""Parts of a training: all of PoseNet; its layers after the colour branch, which stays; PoseRefineNet."""
+SHARES = (0.35, 0.4, 0.25)
+"""Of the steps, that each part has."""
 REFINE_STEPS = 2
 """Steps of PoseRefineNet that are trained one after the other."""
-PEAK_RATE = 5e-4
-"""Largest learning rate of either network; it rises over ``WARM_UP`` of its steps and falls to 0 as a cosine does."""
+PEAK_RATE = 1e-3
+"""Largest learning rate of each part; it rises over ``WARM_UP`` of its steps and falls to 0 as a cosine does."""
 WARM_UP = 0.02
 LONGEST_GRADIENT = 1.0
 TIMED_STEPS = (3, 8)
@@ -78,7 +81,7 @@ def train_densefusion(
     """
     torch.set_num_threads(1)  # Sums depend on the number of threads.
     torch.manual_seed(seed)
-    pose, refine = PoseNet(len(scenes.obj_ids), size), PoseRefineNet(len(scenes.obj_ids), size)
+    pose, refine = PoseNet(len(scenes.models), size), PoseRefineNet(len(scenes.models), size)
     for layer in pose.cnn.modules():
         if isinstance(layer, nn.Conv2d):
             # Torch's own start lets colours fade from layer to layer, and nothing normalises them.
@@ -92,7 +95,9 @@ def train_densefusion(
         if saved is not None:
             net.load_state_dict(saved[name])
             optimizer.load_state_dict(saved[f"{name}_optimizer"])
-    samples = TrainingSamples(scenes, seed, n_points, batch_size, course.step)
+    samples: TrainingSamples | None = None
+    cached: CachedSamples | None = None
+    cached_part = WHOLE
 
     def state() -> dict[str, Any]:
         return {
@@ -104,59 +109,73 @@ def train_densefusion(
 
     while not course.is_over:
         torch.manual_seed(seed * 2**31 + course.step)  # Of dropout: the same after a stop.
-        is_refining, share = phase(course.step, course.n_steps)
-        optimizer = optimizers[is_refining]
+        part, began_at, share = phase(course.step, course.n_steps)
+        network, optimizer = (refine, optimizers[1]) if part == REFINER else (pose, optimizers[0])
         for group in optimizer.param_groups:
             group["lr"] = PEAK_RATE * min(1.0, (share + 1e-3) / WARM_UP) * 0.5 * (1.0 + float(np.cos(np.pi * share)))
         optimizer.zero_grad()
         results = []
-        for sample in samples.next():
-            loss, error = refining_loss(pose, refine, sample) if is_refining else posing_loss(pose, sample)
-            (loss / batch_size).backward()
+        if part == WHOLE:
+            samples = samples or TrainingSamples(scenes, seed, n_points, batch_size, course.step)
+            pose.train()
+            for sample in samples.next():
+                loss, error = whole_loss(pose, sample)
+                (loss / batch_size).backward()
+                results.append((float(loss.detach()), float(error)))
+        else:
+            if cached_part != part:
+                cached_part = part
+                cached = CachedSamples(pose.eval(), scenes, seed, n_points, batch_size, began_at, course.step)
+            assert cached is not None
+            drawn = cached.next()
+            loss, error = (
+                refiner_loss(refine, from_starts(*drawn)) if part == REFINER else heads_loss(pose, from_camera(*drawn))
+            )
+            loss.backward()
             results.append((float(loss.detach()), float(error)))
-        nn.utils.clip_grad_norm_((refine if is_refining else pose).parameters(), LONGEST_GRADIENT)
+        nn.utils.clip_grad_norm_(network.parameters(), LONGEST_GRADIENT)
         optimizer.step()
         course.advance(results, state)
     return TrainedDenseFusion(pose.eval(), refine.eval(), course.step, tuple(course.losses))
 
 
-def phase(step: int, n_steps: int | None) -> tuple[bool, float]:
-    """Whether a step, counted from 0, trains PoseRefineNet, and how much of its network's steps lies before it."""
+def phase(step: int, n_steps: int | None) -> tuple[int, int, float]:
+    """What a step, counted from 0, trains, the step that this begins with, and how much of it lies before."""
     if n_steps is None:
-        return False, 0.0
-    n_pose = max(1, round(POSE_SHARE * n_steps))
-    return (False, step / n_pose) if step < n_pose else (True, (step - n_pose) / (n_steps - n_pose))
+        return WHOLE, 0, 0.0
+    ends = [round(n_steps * float(share)) for share in np.cumsum(SHARES)]
+    part = next(k for k, end in enumerate(ends) if step < end)
+    began_at = ends[part - 1] if part else 0
+    return part, began_at, (step - began_at) / (ends[part] - began_at)
 
 
-def posing_loss(pose: PoseNet, sample: Sample) -> tuple[Tensor, Tensor]:
+def whole_loss(pose: PoseNet, sample: Sample) -> tuple[Tensor, Tensor]:
     """PoseNet's loss on a sample, and the ADD(-S) of its most confident pose [m]."""
-    pose.train()
     image, points, chosen, index = inputs(sample)
     quats, offsets, confidences, _ = pose(image, points, chosen, index)
-    model, wanted = torch.from_numpy(sample.model), torch.from_numpy(sample.wanted)
-    return pose_loss(quats, offsets, confidences, points[0], model, wanted, sample.is_symmetric)
+    model, wanted = torch.from_numpy(sample.model)[None], torch.from_numpy(sample.wanted)[None]
+    is_symmetric = torch.tensor([sample.is_symmetric])
+    return pose_loss(quats[None], offsets[None], confidences[None], points, model, wanted, is_symmetric)
 
 
-def refining_loss(pose: PoseNet, refine: PoseRefineNet, sample: Sample) -> tuple[Tensor, Tensor]:
-    """PoseRefineNet's loss from PoseNet's most confident pose on, and the ADD(-S) after its last step [m]."""
-    pose.eval()
-    image, points, chosen, index = inputs(sample)
-    model, wanted = torch.from_numpy(sample.model), torch.from_numpy(sample.wanted)
-    with torch.no_grad():
-        quats, offsets, confidences, colours = pose(image, points, chosen, index)
-        best = confidences.argmax()
-        R, t = rotations(quats[best][None])[0], points[0, best] + offsets[best]
-        start = torch.from_numpy(sample.T_start)
-        R, t = R @ start[:3, :3], t + R @ start[:3, 3]
-    total, loss = torch.zeros(()), torch.zeros(())
+def heads_loss(pose: PoseNet, batch: Batch) -> tuple[Tensor, Tensor]:
+    """PoseNet's loss on a batch whose colours are described, and the mean ADD(-S) of its most confident poses [m]."""
+    answers = pose.poses(batch.points, batch.colours, batch.index)
+    return pose_loss(*answers, batch.points, batch.models, batch.wanted, batch.is_symmetric)
+
+
+def refiner_loss(refine: PoseRefineNet, batch: Batch) -> tuple[Tensor, Tensor]:
+    """PoseRefineNet's loss on a batch, summed over its steps, and the mean ADD(-S) after the last [m]."""
+    points, wanted = batch.points, batch.wanted
+    total, left = torch.zeros(()), torch.zeros(())
     for _ in range(REFINE_STEPS):
+        quats, shifts = refine.steps(points, batch.colours, batch.index)
+        left = refine_loss(quats, shifts, batch.models, wanted, batch.is_symmetric)
+        total = total + left
         # What was at the pose before is now seen from there; the next step begins where this one ends.
-        points, wanted = (points - t) @ R, (wanted - t) @ R
-        quat, shift = refine(points, colours, index)
-        loss = refine_loss(quat, shift, model, wanted, sample.is_symmetric)
-        total = total + loss
-        R, t = rotations(quat.detach()[None])[0], shift.detach()
-    return total, loss.detach()
+        Rs, ts = rotations(quats.detach()), shifts.detach()[:, None]
+        points, wanted = (points - ts) @ Rs, (wanted - ts) @ Rs
+    return total, left.detach()
 
 
 def inputs(sample: Sample) -> tuple[Tensor, Tensor, Tensor, Tensor]:
