@@ -79,7 +79,7 @@ def test_steps_are_carried_out_in_the_frame_of_the_pose(tmp_path: Path) -> None:
             homogeneous = np.concatenate([colours.points[0], np.ones((50, 1))], axis=1)
             middle = (np.linalg.inv(expected) @ homogeneous.T).T[:, :3].mean(axis=0)
             expected = expected @ transform(rotation_of_quat_wxyz(QUAT / np.linalg.norm(QUAT)), follow * middle)
-        result = net.refined(POSE, colours, 4, 3)
+        result = net.refined(POSE, colours, coloured_target(4).model, 3)
         np.testing.assert_allclose(result, expected, atol=1e-5)
         assert np.allclose(result[:3, :3] @ result[:3, :3].T, np.eye(3), atol=1e-12)
 
@@ -88,7 +88,8 @@ def test_a_step_of_nothing_leaves_the_pose_where_it_is(tmp_path: Path) -> None:
     """Also where the official weights mean models that are shifted against those of the frame."""
     net = steps_of(tmp_path, refine_network(np.array([1.0, 0, 0, 0]), 0.0, 21))
     for obj_id in (1, 17):
-        np.testing.assert_allclose(net.refined(POSE, some_colours(np.random.default_rng(0), POSE), obj_id, 2), POSE)
+        colours, model = some_colours(np.random.default_rng(0), POSE), coloured_target(obj_id).model
+        np.testing.assert_allclose(net.refined(POSE, colours, model, 2), POSE)
 
 
 def test_official_ycbv_poses_are_moved_to_bops_models(tmp_path: Path) -> None:
@@ -143,7 +144,7 @@ def test_answers_that_are_no_pose_are_one_line(tmp_path: Path, quat: list[float]
         pose_of(tmp_path, pose_network(np.array(quat), OFFSET, OFFSET, 1, classes=[1])).poses(coloured_target())
     steps = steps_of(tmp_path, refine_network(np.array(quat), 0.0, 1, classes=[1]))
     with pytest.raises(InputError, match=said):
-        steps.refined(POSE, some_colours(np.random.default_rng(0), POSE), 1, 1)
+        steps.refined(POSE, some_colours(np.random.default_rng(0), POSE), coloured_target().model, 1)
 
 
 def test_without_colour_it_says_so(tmp_path: Path) -> None:

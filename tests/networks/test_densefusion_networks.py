@@ -77,8 +77,16 @@ def layer(s: State, name: str, x: Any) -> Any:
     return weight.reshape(weight.shape[:2]) @ x + s[f"{name}.bias"][:, None]
 
 
-def pose_by_formula(s: State, image: Any, points: Any, chosen: Any, index: int, scale: float) -> tuple[Any, ...]:
-    described = colours_by_formula(s, image / scale)[0].flatten(1)[:, chosen]
+def pose_by_formula(
+    s: State, image: Any, points: Any, chosen: Any, index: int, scale: float, halved: bool = False
+) -> tuple[Any, ...]:
+    if halved:  # Each pixel has the description of the nearest of the map.
+        seen = image.unfold(2, 2, 2).unfold(3, 2, 2).mean((4, 5)) / scale
+        small, (height, width) = colours_by_formula(s, seen)[0], image.shape[2:]
+        rows, columns = chosen // width, chosen % width
+        described = small[:, rows * small.shape[1] // height, columns * small.shape[2] // width]
+    else:
+        described = colours_by_formula(s, image / scale)[0].flatten(1)[:, chosen]
     x1, e1 = F.relu(layer(s, "feat.conv1", points.T)), F.relu(layer(s, "feat.e_conv1", described))
     x2, e2 = F.relu(layer(s, "feat.conv2", x1)), F.relu(layer(s, "feat.e_conv2", e1))
     second = torch.cat([x2, e2])
@@ -139,7 +147,9 @@ def test_pose_net_computes_the_papers_formulas(size: Size, height: int, width: i
     with torch.no_grad():
         answers = model(image, points, chosen, torch.tensor([3]))
         seen = (points[0] - points[0].mean(0) if size.is_centred else points[0]) / size.unit_m
-        r, t, c, described = pose_by_formula(model.state_dict(), image, seen, chosen, 3, size.largest_colour)
+        r, t, c, described = pose_by_formula(
+            model.state_dict(), image, seen, chosen, 3, size.largest_colour, size.is_halved
+        )
         expected = r, t * size.unit_m, c, described
     for ours, theirs in zip((*answers[:3], answers[3][0]), expected, strict=True):
         scale = float(theirs.abs().max())
@@ -204,7 +214,7 @@ def test_official_weights_just_work_and_are_converted_once(
     scale = float(described.abs().max())
     np.testing.assert_allclose(poses.colours.described[0], described, atol=1e-3 * scale)
     np.testing.assert_allclose(poses.confidences, confidences, atol=1e-3)
-    refined = steps.refined(T, poses.colours, 4, 1)
+    refined = steps.refined(T, poses.colours, target.model, 1)
     unit = (quat / quat.norm()).double().numpy()
     turn = T[:3, :3].T @ refined[:3, :3]
     assert np.trace(turn) == pytest.approx(4 * unit[0] ** 2 - 1, abs=1e-2)
