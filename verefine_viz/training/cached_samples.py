@@ -29,7 +29,7 @@ BATCHES_HELD = 512
 NEW_EVERY = 2
 """… to a new one after so many steps."""
 POINTS_DRAWN = 48
-"""Of the points of a sample, drawn anew each time."""
+"""Of the points of a sample, others each time."""
 MODEL_POINTS_DRAWN = 50
 """Of the points that measure how far apart two poses are."""
 POSE_NETS = 0.5
