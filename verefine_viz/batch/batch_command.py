@@ -16,6 +16,7 @@ from rich.table import Table
 
 from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.jobs import Job, check_jobs
+from verefine_viz.batch.motion_table import MOTION
 from verefine_viz.batch.progress import clock, shown_progress
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.batch.run_batch import Backend, Outcome, run_batch
@@ -31,6 +32,9 @@ MISSED = {
     "objects_in_failed_frames": "in failed frames",
 }
 """Why objects have no answer, by the total that counts them."""
+
+MOST_TRACKS = 6
+"""Objects of a sequence whose motion is printed."""
 
 
 def run_jobs(
@@ -113,6 +117,10 @@ def _print_summary(outcome: Outcome) -> None:
     took = "nothing was left to do" if outcome.was_finished else f"{outcome.seconds:.1f} s, memory {outcome.memory}"
     console.print(escape(f"{in_short(outcome)}; {took}. Results in {outcome.folder}"))
     _print_doubt(console, outcome)
+    for track in outcome.motion[:MOST_TRACKS]:
+        console.print(escape(f"motion of {track.in_words}"))
+    if len(outcome.motion) > MOST_TRACKS:
+        console.print(f"… and {len(outcome.motion) - MOST_TRACKS} more objects, see {MOTION}")
     # How many have no hypothesis is in the line above, and why in a note below.
     causes = {cause: n for cause, n in numbers["causes"].items() if cause != Cause.NO_HYPOTHESIS}
     if causes:

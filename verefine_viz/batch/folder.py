@@ -5,6 +5,7 @@
     session.toml              exactly what ran, every field explicit
     run.json                  versions, machine, totals
     frames.csv, results.csv   a row per object
+    motion.csv                the same of a sequence: how poses change from frame to frame
     frames/SSSSSS_IIIIII.json the journal: one file per finished frame
     recordings/….rrd          one recording per frame
     errors/….txt              tracebacks of frames that failed for an unforeseen reason
@@ -21,6 +22,7 @@ from typing import Any
 import verefine_viz
 from verefine_viz.batch.completeness import TABLES
 from verefine_viz.batch.journal import RUN_FILE, Journal, read_run
+from verefine_viz.batch.motion_table import MOTION
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.paths import atomic, check_folder, clear_parts, try_lock, why_not
 from verefine_viz.core.settings import Session
@@ -29,7 +31,7 @@ from verefine_viz.session.files import load_session, save_session
 SESSION_FILE = "session.toml"
 LOCK_FILE = ".lock"
 _LEFT_BY_A_KILLED_BATCH = (
-    *(f"{name}.*.part" for name in (SESSION_FILE, RUN_FILE, *TABLES)),
+    *(f"{name}.*.part" for name in (SESSION_FILE, RUN_FILE, MOTION, *TABLES)),
     "frames/*.part", "errors/*.part", "recordings/*.part", "recordings/*.rrd.journal",
 )  # fmt: skip
 """Files that only the process with the lock writes."""

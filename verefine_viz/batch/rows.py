@@ -59,6 +59,10 @@ class ObjectRow(Row):
     """Best of the hypotheses."""
     colour_fit: float | None = None
     """f_c of the answer in [−1, 1]; empty where colour does not count."""
+    recorded_score: float | None = None
+    """Of the answer, by the program whose steps were recorded, in its own units."""
+    missing_depth: float | None = None
+    """Share of the object's mask without depth."""
     add_s_mm: float | None = None
     """ADD, or ADD-S for symmetric objects, of the answer against ground truth."""
     initial_add_s_mm: float | None = None
@@ -157,6 +161,9 @@ class Estimate(Row):
     score: float
     T_cam_obj: Annotated[tuple[float, ...], Field(min_length=16, max_length=16)]
     """A rigid pose, row by row [m]."""
+    instance_id: int | None = None
+    middle_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """The middle of the object's bounding box, in its own frame [m]."""
 
     @field_validator("T_cam_obj")
     @classmethod
@@ -186,6 +193,10 @@ class FrameResult(Row):
     """Objects that were left out as their model or mask is missing or damaged."""
     stages_ms: dict[str, float] = {}
     """Where the time went, by stage (:data:`STAGES`) [ms]."""
+    T_map_cam: tuple[float, ...] | None = None
+    """Camera to the data set's world, row by row [m]; None where the data set does not know it."""
+    T_table_cam: tuple[float, ...] | None = None
+    """Camera to a frame on the support plane, z up, row by row [m]; None where no plane was detected."""
 
     @model_validator(mode="after")
     def _says_why_it_failed(self) -> Self:
@@ -247,7 +258,7 @@ FRAMES_HEADER = ",".join(ObjectRow.model_fields) + "\n"
 def frames_lines(result: FrameResult) -> str:
     """The lines of frames.csv about a frame."""
     text = io.StringIO(newline="")
-    rows = ([_shown(k, v) for k, v in row.model_dump().items()] for row in result.objects)
+    rows = ([shown_cell(k, v) for k, v in row.model_dump().items()] for row in result.objects)
     csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()
 
@@ -303,8 +314,12 @@ def _object_row(cells: dict[str, Any]) -> ObjectRow:
     return ObjectRow.model_validate({k: v for k, v in cells.items() if v != ""}, strict=False)
 
 
-def _shown(name: str, value: object) -> object:
+EXACT = ("score", "initial_score", "recorded_score")
+"""Columns with all digits, as they are compared; more digits of a millimetre or a millisecond are noise."""
+
+
+def shown_cell(name: str, value: object) -> object:
+    """A value as a table has it in column ``name``."""
     if value is None:
         return ""
-    # More digits of a millimetre or a millisecond are noise; scores have all of theirs, as they are compared.
-    return f"{value:.3f}" if isinstance(value, float) and name not in ("score", "initial_score") else value
+    return f"{value:.3f}" if isinstance(value, float) and name not in EXACT else value

@@ -8,9 +8,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -26,10 +26,12 @@ from verefine_viz.batch.machine import (
     package_versions,
     temporary_folder,
 )
+from verefine_viz.batch.motion_table import MOTION, NO_TURNS, Track, motion_rows, read_tracks, write_motion
 from verefine_viz.batch.rows import FrameResult, with_objects
 from verefine_viz.batch.session_check import check
 from verefine_viz.batch.totals import Counts
 from verefine_viz.batch.worker_process import TaskName
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
@@ -138,6 +140,9 @@ class Outcome:
     notes: tuple[str, ...] = ()
     """What else to know about the files: tables that were written again, recordings that are gone."""
 
+    motion: tuple[Track, ...] = ()
+    """How objects moved, where the frames are a sequence."""
+
     @property
     def is_whole(self) -> bool:
         """Whether every object was read, and every frame is in the journal and in the tables."""
@@ -235,7 +240,10 @@ class _Batch:
     def _check_files(self) -> BatchFiles:
         # Initial poses are not recorded.
         keep = "none" if self.task == "estimate" else self.session.recording.keep
-        return check_files(self.folder.path, self.frames, keep)
+        files = check_files(self.folder.path, self.frames, keep)
+        if self._is_sequence and not (self.folder.path / MOTION).is_file():
+            files = replace(files, other_tables=(*files.other_tables, MOTION))
+        return files
 
     def _outcome(self, files: BatchFiles, rewritten: str = "", was_finished: bool = False) -> Outcome:
         notes = (f"written again, as it differed from the journal: {rewritten}",) if rewritten else ()
@@ -250,6 +258,7 @@ class _Batch:
             was_finished=was_finished,
             faults=files.faults,
             notes=notes,
+            motion=read_tracks(self.folder.path),
         )
 
     def _counts_without(self, frames: Sequence[str]) -> Counts:
@@ -289,10 +298,26 @@ class _Batch:
     def _source(self) -> SceneSource:
         return Toolbox(self.session).source
 
+    @cached_property
+    def _is_sequence(self) -> bool:
+        return self.task != "estimate" and Toolbox(self.session).is_sequence
+
+    def _turns_of(self, obj_id: int, frame: str) -> Float:
+        """Turns after which an object of a frame nearly looks the same; none where its model cannot be read."""
+        from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
+
+        with suppress(VerefineError):
+            model = self._source.problem(frame).models.get(obj_id)
+            return NO_TURNS if model is None else flips(near_symmetries(model))
+        return NO_TURNS
+
     def _write_end(self, status: str, spent_s: float) -> BatchFiles:
         """Writes tables and run.json; what is on the disk then."""
         self.folder.save_session()  # The folder may have been deleted while the batch ran.
         write_tables(self.folder.path, self.frames)
+        if self._is_sequence:
+            results = self.folder.journal.results(self.frames)
+            write_motion(self.folder.path / MOTION, motion_rows(results, cache(self._turns_of)))
         files = self._check_files()
         if status == "finished" and files.faults:
             status = "incomplete"

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, left_out_facts
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import LeftOut, Problem, Target
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
@@ -62,11 +63,13 @@ def frame_result(
             obj_id=target.instance.obj_id,
             score=best.score.score,
             T_cam_obj=tuple(best.T_cam_obj.ravel().tolist()),
+            instance_id=target.instance.instance_id,
+            middle_m=_three(target.model.middle_m),
         )
         for target, best in zip(problem.targets, state.best, strict=True)
         if best is not None
     )
-    no_physics = _no_physics(problem, session)
+    no_physics, support = _no_physics(problem, session), problem.observation.support
     notes = (*problem.notes, *([no_physics] if no_physics else []))
     notes += never_reached(run.edits, session.changes, run.length)
     notes += () if grasps is None else grasps.notes
@@ -79,6 +82,8 @@ def frame_result(
         notes=notes,
         doubts=doubts,
         n_unreadable=sum(one.is_unreadable for one in problem.left_out),
+        T_map_cam=_row_by_row(problem.observation.T_map_cam),
+        T_table_cam=None if support is None else _row_by_row(support.T_world_cam),
     )
 
 
@@ -87,6 +92,15 @@ def _with_grasp(row: ObjectRow, grasps: AnswerGrasps) -> ObjectRow:
     if pair is None:
         return row
     return row.model_copy(update={"grasp": pair.answer.verdict, "grasp_ground_truth": pair.ground_truth.verdict})
+
+
+def _three(v: Float) -> tuple[float, float, float]:
+    x, y, z = v.tolist()
+    return x, y, z
+
+
+def _row_by_row(T: Float | None) -> tuple[float, ...] | None:
+    return None if T is None else tuple(T.ravel().tolist())
 
 
 def _no_physics(problem: Problem, session: Session) -> str:
@@ -120,6 +134,7 @@ def _object_row(
         score=best.score.score,
         initial_score=float(initial.score.max()),
         colour_fit=best.score.colour_fit,
+        recorded_score=target.instance.recorded_score(best.T_cam_obj),
         **_errors(target, best, initial),
         best_hypothesis=best.arm + 1,
         best_iteration=best.iteration,
@@ -145,8 +160,15 @@ def object_facts(problem: Problem, target: Target, method: str) -> dict[str, Any
         "method": method,
         "diameter_mm": target.model.diameter_m * 1e3,
         "visib_fract": instance.visib_fract,
+        "missing_depth": missing_depth(target),
         "n_hypotheses": len(instance.hypotheses),
     }
+
+
+def missing_depth(target: Target) -> float | None:
+    """Share of an object's mask without depth; None of an empty mask."""
+    depth_m = target.observation.depth_m[target.instance.mask]
+    return float((depth_m == 0).mean()) if depth_m.size else None
 
 
 def left_out_row(problem: Problem, one: LeftOut, method: str, seed: int | None = None) -> ObjectRow:

@@ -94,6 +94,11 @@ class ObjectModel:
         digest.update(np.ascontiguousarray(self.faces).tobytes())
         return digest.hexdigest()[:32]
 
+    @cached_property
+    def middle_m(self) -> Float:
+        """(3,) the middle of its bounding box [m]."""
+        return (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
+
     @property
     def has_colors(self) -> bool:
         """Whether it has colours of its own, by a texture or at its vertices."""

@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
+import numpy as np
+
 from verefine_viz.core.arrays import Float, Mask, finite, frozen
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.geometry import as_rigid
@@ -85,6 +87,8 @@ class Hypothesis:
         object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"hypothesis ({self.source})"))
 
 
+SAME_POSE = 1e-5
+"""Poses whose numbers differ by less are one that a program rounded."""
 ANSWER = "answer"
 """Name of the recorded step with which a program ends."""
 
@@ -136,6 +140,13 @@ class Instance:
         object.__setattr__(self, "points_cam", finite(self.points_cam, "observed cloud", (None, 3)))
         if self.T_cam_obj_gt is not None:
             object.__setattr__(self, "T_cam_obj_gt", as_rigid(self.T_cam_obj_gt, "ground-truth pose"))
+
+    def recorded_score(self, T_cam_obj: Float) -> float | None:
+        """The score that the other program last gave to this pose (4, 4); None where it gave none."""
+        scored = [(step.T_cam_obj, step.score) for step in reversed(self.recorded)]
+        scored += [(h.T_cam_obj, s) for h, s in zip(self.hypotheses, self.recorded_scores, strict=False)]
+        same = (s for T, s in scored if s is not None and np.abs(T - T_cam_obj).max() < SAME_POSE)
+        return next(same, None)
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,9 @@ class SceneSettings(Settings):
     down again where it lay. Paper Sec. V-D: half of the trials."""
     frames: tuple[str, ...] = ()
     """Frames as "scene/image"; none = all of the targets file, else all of the split."""
+    sequence: bool = False
+    """The frames of a scene are in order, as of a video: how poses change from one to the next is measured. So it is
+    without this for source sequence, for traces that are named by numbers alone, and with `method.track`."""
     objects: tuple[Index, ...] = ()
     """BOP object ids to solve; none = all."""
     masks: InputPath = "mask_visib"

@@ -217,7 +217,7 @@ def axes_of(target: Target, T_cam_obj: Float) -> tuple[Axis, ...]:
         words = tuple(name.replace("the vertical", "the camera's vertical") for name in words)
     directions = right, np.cross(up, right), up, *T_cam_obj[:3, :3].T
     surface = _seen_surface(target, T_cam_obj)
-    middle = apply(T_cam_obj, (target.model.vertices.min(axis=0) + target.model.vertices.max(axis=0))[None] / 2)[0]
+    middle = apply(T_cam_obj, target.model.middle_m[None])[0]
     axes: list[Axis] = []
     for k, name in enumerate(words):
         frame: Frame = "table" if k < N_AXES // 2 else "object"

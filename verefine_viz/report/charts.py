@@ -11,7 +11,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from verefine_viz.batch.rows import ObjectRow
-from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, RGB, SIDE_COLORS, STAGE_COLORS
+from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, OBJECT_COLORS, RGB, SIDE_COLORS, STAGE_COLORS
 from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.grasping.grasp_trial import Verdict
 from verefine_viz.report.failure_cards import ScoreCurve
@@ -20,6 +20,8 @@ from verefine_viz.report.run_results import THRESHOLDS, LoadedRun, recall_curve,
 
 MOST_POINTS = 4000
 """Of a scatter plot; of more, an even choice is drawn."""
+MOST_TRACKS = 10
+"""Objects of a sequence that are drawn, those that flip and jump most."""
 SMALLEST_PERCENT = 0.05
 """Errors below this share of the diameter are drawn there: a logarithmic axis has no zero."""
 RIGHT, WRONG = EVENT_COLORS["new_best"], EVENT_COLORS["score_fell"]
@@ -91,6 +93,38 @@ def score_figure(run: LoadedRun) -> go.Figure:
     figure.add_vline(x=10, line=DOTTED)
     figure.update_xaxes(PERCENT_AXIS)
     figure.update_yaxes(range=[0, 1.02])
+    return figure
+
+
+def motion_figure(run: LoadedRun) -> go.Figure:
+    """How far each object moved since the frame before, with its flips and jumps."""
+    figure = new_figure("frame", "moved since the frame before [mm]")
+    tracks = sorted(run.tracks, key=lambda t: -(t.counts.flips + t.counts.jumps))[:MOST_TRACKS]
+    for k, track in enumerate(tracks):
+        rows = [row for row in track.rows if row.kind != "no pose"]
+        name = f"{track.name}, scene {track.scene_id}" if len({t.scene_id for t in tracks}) > 1 else track.name
+        figure.add_scatter(
+            x=[row.im_id for row in rows],
+            y=[round(row.moved_mm, 2) for row in rows],
+            text=[f"{name} in {row.frame}: turned {row.turned_deg:.1f}°" for row in rows],
+            name=name,
+            mode="lines+markers",
+            line={"color": css(OBJECT_COLORS[k % len(OBJECT_COLORS)]), "width": 1.5},
+            marker={"size": 3},
+            hovertemplate="%{text}, moved %{y} mm<extra></extra>",
+        )
+    for kind, shade, symbol in (("flip", css(EVENT_COLORS["flipped"]), "triangle-up"), ("jump", css(WRONG), "x")):
+        rows = [row for track in tracks for row in track.rows if row.kind == kind]
+        figure.add_scatter(
+            x=[row.im_id for row in rows],
+            y=[round(row.moved_mm, 2) for row in rows],
+            text=[f"{row.name} in {row.frame}: turned {row.turned_deg:.0f}°" for row in rows],
+            name=kind,
+            mode="markers",
+            marker={"color": shade, "symbol": symbol, "size": 10},
+            hovertemplate="%{text}<extra></extra>",
+        )
+    figure.update_yaxes(rangemode="tozero")
     return figure
 
 

@@ -88,6 +88,7 @@ def _context(a: Side, b: Side | None, difference: Difference | None, failures: G
             for run in runs
             if run.with_truth
         ],
+        "motions": [(run.name, run.tracks, figure_json(charts.motion_figure(run))) for run in runs if run.tracks],
         "times": figure_json(charts.time_figure(runs)) if any(stage_times(run) for run in runs) else None,
         "not_explained": [run.name for run in runs if run.failures and not any(row.cause for row in run.failures)],
         "causes": figure_json(charts.cause_figure(runs)) if has_causes else None,

@@ -12,6 +12,7 @@ import numpy as np
 
 from verefine_viz.batch.index import BatchIndex, read_batch
 from verefine_viz.batch.journal import Journal
+from verefine_viz.batch.motion_table import Track, read_tracks
 from verefine_viz.batch.rows import ObjectRow, file_stem
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
@@ -80,6 +81,11 @@ class LoadedRun:
     def row_of(self, other: ObjectRow) -> ObjectRow | None:
         """The same object as another run's row; None where this run does not have it."""
         return self._by_key.get(key(other))
+
+    @cached_property
+    def tracks(self) -> tuple[Track, ...]:
+        """The objects over the frames of a sequence; none where the run is of single frames."""
+        return read_tracks(self.folder)
 
     @property
     def journal(self) -> Journal:

@@ -57,6 +57,7 @@ class BopSource:
             raise SettingsError("scene.dataset is empty; set it to the folder of a BOP data set")
         self._scene = scene
         self._hypotheses = hypotheses
+        self.is_sequence = scene.sequence
         self._read()
 
     def _read(self) -> None:

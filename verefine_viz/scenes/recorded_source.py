@@ -101,6 +101,12 @@ class RecordedSource:
         """The recording's name of each frame."""
         self._obj_ids = {name: k for k, name in enumerate(self._recording.objects, 1)}
 
+    @property
+    def is_sequence(self) -> bool:
+        """See :class:`SceneSource`."""
+        is_numbered = len(self._names) > 1 and all(name.isdecimal() for name in self._names.values())
+        return self._scene.sequence or isinstance(self._recording, PoseSequence) or is_numbered
+
     def _check_frame(self, frame: str) -> None:
         if frame_name(parse_frame(frame)) not in self._names:
             raise InputError(f"{unknown('frame', frame, tuple(self._names))} ({self._scene.dataset})")

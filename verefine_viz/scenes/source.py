@@ -25,6 +25,11 @@ class SceneSource(Protocol):
         """About the choice of frames and objects."""
         ...
 
+    @property
+    def is_sequence(self) -> bool:
+        """Whether the frames of a scene are in order, as of a video."""
+        ...
+
     def check_initial_poses(self) -> tuple[str, ...]:
         """Notes about initial poses, as far as they are known before a frame is read.
 
@@ -101,6 +106,7 @@ class DemoSource:
         self._objects = frozenset(scene.objects or objects)
         self._scene = scene
         self._hypotheses = hypotheses
+        self.is_sequence = scene.sequence
         self._problems: dict[str, Problem] = {}
         self.frames: tuple[str, ...] = tuple(dict.fromkeys(scene.frames)) or available
         self.notes: tuple[str, ...] = repeated_notes(scene.frames)

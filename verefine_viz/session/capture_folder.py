@@ -98,13 +98,14 @@ class CaptureFolder:
 
     Args:
         folder: is made with the first frame.
+        is_sequence: its frames are those of a video, in order.
 
     Raises:
         InputError: it holds something else.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, is_sequence: bool = False) -> None:
+        self._folder, self._is_sequence = folder, is_sequence
         self._scene = scene_folder(folder)
         self._cameras, self._gt_entries = self._scene / "scene_camera.json", self._scene / "scene_gt.json"
         if folder.exists() and not self._is_ours():
@@ -284,6 +285,7 @@ class CaptureFolder:
             "dataset": ".",
             "masks": DETECTIONS,
             "gravity": "world" if any("cam_R_w2c" in camera for camera in cameras.values()) else "plane",
+            **({"sequence": True} if self._is_sequence else {}),
         }
         session = {"title": self._folder.resolve().name, "scene": scene, "hypotheses": hypotheses}
         with atomic(self._folder / SESSION) as part:

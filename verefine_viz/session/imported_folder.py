@@ -30,7 +30,8 @@ def imported(folder: Path, out: Path) -> Iterator[str]:
         raise InputError(f"{folder} holds nothing that can be imported; looked for {LOOKED_FOR}")
     if known.session.scene.source not in ("trace", "sequence"):
         raise InputError(f"{folder} holds {known.what}, which need no import: verefine-viz view {folder}")
-    source, capture = open_scene(known.session.scene, known.session.hypotheses), CaptureFolder(out)
+    source = open_scene(known.session.scene, known.session.hypotheses)
+    capture = CaptureFolder(out, source.is_sequence)
     yield f"{folder}: {known.what}"
     for frame in source.frames:
         try:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from verefine_viz.core.palette import EVENT_COLORS
 from verefine_viz.evaluation.near_symmetry import flips
-from verefine_viz.evaluation.pose_motion import JUMP_DEG, JUMP_MM, Motion, motions, summary
+from verefine_viz.evaluation.pose_motion import JUMP_DEG, JUMP_MM, Motion, PosedFrame, counted, motions
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import carries, text
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
@@ -27,13 +27,14 @@ def frame_strip(snapshot: Snapshot) -> str:
         return ""
     model = snapshot.target.model
     turns = flips(snapshot.near_symmetries or ())
-    changes = motions(snapshot.track, (model.vertices.min(axis=0) + model.vertices.max(axis=0)) / 2, turns)
+    poses = [PosedFrame(frame, T) for frame, T in snapshot.track]
+    changes = motions(poses, model.middle_m, turns)
     n = -(-len(changes) // MOST)
     groups = [changes[k : k + n] for k in range(0, len(changes), n)]
     width = WIDTH / len(groups)
     bars = "".join(_bar(group, k * width, width, snapshot.frame) for k, group in enumerate(groups))
     return (
-        f'<p class="dim">{text(summary(changes))}</p><svg width="{WIDTH}" height="{HEIGHT}" '
+        f'<p class="dim">{text(counted(changes).in_words)}</p><svg width="{WIDTH}" height="{HEIGHT}" '
         f'viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="change of the pose from frame to frame">{bars}</svg>'
     )
 

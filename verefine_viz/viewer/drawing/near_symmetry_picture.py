@@ -115,4 +115,4 @@ def _seen(model: ObjectModel) -> tuple[Image, Camera, Float]:
 
 
 def _middle(model: ObjectModel) -> Float:
-    return (model.vertices.min(axis=0) + model.vertices.max(axis=0)) / 2
+    return model.middle_m

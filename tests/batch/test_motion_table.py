@@ -1,0 +1,157 @@
+"""motion.csv: tracks of objects over the frames of a scene, and that a batch over a sequence writes it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.batch.frames import batch_here
+from tests.scenes.test_pose_sequence import write_sequence
+from tests.scenes.test_trace import pose, write_box, write_trace
+from verefine_viz import cli
+from verefine_viz.batch.motion_table import (
+    MOTION,
+    NO_TURNS,
+    MotionRow,
+    motion_rows,
+    read_tracks,
+    write_motion,
+)
+from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, failed_frame, read_frames_csv
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.geometry import axis_angle, transform
+
+HALF_TURN = transform(axis_angle(np.array([0.0, 0, 1]), np.pi), np.zeros(3))
+
+
+def result(im_id: int, poses: dict[tuple[int, int], Float | None], scene_id: int = 0) -> FrameResult:
+    """A frame with these answers, by (obj_id, instance_id); None: the object has none."""
+    rows = tuple(
+        ObjectRow(
+            scene_id=scene_id,
+            im_id=im_id,
+            instance_id=instance,
+            obj_id=obj,
+            name=f"object {obj}",
+            status="no_answer" if T is None else "ok",
+            score=0.5,
+        )
+        for (obj, instance), T in poses.items()
+    )
+    estimates = tuple(
+        Estimate(obj_id=obj, score=0.5, T_cam_obj=tuple(T.ravel().tolist()), instance_id=instance)
+        for (obj, instance), T in poses.items()
+        if T is not None
+    )
+    return FrameResult(frame=f"{scene_id}/{im_id}", failed=False, seconds=0.0, objects=rows, estimates=estimates)
+
+
+def at(x_mm: float) -> Float:
+    return transform(np.eye(3), np.array([x_mm * 1e-3, 0, 0.6]))
+
+
+def rows_of(results: list[FrameResult], turns: Float = NO_TURNS) -> list[MotionRow]:
+    return [*motion_rows(results, lambda obj_id, frame: turns)]
+
+
+def test_an_object_is_followed_by_its_model_also_where_its_number_changes() -> None:
+    rows = rows_of([result(1, {(5, 0): at(0)}), result(2, {(7, 0): at(9), (5, 1): at(3)}), result(3, {(5, 0): at(5)})])
+    assert [(r.frame, r.track, r.kind) for r in rows] == [
+        ("0/1", "5", "moved"), ("0/2", "5", "moved"), ("0/2", "7", "moved"), ("0/3", "5", "moved"), ("0/3", "7", "no pose"),
+    ]  # fmt: skip
+    assert [r.moved_mm for r in rows if r.track == "5"] == pytest.approx([0, 3, 2])
+
+
+def test_several_of_a_model_are_followed_by_their_numbers() -> None:
+    poses: dict[tuple[int, int], Float | None] = {(5, 0): at(0), (5, 1): at(100)}
+    rows = rows_of([result(1, poses), result(2, {(5, 1): at(101), (5, 0): at(2)})])
+    assert {r.track: r.moved_mm for r in rows[2:]} == pytest.approx({"5#0": 2, "5#1": 1})
+
+
+def test_each_scene_begins_again_and_a_frame_that_failed_has_no_pose() -> None:
+    first = [result(1, {(5, 0): at(0)}), failed_frame("0/2", "no depth"), result(3, {(5, 0): at(4)})]
+    rows = rows_of([*first, result(1, {(5, 0): at(500)}, scene_id=2)])
+    assert [(r.frame, r.kind, r.moved_mm) for r in rows] == [
+        ("0/1", "moved", 0), ("0/2", "no pose", 0), ("0/3", "moved", pytest.approx(4)), ("2/1", "moved", 0),
+    ]  # fmt: skip
+
+
+def test_turns_are_asked_for_only_where_something_turns_much(tmp_path: Path) -> None:
+    asked: list[tuple[int, str]] = []
+
+    def turns_of(obj_id: int, frame: str) -> Float:
+        asked.append((obj_id, frame))
+        return HALF_TURN[None]
+
+    still = [result(k, {(5, 0): at(k), (6, 1): at(k)}) for k in range(3)]
+    assert not [*motion_rows(still, turns_of)][0].moved_mm
+    assert asked == []
+    turned = [*still, result(3, {(5, 0): at(3) @ HALF_TURN, (6, 1): at(3)})]
+    write_motion(tmp_path / MOTION, motion_rows(turned, turns_of))
+    assert asked == [(5, "0/0")]
+    five, six = read_tracks(tmp_path)
+    assert five.marked("flip") == ("0/3",)
+    assert (five.counts.flips, five.counts.flips_per_100, six.counts.flips) == (1, 25, 0)
+    assert five.in_words.endswith("Flips in 0/3.")
+
+
+def test_what_is_written_is_read_back(tmp_path: Path) -> None:
+    rows = rows_of([result(k, {(5, 0): at(1.5 * k), (5, 1): None}) for k in range(3)])
+    write_motion(tmp_path / MOTION, rows)
+    tracks = read_tracks(tmp_path)
+    assert [t.rows[0].track for t in tracks] == ["5#0", "5#1"]
+    back = sorted((row for track in tracks for row in track.rows), key=lambda r: (r.im_id, r.track))
+    assert [r.model_dump(exclude={"moved_mm"}) for r in back] == [r.model_dump(exclude={"moved_mm"}) for r in rows]
+    assert read_tracks(tmp_path / "elsewhere") == ()
+
+
+@pytest.mark.parametrize(("old", "new"), [("moved", "fell"), ("track", "path"), ("0.5", "half")])
+def test_a_table_that_was_changed_is_refused_in_one_line(old: str, new: str, tmp_path: Path) -> None:
+    write_motion(tmp_path / MOTION, rows_of([result(1, {(5, 0): at(0)})]))
+    (tmp_path / MOTION).write_text((tmp_path / MOTION).read_text().replace(old, new))
+    with pytest.raises(InputError, match="is not what a batch writes: line 2: ") as error:
+        read_tracks(tmp_path)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.usefixtures("processes")
+def test_a_batch_of_a_sequence_writes_its_motion_and_again_where_it_is_gone(tmp_path: Path) -> None:
+    folder, out = write_sequence(tmp_path / "box", n=3), tmp_path / "out"
+    third = folder / "ob_in_cam" / "1581120424100262102.txt"
+    np.savetxt(third, pose(90, 0.004))  # A box turned by 90° looks the same.
+    done = batch_here(folder, out)
+    assert done.returncode == 0, done.stderr
+    assert "motion of box in scene 0: 3 frames, 1 flip (33.3 per 100), 0 jumps" in done.stdout
+    assert "Flips in 0/3." in done.stdout
+    (track,) = read_tracks(out)
+    assert [row.kind for row in track.rows] == ["moved", "moved", "flip"]
+    assert track.rows[1].moved_mm == pytest.approx(2, abs=1e-3)
+    table = (out / MOTION).read_bytes()
+    (out / MOTION).unlink()
+    again = batch_here(folder, out)
+    assert "nothing was left to do" not in again.stdout
+    assert (out / MOTION).read_bytes() == table
+    assert "nothing was left to do" in batch_here(folder, out).stdout
+    assert cli.main(["report", str(out)]) == 0
+    html = (out / "report.html").read_text(encoding="utf-8")
+    assert '<td class="bad">1</td><td>33.3</td>' in html
+    assert "figure-motion-1" in html
+
+
+@pytest.mark.usefixtures("processes")
+def test_the_recorded_score_of_the_answer_is_a_column(tmp_path: Path) -> None:
+    write_box(tmp_path / "box.obj")
+    for k in (1, 2):
+        write_trace(tmp_path / "runs" / f"{k:06d}", tmp_path / "box.obj")
+    out = tmp_path / "out"
+    assert batch_here(tmp_path / "runs", out).returncode == 0
+    assert [row.recorded_score for row in read_frames_csv(out / "frames.csv")] == [0.9, 0.9]
+    assert [row.missing_depth for row in read_frames_csv(out / "frames.csv")] == [0, 0]
+    # Traces that are named by numbers alone are a sequence.
+    (track,) = read_tracks(out)
+    assert [row.recorded_score for row in track.rows] == [0.9, 0.9]
+    assert batch_here(tmp_path / "runs", tmp_path / "rir", "--method.name", "rir").returncode == 0
+    assert [row.recorded_score for row in read_frames_csv(tmp_path / "rir" / "frames.csv")] == [None, None]

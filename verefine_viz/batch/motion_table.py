@@ -1,0 +1,204 @@
+"""motion.csv of a batch over a sequence: how the pose of each object changes from frame to frame (docs/tables.md)."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from pydantic import ValidationError
+
+from verefine_viz.batch.rows import FrameResult, ObjectRow, Row, shown_cell
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, first_fault
+from verefine_viz.core.paths import atomic, read_input
+from verefine_viz.evaluation.pose_motion import Kind, Motion, MotionCounts, PosedFrame, Reference, counted, motions
+from verefine_viz.scenes.frames import parse_frame
+
+MOTION = "motion.csv"
+NO_TURNS = np.zeros((0, 4, 4))
+TurnsOf = Callable[[int, str], Float]
+"""(obj_id, a frame that shows it) → (N, 4, 4) turns after which the object's shape nearly looks the same."""
+
+
+class MotionRow(Row):
+    """One object in one frame. Empty = unknown."""
+
+    scene_id: int
+    im_id: int
+    track: str
+    """The object over the frames of its scene: obj_id, and where a frame has several of it, "obj_id#instance_id"."""
+    obj_id: int
+    instance_id: int | None = None
+    name: str
+    kind: Kind
+    reference: Reference
+    moved_mm: float
+    turned_deg: float
+    lifted_mm: float | None = None
+    tilted_deg: float | None = None
+    drift_mm: float | None = None
+    score: float | None = None
+    recorded_score: float | None = None
+    missing_depth: float | None = None
+    undetermined_mm: float | None = None
+    undetermined_deg: float | None = None
+
+    @property
+    def frame(self) -> str:
+        """``scene/image``."""
+        return f"{self.scene_id}/{self.im_id}"
+
+    @property
+    def motion(self) -> Motion:
+        """What it says about the motion."""
+        moved = self.model_dump(include={*Motion.__dataclass_fields__} - {"frame"})
+        return Motion(self.frame, **moved)
+
+
+@dataclass(frozen=True)
+class Track:
+    """One object over the frames of a scene."""
+
+    rows: tuple[MotionRow, ...]
+
+    @property
+    def name(self) -> str:
+        return self.rows[0].name
+
+    @property
+    def scene_id(self) -> int:
+        return self.rows[0].scene_id
+
+    @cached_property
+    def counts(self) -> MotionCounts:
+        """Flips, jumps, …"""
+        return counted([row.motion for row in self.rows])
+
+    def marked(self, kind: Kind) -> tuple[str, ...]:
+        """The frames in which it flips, jumps, …"""
+        return tuple(row.frame for row in self.rows if row.kind == kind)
+
+    @property
+    def in_words(self) -> str:
+        """How it moves, and where it flips."""
+        flips = self.marked("flip")
+        more = f", and {len(flips) - 3} more" if len(flips) > 3 else ""
+        where = f" Flips in {', '.join(flips[:3])}{more}." if flips else ""
+        return f"{self.name} in scene {self.scene_id}: {self.counts.in_words}{where}"
+
+
+def motion_rows(results: Iterable[FrameResult], turns_of: TurnsOf) -> Iterator[MotionRow]:
+    """The rows of some frames, in their order; one scene is in memory at a time.
+
+    Args:
+        results: of the frames, those of a scene in order and together.
+        turns_of: asked only where an object turns by as much as a flip does.
+    """
+    for _, of_scene in groupby(results, lambda result: parse_frame(result.frame)[0]):
+        scene = [*of_scene]
+        by_frame: dict[str, list[MotionRow]] = {result.frame: [] for result in scene}
+        for obj_id, instance_id in _objects(scene):
+            for row in _track_rows(scene, obj_id, instance_id, turns_of):
+                by_frame[row.frame].append(row)
+        for rows in by_frame.values():
+            yield from rows
+
+
+def _objects(scene: Sequence[FrameResult]) -> list[tuple[int, int | None]]:
+    """The objects of a scene: those that a frame has several of by instance, others by their model alone."""
+    several, seen = set[int](), dict[tuple[int, int | None], None]()
+    for result in scene:
+        ids = [row.obj_id for row in result.objects]
+        several |= {i for i in ids if i is not None and ids.count(i) > 1}
+    for result in scene:
+        for row in result.objects:
+            if row.obj_id is not None:
+                seen[row.obj_id, row.instance_id if row.obj_id in several else None] = None
+    return [*seen]
+
+
+def _track_rows(
+    scene: Sequence[FrameResult], obj_id: int, instance_id: int | None, turns_of: TurnsOf
+) -> Iterator[MotionRow]:
+    """Of one object, from the first frame on that has it."""
+    rows: dict[str, ObjectRow] = {}
+    poses: list[PosedFrame] = []
+    middle_m = np.zeros(3)
+    for result in scene:
+        row = next((r for r in result.objects if r.obj_id == obj_id and instance_id in (None, r.instance_id)), None)
+        if row is not None:
+            rows[result.frame] = row
+        if rows:
+            own = (e for e in result.estimates if e.obj_id == obj_id and instance_id in (None, e.instance_id))
+            estimate = next(own, None)
+            middle_m = middle_m if estimate is None else np.array(estimate.middle_m)
+            T = None if estimate is None else _matrix(estimate.T_cam_obj)
+            poses.append(PosedFrame(result.frame, T, _matrix(result.T_map_cam), _matrix(result.T_table_cam)))
+    changes = motions(poses, middle_m, NO_TURNS)
+    if any(motion.kind == "jump" for motion in changes):
+        changes = motions(poses, middle_m, turns_of(obj_id, next(iter(rows))))
+    name = next(iter(rows.values())).name
+    for motion in changes:
+        (scene_id, im_id), row = parse_frame(motion.frame), rows.get(motion.frame)
+        yield MotionRow(
+            scene_id=scene_id,
+            im_id=im_id,
+            track=f"{obj_id}" if instance_id is None else f"{obj_id}#{instance_id}",
+            obj_id=obj_id,
+            instance_id=None if row is None else row.instance_id,
+            name=name,
+            **{name: value for name, value in asdict(motion).items() if name != "frame"},
+            **({} if row is None else row.model_dump(include=OF_OBJECT)),
+        )
+
+
+OF_OBJECT = {"score", "recorded_score", "missing_depth", "undetermined_mm", "undetermined_deg"}
+"""Columns that frames.csv has too."""
+
+
+def _matrix(T: Sequence[float] | None) -> Float | None:
+    return None if T is None else np.reshape(T, (4, 4))
+
+
+def write_motion(path: Path, rows: Iterable[MotionRow]) -> None:
+    """Writes motion.csv; it appears under its name only when it is whole.
+
+    Raises:
+        InputError: the disk refuses.
+    """
+    with atomic(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(MotionRow.model_fields)
+        writer.writerows([shown_cell(k, v) for k, v in row.model_dump().items()] for row in rows)
+
+
+def read_tracks(folder: Path) -> tuple[Track, ...]:
+    """The objects of a batch's motion.csv, scene by scene; none where the batch has no sequence.
+
+    Raises:
+        InputError: it is not what a batch writes.
+    """
+    path = folder / MOTION
+    if not path.is_file():
+        return ()
+    reader = csv.DictReader(read_input(path).decode("utf-8", "replace").splitlines())
+    tracks: dict[tuple[int, str], list[MotionRow]] = {}
+    try:
+        rows = [MotionRow.model_validate(_filled(cells), strict=False) for cells in reader]
+    except ValidationError as error:
+        raise InputError(
+            f"{path} is not what a batch writes: line {reader.line_num}: {first_fault(error)}; delete it, and the same "
+            "batch command writes it again"
+        ) from None
+    for row in rows:
+        tracks.setdefault((row.scene_id, row.track), []).append(row)
+    return tuple(Track(tuple(rows)) for rows in tracks.values())
+
+
+def _filled(cells: Mapping[str, str]) -> dict[str, str]:
+    return {name: value for name, value in cells.items() if value != ""}
