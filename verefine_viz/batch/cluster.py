@@ -23,6 +23,7 @@ from distributed.comm.core import connect
 
 import verefine_viz
 from verefine_viz.batch.dask_worker import WorkerTools, solve_on_worker
+from verefine_viz.batch.frame_queue import FrameQueue
 from verefine_viz.batch.machine import gigabytes
 from verefine_viz.batch.rows import FrameResult, failed_frame, file_stem
 from verefine_viz.batch.worker_pool import interrupts_ignored
@@ -151,12 +152,12 @@ class ClusterWorkers:
     def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | None]:
         """See :class:`verefine_viz.batch.run_batch.Workers`."""
         self._set_up()
-        waiting = iter(frames)
+        queue = FrameQueue(frames, self._session.method.track)
         running: dict[Future, str] = {}
         while True:
             self._count_workers()
             while len(running) < AHEAD * max(self._n_workers, 1):
-                frame = next(waiting, None)
+                frame = queue.take(running.values())
                 if frame is None:
                     break
                 running[self._submitted(frame)] = frame

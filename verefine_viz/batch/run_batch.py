@@ -6,7 +6,7 @@ Results are on the disk only: the parent's memory does not depend on how many fr
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -36,6 +36,7 @@ from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import first_of
+from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.source import SceneSource
 from verefine_viz.session.session_refiners import weights_of
 from verefine_viz.session.toolbox import Toolbox
@@ -213,6 +214,8 @@ class _Batch:
         again = {*files.missing}
         if retry_failed:
             again |= {*files.can_be_mended, *files.without_recording}
+        if self.session.method.track:
+            again |= _after(again, self.frames)
         missing = [frame for frame in self.frames if frame in again]
         self.n_resumed = len(self.frames) - len(missing)
         self.counts = self._counts_without(missing) if retry_failed else files.totals.counts
@@ -355,6 +358,16 @@ class _Batch:
     def _memory(self) -> str:
         parts = [self.workers.needs, f"{gigabytes(own_peak_bytes())} in the parent"]
         return " + ".join(part for part in parts if part)
+
+
+def _after(frames: Collection[str], all_frames: Sequence[str]) -> set[str]:
+    """The frames of the same scenes that come after some; they began with other answers than these will have now."""
+    scenes, after = set[int](), set[str]()
+    for frame in all_frames:
+        scene = parse_frame(frame)[0]
+        after |= {frame} if scene in scenes else set()
+        scenes |= {scene} if frame in frames else set()
+    return after
 
 
 def _damaged_entries(files: BatchFiles) -> tuple[str, ...]:

@@ -6,9 +6,12 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
+import numpy as np
+
+from verefine_viz.batch.journal import Journal
 from verefine_viz.batch.machine import temporary_folder
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, failed_frame, file_stem
 from verefine_viz.batch.summary import frame_result, left_out_row, object_facts
@@ -23,6 +26,7 @@ from verefine_viz.grasping.answer_grasps import AnswerGrasps, answer_grasps
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.session.track import Answer, with_its_tracked
 
 FrameTask = Callable[[Toolbox, str, Path], FrameResult]
 """(tools, "scene/image", folder of the batch) → result. A frame that fails is a result too; it never raises."""
@@ -96,6 +100,8 @@ def with_causes(result: FrameResult, run: Run, toolbox: Toolbox) -> FrameResult:
 
 def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> FrameResult:
     keep, watch, settings = toolbox.session.recording.keep, _Stopwatch(), toolbox.session.grasp
+    if toolbox.session.method.track:
+        toolbox.track.recall = partial(_answers, Journal(out / "frames"))
     with watch("read"):
         problem = toolbox.problem(frame, lambda: watch("prepare"))
 
@@ -108,7 +114,7 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> FrameResu
 
     recorder = Recorder(
         out / "recordings" / f"{file_stem(frame)}.rrd",
-        toolbox.session,
+        with_its_tracked(toolbox.session, problem),
         problem,
         toolbox.verifier_of,
         refiner_of=toolbox.refiner_of,
@@ -135,6 +141,19 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> FrameResu
         with watch("explain"):
             result = with_causes(result, run, toolbox)
     return result.model_copy(update={"stages_ms": watch.stages_ms})
+
+
+def _answers(journal: Journal, frame: str) -> tuple[Answer, ...] | None:
+    """What a frame answered that is in the journal; None where it is not."""
+    result = journal.read(frame)
+    if result is None:
+        return None
+    T_map_cam = None if result.T_map_cam is None else np.reshape(result.T_map_cam, (4, 4))
+    return tuple(
+        Answer(frame, one.obj_id, one.instance_id, np.reshape(one.T_cam_obj, (4, 4)), T_map_cam)
+        for one in result.estimates
+        if one.instance_id is not None
+    )
 
 
 class _Stopwatch:

@@ -270,7 +270,9 @@ class _Stopped(BaseException):
 
 @dataclass(frozen=True)
 class _Newest:
-    """The workers of a batch, which solve the newest frames first, also those that arrive meanwhile."""
+    """The workers of a batch, which solve the newest frames first, also those that arrive meanwhile; where frames are
+    tracked, the oldest.
+    """
 
     pool: Pool
     watched: Watched
@@ -285,9 +287,10 @@ class _Newest:
             ready = [frame for frame in self.watched.ready if frame not in given]
             if not ready:
                 return
-            given.add(ready[-1])
-            self.watched.tries[ready[-1]] = self.watched.tries.get(ready[-1], 0) + 1
-            yield ready[-1]
+            frame = ready[0] if session.method.track else ready[-1]
+            given.add(frame)
+            self.watched.tries[frame] = self.watched.tries.get(frame, 0) + 1
+            yield frame
 
     def close(self) -> None:
         """They are used again."""

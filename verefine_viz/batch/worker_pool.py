@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from multiprocessing import connection, get_context
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
+from verefine_viz.batch.frame_queue import FrameQueue
 from verefine_viz.batch.machine import SHARE, gigabytes, machine_bytes, peak_bytes, resident_bytes
 from verefine_viz.batch.rows import FrameResult, failed_frame
 from verefine_viz.batch.worker_process import TaskName, work
@@ -82,7 +82,6 @@ class Pool:
         self._n_renewed = 0
         self._most_workers = 1
         self._tries: dict[str, int] = {}
-        self._again: deque[str] = deque()
         self._reported: set[str] = set()
         self._workers = [self._started()]
 
@@ -110,17 +109,16 @@ class Pool:
         """From now on frames are those of another batch; processes stay, which saves seconds of imports each."""
         self._session, self._out = session, out
         self._tries.clear()
-        self._again.clear()
 
     def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | str | None]:
         """See :class:`verefine_viz.batch.run_batch.Workers`."""
-        waiting = iter(frames)
+        in_order = self._session.method.track
+        queue = FrameQueue(frames, in_order)
         idle, busy = list(self._workers), list[_Worker]()
 
         def give_out() -> None:
             while len(busy) < self._n_workers:
-                # Frames that cost a worker come last, so that the others are done whatever happens.
-                frame = next(waiting, None) or (self._again.popleft() if self._again else None)
+                frame = queue.take([worker.frame for worker in busy])
                 if frame is None:
                     return
                 busy.append(idle.pop() if idle else self._added())
@@ -144,11 +142,13 @@ class Pool:
                 else:
                     self._remove(worker)
                 if result is None and self._may_try_again(worker.frame):
-                    self._again.append(worker.frame)
+                    queue.again(worker.frame)
                 elif result is None:
                     result = failed_frame(worker.frame, _last_words(worker.process.exitcode), self._session)
+                if in_order and result is not None:
+                    yield result  # The frame after it finds its answers in the journal.
                 give_out()
-                if result is not None:
+                if not in_order and result is not None:
                     yield result
 
     def close(self) -> None:

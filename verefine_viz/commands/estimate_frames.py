@@ -67,9 +67,10 @@ def write_pools(
 
 
 def _only_estimating(session: Session) -> Session:
-    """The same without what estimators do not need, and what could therefore only fail: simulator and given order."""
+    """The same without what estimators do not need, and what could only fail: simulator, order, tracking."""
     physics = session.physics.model_copy(update={"enabled": False})
-    return session.model_copy(update={"physics": physics, "dependency": DependencySettings()})
+    method = session.method.model_copy(update={"track": False})
+    return session.model_copy(update={"physics": physics, "dependency": DependencySettings(), "method": method})
 
 
 def _print_summary(outcome: Outcome, n_hypotheses: int, lacking: list[ObjectRow], out: Path) -> None:

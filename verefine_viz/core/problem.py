@@ -82,6 +82,8 @@ class Hypothesis:
     """The estimator's own score; only its order matters."""
     source: str
     """Where it comes from, as shown to the user: "cosypose", "perturbed 30° 30 mm #3", …"""
+    tracked_from: str = ""
+    """The earlier frame whose answer it is; "" = none."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"hypothesis ({self.source})"))

@@ -96,6 +96,9 @@ class MethodSettings(Settings):
     steps that a trace recorded."""
     refiner: str = "icp"
     """Name of the refiner."""
+    track: bool = False
+    """Frames are those of a video: what the last frame of the scene answered for an object is one of its initial
+    poses in the next, before the others, moved along with the camera where the data set knows its pose."""
     iterations: Count = 5
     """K, refiner calls per hypothesis; a method with H hypotheses has H·K. Paper Sec. V: 5 with ICP."""
     exploration: Weight = 0.7
@@ -228,6 +231,19 @@ class Edit(Settings):
     """The frame in which it was edited, as "scene/image"; "" = every frame that has the hypothesis."""
 
 
+class TrackedPose(Settings):
+    """The answer of an earlier frame as an initial pose of a later one."""
+
+    frame: str
+    """The later frame, as "scene/image"."""
+    instance: Index
+    """instance_id there."""
+    T_cam_obj: Annotated[tuple[float, ...], Field(min_length=16, max_length=16)]
+    """The pose in the later frame, row by row [m]."""
+    answered_in: str
+    """The earlier frame."""
+
+
 class Change(Settings):
     """Settings that were changed in the middle of a run."""
 
@@ -262,6 +278,9 @@ class Session(Settings):
     recording: RecordingSettings = RecordingSettings()
     edits: tuple[Edit, ...] = ()
     """Edited poses, so that a saved session repeats them."""
+    tracked: tuple[TrackedPose, ...] = ()
+    """With `method.track`, what frames of this run began with, so that a recording or a saved session repeats them
+    without solving the frames before."""
     changes: tuple[Change, ...] = ()
     """Settings changed during the run, so that a saved session repeats them."""
 

@@ -280,6 +280,11 @@ def _check_sources(session: Session, layers: Sequence[Layer]) -> None:
             f'{layers[-1][0]}: method "trace" repeats what was recorded, but hypotheses.source is '
             f'"{session.hypotheses.source}"; set it to "recorded", or choose another method'
         )
+    if session.method.name == "trace" and session.method.track:
+        raise SettingsError(
+            f'{layers[-1][0]}: method "trace" repeats what was recorded and takes no other initial poses; leave '
+            "method.track out, or choose another method"
+        )
     if session.hypotheses.source == "recorded" and session.scene.source not in ("trace", "sequence"):
         raise SettingsError(
             f'{layers[-1][0]}: hypotheses.source is "recorded", but scene.source is "{session.scene.source}" and has '

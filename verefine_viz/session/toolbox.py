@@ -13,7 +13,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Estimator, Method, Refiner, Verifier, Watcher
-from verefine_viz.core.settings import PhysicsSettings, Session
+from verefine_viz.core.settings import PhysicsSettings, Session, TrackedPose
 from verefine_viz.core.side_by_side import side_by_side
 from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
 from verefine_viz.methods.object_method import Flips
@@ -34,6 +34,7 @@ from verefine_viz.scenes.source import SceneSource, open_scene
 from verefine_viz.session.edits import check_edits, edits_elsewhere, edits_of
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import AT_ITS_START, changed
+from verefine_viz.session.track import Answer, Track, answers_of, tracked_poses, with_tracked
 
 
 class Toolbox:
@@ -104,7 +105,7 @@ class Toolbox:
     @property
     def is_sequence(self) -> bool:
         """Whether the frames of a scene are in order, as of a video."""
-        return self.source.is_sequence
+        return self.source.is_sequence or self.session.method.track
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -125,11 +126,28 @@ class Toolbox:
         problem = self.source.problem(frame, replace(self._progress, preparing=preparing))
         with preparing():
             problem = self._solvable(problem)
-        problem = self._with_estimates(problem)
+        problem = with_tracked(self._with_estimates(problem), self._tracked(problem))
         notes = check_edits(self.session.edits, problem, len(self.frames) == 1, not self.session.scene.objects)
         notes += self._without_colour(problem)
         problem = replace(problem, notes=(*problem.notes, *notes)) if notes else problem
         return self.surrounded(self.ordered(_within_reach(problem)))
+
+    def _tracked(self, problem: Problem) -> tuple[TrackedPose, ...]:
+        """Answers of earlier frames as initial poses: those that the session states, else as they are solved now."""
+        stated = tuple(pose for pose in self.session.tracked if pose.frame == problem.frame)
+        if stated or not self.session.method.track:
+            return stated
+        return tracked_poses(problem, self.track.before(problem.frame))
+
+    @cached_property
+    def track(self) -> Track:
+        """The answers of earlier frames; solves a frame where nothing knows its answers."""
+        return Track(self.frames, self._solved, self._progress)
+
+    def _solved(self, frame: str) -> tuple[Answer, ...]:
+        run = self.run(self.problem(frame))
+        run.finish()
+        return answers_of(run)
 
     def _without_colour(self, problem: Problem) -> tuple[str, ...]:
         """Which objects have no colour term though one is asked for, and why; each model once."""
@@ -239,7 +257,7 @@ class Toolbox:
     def restarted(self, settings: dict[str, dict[str, Any]]) -> Toolbox:
         """The same for what can change at the start of a run: without edited poses and settings changed during it."""
         session = changed(self.session, settings, AT_ITS_START)
-        return self._sharing(session.model_copy(update={"edits": (), "changes": ()}))
+        return self._sharing(session.model_copy(update={"edits": (), "changes": (), "tracked": ()}))
 
     def _sharing(self, session: Session) -> Toolbox:
         other = Toolbox(session, self._progress)

@@ -19,6 +19,7 @@ from verefine_viz.scenes.hypothesis_pool import asked_estimators
 from verefine_viz.session.edits import edits_of
 from verefine_viz.session.engine import Run
 from verefine_viz.session.files import changed
+from verefine_viz.session.track import with_its_tracked
 from verefine_viz.viewer.commands import Changes
 from verefine_viz.viewer.state.branch import Branch, FrameWork, in_order, merged, nested
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator
@@ -123,7 +124,7 @@ def _lacks(frames: Sequence[str]) -> str:
 
 def _goes_with(branch: Branch, shown: Branch) -> bool:
     """Whether one session can say what was done in a branch and in the shown one: poses of named frames were moved."""
-    start, other = (b.start.model_copy(update={"edits": ()}) for b in (branch, shown))
+    start, other = (b.start.model_copy(update={"edits": (), "tracked": ()}) for b in (branch, shown))
     dropped = any(not edit.frame and edit not in _edits(branch) for edit in _at_first(branch))
     return start == other and branch.changes == branch.start.changes and not dropped
 
@@ -331,7 +332,8 @@ class Workspace:
     def new_branch(self, name: str, tools: Toolbox, problem: Problem) -> Branch:
         """A run of ``problem`` from its start, not yet among the branches."""
         self._progress.checkpoint(_preparing(problem, tools.session))
-        return Branch(name, tools.run(problem), tools, tools.session, tools.session.changes, self._evaluators(tools))
+        start = with_its_tracked(tools.session, problem)
+        return Branch(name, tools.run(problem), tools, start, tools.session.changes, self._evaluators(tools))
 
     def _begin(self, tools: Toolbox, problem: Problem) -> FrameWork:
         if not problem.instances:
