@@ -29,19 +29,21 @@ from verefine_viz.core.setting_types import Count, Gravity, Index, InputPath, Se
 class SceneSettings(Settings):
     """Which frames and which objects."""
 
-    source: Literal["bop", "demo", "trace", "sequence"] = "demo"
+    source: Literal["bop", "demo", "trace", "sequence", "layout"] = "demo"
     """bop: a data set folder in BOP layout. demo: a built-in scene, no data needed. trace: a folder of
     verefine_viz.trace, or one that holds several. sequence: images, camera, mesh and a pose per frame, as
-    FoundationPose's demo has them."""
+    FoundationPose's demo has them. layout: objects of YCB-V as a layout of the GRASPA benchmark has them, rendered."""
     dataset: InputPath = ""
-    """bop, trace, sequence: the folder, relative to the session file."""
+    """bop, trace, sequence: the folder, relative to the session file; layout: that of the YCB-V models."""
+    layout: InputPath = ""
+    """Layout: the XML file of a GRASPA layout, relative to the session file."""
     split: InputPath = "test"
     """BOP: the folder of the split below the data set (test, train_real, test_primesense, …)."""
     demo: str = "mug"
     """Demo: name of the built-in scene; an unknown name lists them."""
     turned: bool = False
-    """Demo: every object turned by half, about the vertical or an axis about which its shape hardly changes, and put
-    down again where it lay. Paper Sec. V-D: half of the trials."""
+    """Demo, layout: every object turned by half, about the vertical or an axis about which its shape hardly changes,
+    and put down again where it lay. Paper Sec. V-D: half of the trials."""
     frames: tuple[str, ...] = ()
     """Frames as "scene/image"; none = all of the targets file, else all of the split."""
     sequence: bool = False

@@ -194,7 +194,7 @@ class ModelLibrary:
     """The models of one data set, each read once, when it is first asked for.
 
     Args:
-        dataset: the data set's folder; models are in ``models``, else ``models_eval``, else any ``models_*``.
+        dataset: the data set's folder; models are in ``models``, else ``models_eval``, any ``models_*``, or in it.
         n_points: points to sample on each model.
         seed: of the sampling.
 
@@ -260,6 +260,8 @@ def _models_folder(dataset: Path) -> Path:
     for name in names:
         if any((dataset / name).glob("obj_*")):
             return dataset / name
+    if mesh_files(dataset):
+        return dataset
     raise InputError(f"{dataset} has no object models; expected models/obj_000001.ply, … (or models_eval/)")
 
 

@@ -78,6 +78,10 @@ def open_scene(scene: SceneSettings, hypotheses: HypothesesSettings) -> SceneSou
         from verefine_viz.scenes.recorded_source import RecordedSource
 
         return RecordedSource(scene, hypotheses)
+    if scene.source == "layout":
+        from verefine_viz.scenes.graspa_layout import LayoutSource
+
+        return LayoutSource(scene, hypotheses)
     return DemoSource(scene, hypotheses)
 
 

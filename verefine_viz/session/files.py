@@ -33,12 +33,14 @@ FILES = (
     ("densefusion", "refiner_weights"),
     ("physics", "mesh"),
     ("grasp", "folder"),
+    ("scene", "layout"),
 )
 """Sections and fields that name one file; of the scene and the hypotheses it depends on others what they name."""
 _READ_BY = {
-    ("scene", "dataset"): ("bop", "trace", "sequence"),
+    ("scene", "dataset"): ("bop", "trace", "sequence", "layout"),
+    ("scene", "layout"): ("layout",),
     ("scene", "demo"): ("demo",),
-    ("scene", "turned"): ("demo",),
+    ("scene", "turned"): ("demo", "layout"),
     ("hypotheses", "files"): ("results",),
 }
 """The sources (of the same section) that read a field."""

@@ -22,6 +22,8 @@ from verefine_viz.studies.grasping_study import PAPER, TABLE
 from verefine_viz.studies.solve_unit import Outcome
 from verefine_viz.studies.study_plan import Claim, Panel, Study
 
+FILE_COLUMNS = 200
+"""Width of the printed table where it goes to a file."""
 NONE_FREE = ("no collision-free grasp", "no answer")
 
 
@@ -135,6 +137,8 @@ def report_grasps(study: Study, outcomes: Sequence[Outcome], out: Path, about: s
             sheet.writerow([o.claim.better, o.claim.worse, o.n, o.better_alone, o.worse_alone, *numbers])
     png, svg = save(draw_grasps(study, rows, about), out, "grasping")
     console = Console(highlight=False, soft_wrap=True)
+    if not console.is_terminal:
+        console = Console(highlight=False, soft_wrap=True, width=FILE_COLUMNS)
     console.print(_printed(study, rows))
     for order in orders:
         console.print(escape(str(order)))

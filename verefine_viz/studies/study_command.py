@@ -36,7 +36,7 @@ gate and ten inner iterations leave little difference between methods."""
 SEEDS, QUICK_SEEDS = 5, 3
 GRASP_SEEDS = 5, 1
 """Trials of each object as it lies, and turned: ten in the paper's Table IV."""
-RENDERED = ("demo",)
+RENDERED = ("demo", "layout")
 """Sources of scenes whose objects can be turned."""
 TURNED = "turned"
 """Follows the name of a scene whose objects are turned."""
@@ -93,7 +93,7 @@ def scenes(study: str, session: Path | None, overrides: Mapping[str, Any], quick
     """The session's scene, or built-in ones that suit this study, by name; of grasping also with its objects turned."""
     if session is not None or "scene" in overrides:
         one = load_session(session, dict(overrides))
-        name = session.stem if session is not None else (one.scene.demo or "scene")
+        name = session.stem if session is not None else (Path(one.scene.layout).stem or one.scene.demo or "scene")
         return _with_turned(name, one) if study == "grasping" else {name: one}
     if study == "grasping":
         scene = {"demo": GRASP_SCENE, "frames": ("0/0",)}
