@@ -129,6 +129,7 @@ class LayoutSource:
         for frame in scene.frames:
             self._check_frame(frame)
         check_asked(hypotheses, self._check_frame)
+        self.is_sequence = scene.sequence
         self.frames: tuple[str, ...] = tuple(dict.fromkeys(scene.frames)) or self._available
         everything = read_layout(Path(scene.layout))
         self._objects = tuple(o for o in everything if SHIFTS_MM.get(o.name, (-1,))[0] in self._library.ids)
