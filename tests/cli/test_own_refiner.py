@@ -6,22 +6,29 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from verefine_viz import cli
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.refiner_steps import RefinerStep, TrainedRange
 from verefine_viz.core.settings import Session
-from verefine_viz.recording import rerun_viewer
+from verefine_viz.diagnosis.causes import Cause
+from verefine_viz.diagnosis.diagnose import diagnose
+from verefine_viz.recording import entities, rerun_viewer
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.refiners.registry import REFINERS, Identity
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import app as page_app
-from verefine_viz.viewer.commands import OpenRecording
+from verefine_viz.viewer.commands import OpenRecording, ShowRefinerCrops, Step
 from verefine_viz.viewer.debugger import Debugger
+from verefine_viz.viewer.panels.score_panel import refiner_html, switch_html
 
 MADE_BY = {"name": "refine", "refiner": "own", "iterations": 2}
 SETTINGS = {
@@ -41,10 +48,35 @@ class Own:
         return T_refined
 
 
+class Learned(Own):
+    """The same, which says what it saw; counts how often it is asked."""
+
+    trained_range = TrainedRange(rotation_deg=5, shift_radii=0.1)
+
+    def __init__(self) -> None:
+        self.n_asked = 0
+
+    def explain(self, target: Target, T_cam_obj: Float) -> list[RefinerStep]:
+        self.n_asked += 1
+        return [RefinerStep({"depth": target.observation.depth_m}, shift_m=np.array([0, 0, 1e-3]))]
+
+
+class Jump(Own):
+    """Right where it is within its range, else it stays."""
+
+    trained_range = TrainedRange(rotation_deg=20, shift_radii=2.0)
+
+    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        T_gt = target.instance.T_cam_obj_gt
+        assert T_gt is not None
+        return T_gt if angle_between(T_cam_obj[:3, :3], T_gt[:3, :3]) < np.deg2rad(20) else T_cam_obj
+
+
 def make_recording(path: Path, session: Session) -> None:
     toolbox = Toolbox(session)
     problem = toolbox.problem(toolbox.frames[0])
-    toolbox.run(problem, [Recorder(path, session, problem, toolbox.verifier_of)]).finish()
+    recorder = Recorder(path, session, problem, toolbox.verifier_of, refiner_of=toolbox.refiner_of)
+    toolbox.run(problem, [recorder]).finish()
 
 
 @pytest.fixture(scope="module")
@@ -170,3 +202,58 @@ def test_a_batch_is_opened_through_the_program_that_has_it(
     assert served == {}
     # Another refiner may take its place.
     assert cli.main(["view", str(tmp_path / "runs"), "--method.refiner", "icp"]) == 0
+
+
+@pytest.mark.usefixtures("processes")
+def test_recordings_have_what_it_saw_and_where_it_began(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(REFINERS, "own", lambda session: Learned())
+    make_recording(tmp_path / "run.rrd", resolve(SETTINGS | {"recording": {"maps": True}}))
+    words: list[str] = []
+    for chunk in chunks_of(tmp_path / "run.rrd"):
+        if chunk.entity_path == entities.REFINER_WORDS:
+            batch: Any = chunk.to_record_batch()
+            words += [row[0] for row in batch.column("TextDocument:text").to_pylist()]
+    assert len(words) == 2
+    for text in words:
+        assert text.startswith("began 30°, ")
+        assert "off: out of range, trained to 5°, " in text
+        assert text.endswith("step 1: 0.0°, 1.0 mm")
+
+
+@pytest.mark.usefixtures("processes")
+def test_the_page_asks_it_only_while_its_box_is_ticked(monkeypatch: pytest.MonkeyPatch) -> None:
+    own, make_tools = Learned(), Toolbox
+    monkeypatch.setitem(REFINERS, "own", lambda session: own)
+    tools: Any = make_tools
+    debugger = Debugger(resolve(SETTINGS), None, tools).carry_out([Step()])
+    before = debugger.view()
+    assert (own.n_asked, before.refiner_steps, refiner_html(before)) == (0, None, "")
+    assert " checked" not in switch_html(before)
+    debugger.carry_out([ShowRefinerCrops()])
+    after = debugger.view()
+    assert own.n_asked == 1
+    assert " checked" in switch_html(after)
+    assert refiner_html(after).count("<figure>") == 1
+    assert "out of range" in refiner_html(after)
+    debugger.carry_out([ShowRefinerCrops(on=False), Step()])
+    assert (debugger.view().refiner_steps, own.n_asked) == (None, 1)
+
+
+@pytest.mark.usefixtures("processes")
+@pytest.mark.parametrize("start_deg", [15, 30])
+def test_the_diagnosis_knows_its_range(start_deg: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(REFINERS, "own", lambda session: Jump())
+    start = {"max_per_object": 2, "rotation_deg": start_deg, "translation_mm": 60}
+    toolbox = Toolbox(resolve(SETTINGS | {"hypotheses": start}))
+    run = toolbox.run(toolbox.problem(toolbox.frames[0]))
+    run.finish()
+    found = diagnose(run, toolbox)
+    if start_deg < 20:
+        assert found == ()
+        return
+    (diagnosis,) = found
+    assert (diagnosis.cause, diagnosis.is_confirmed) == (Cause.OUT_OF_RANGE, True)
+    assert "own was trained up to 20° and " in diagnosis.sentence
+    assert diagnosis.evidence["nearest_rotation_deg"] == pytest.approx(30)
+    assert diagnosis.evidence["hypotheses"] == 1, "refine works on the first alone"
+    assert diagnosis.evidence["error_repaired"] < 0.01

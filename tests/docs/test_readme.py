@@ -9,6 +9,7 @@ import sys
 import tomllib
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +20,10 @@ from verefine_viz import cli
 from verefine_viz.commands.batch import Batch
 from verefine_viz.commands.view import View
 from verefine_viz.core.geometry import transform
+from verefine_viz.core.refiner_steps import LearnedRefiner
+from verefine_viz.core.settings import Session
+from verefine_viz.pictures.refiner_crops import step_picture
+from verefine_viz.refiners.registry import REFINERS, make_refiner
 from verefine_viz.session.data_folder import open_session
 from verefine_viz.session.files import load_session, resolve
 from verefine_viz.session.toolbox import Toolbox
@@ -85,7 +90,7 @@ def test_its_frame_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_its_traces_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    _, own, foundation_pose, _ = blocks("python")
+    _, own, foundation_pose, *_ = blocks("python")
     problem = box_problem()
     trimesh.creation.box(BOX_M * 1000).export(tmp_path / "mug.stl")
     (tmp_path / "mesh").mkdir()
@@ -115,7 +120,7 @@ def test_its_traces_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 
 @pytest.mark.usefixtures("processes")
 def test_its_refiner_runs(tmp_path: Path) -> None:
-    *_, code = blocks("python")
+    *_, code, _ = blocks("python")
     assert len([line for line in code.splitlines() if line.strip()]) <= 20
     script, out = tmp_path / "nudge.py", tmp_path / "out"
     script.write_text(code)
@@ -129,3 +134,19 @@ def test_its_refiner_runs(tmp_path: Path) -> None:
     assert row["status"] == "ok"
     assert float(row["score"]) > float(row["initial_score"])
     assert float(row["add_s_mm"]) < float(row["initial_add_s_mm"])
+
+
+def test_its_refiner_explains_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    *_, code, explained = blocks("python")
+    names: dict[str, Any] = {"__name__": "nudge"}
+    with monkeypatch.context() as patched:
+        patched.setitem(REFINERS, "nudge", None)
+        exec(code + explained, names)
+        patched.setitem(REFINERS, "nudge", lambda session: names["ExplainedNudge"]())
+        refiner = make_refiner("nudge", Session())
+    (target,) = box_problem().targets
+    T = target.instance.hypotheses[0].T_cam_obj
+    assert isinstance(refiner, LearnedRefiner)
+    (step,) = refiner.explain(target, T)
+    np.testing.assert_allclose(T[:3, 3] + step.shift_m, refiner.refine(target, T)[:3, 3])
+    assert step_picture(step).any()

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from verefine_viz.learned.depth_crops import ANSWERS, CHANNELS, FORMAT, SIDE_PX
+from verefine_viz.learned.depth_crops import CHANNELS, FORMAT, SIDE_PX
 
 DENSEFUSION_COLOURS = 5
 """Numbers that describe a colour in the hand-made networks of DenseFusion."""
@@ -21,15 +21,15 @@ FLOAT, INT64 = 1, 7
 
 
 def constant_network(answer: np.ndarray, card: Mapping[str, Any] | None = CARD, channels: int = len(CHANNELS)) -> bytes:
-    """A network that gives the same answer (7,) for every crop: 0 × mean of the crop + answer."""
+    """A network that gives the same answer, (7,) as it should be, for every crop: 0 × mean of the crop + answer."""
     nodes = [
         _node("GlobalAveragePool", ["crops"], ["means"]),
         _node("Flatten", ["means"], ["flat"]),
         _node("MatMul", ["flat", "zeros"], ["nothing"]),
         _node("Add", ["nothing", "answer"], ["answers"]),
     ]
-    constants = [_tensor("zeros", np.zeros((channels, ANSWERS))), _tensor("answer", np.asarray(answer)[None])]
-    inputs, outputs = [_value("crops", ["n", channels, SIDE_PX, SIDE_PX])], [_value("answers", ["n", ANSWERS])]
+    constants = [_tensor("zeros", np.zeros((channels, len(answer)))), _tensor("answer", np.asarray(answer)[None])]
+    inputs, outputs = [_value("crops", ["n", channels, SIDE_PX, SIDE_PX])], [_value("answers", ["n", len(answer)])]
     return _model(nodes, constants, inputs, outputs, card)
 
 

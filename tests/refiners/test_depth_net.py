@@ -141,6 +141,20 @@ def test_weights_that_give_no_number_are_one_line(tmp_path: Path) -> None:
         with_weights(tmp_path, np.full(7, np.nan)).refine(TARGET, START)
 
 
+@pytest.mark.parametrize("n", [6, 8])
+def test_weights_that_give_another_number_of_answers_are_one_line(n: int, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=rf"weights .*net\.onnx give 1 × {n} numbers for 1 crops, expected 1 × 7"):
+        with_weights(tmp_path, np.zeros(n)).refine(TARGET, START)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.99])
+def test_weights_that_are_cut_off_are_one_line(share: float, tmp_path: Path) -> None:
+    whole = (PACKAGED / "depth_net.onnx").read_bytes()
+    (tmp_path / "net.onnx").write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(InputError, match=r"weights .*net\.onnx (are no ONNX file|hold a network without)"):
+        DepthNet(DepthNetSettings(weights=str(tmp_path / "net.onnx")), 0.0)
+
+
 def test_missing_weights_are_one_line(tmp_path: Path) -> None:
     session = Session(depth_net=DepthNetSettings(weights=str(tmp_path / "no.onnx")))
     for name in NAMES:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,12 +14,15 @@ import pytest
 from tests.fakes import box_problem
 from tests.learned.tiny_network import constant_network
 from verefine_viz.core.algorithm_settings import DepthNetSettings
-from verefine_viz.core.geometry import angle_between
-from verefine_viz.core.refiner_steps import LearnedRefiner, RefinerStep
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, SettingsError, ShapeError
+from verefine_viz.core.geometry import angle_between, axis_angle, transform
+from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.refiner_steps import LearnedRefiner, RefinerStep, TrainedRange
 from verefine_viz.core.settings import Session
-from verefine_viz.pictures.refiner_crops import step_picture, step_words
+from verefine_viz.pictures.refiner_crops import start_words, step_picture, step_words
 from verefine_viz.refiners.depth_net import LARGEST_RAD, DepthNet
-from verefine_viz.refiners.registry import make_refiner
+from verefine_viz.refiners.registry import REFINERS, make_refiner, raised_by_refiner
 
 TARGET = box_problem().targets[0]
 STARTS = [h.T_cam_obj for h in box_problem(7).targets[0].instance.hypotheses]
@@ -87,3 +93,74 @@ def test_out_of_sight_nothing_is_explained() -> None:
     away = np.array(STARTS[0])
     away[2, 3] = -1.0
     assert NET.explain(TARGET, away) == []
+
+
+class Shift:
+    """A user's own refiner: a millimetre to the right."""
+
+    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        return transform(T_cam_obj[:3, :3], T_cam_obj[:3, 3] + [1e-3, 0, 0])
+
+
+class ExplainedShift(Shift):
+    trained_range = TrainedRange(rotation_deg=20, shift_radii=0.5)
+
+    def explain(self, target: Target, T_cam_obj: Float) -> list[RefinerStep]:
+        return [RefinerStep({"depth": target.observation.depth_m}, shift_m=np.array([1e-3, 0, 0]))]
+
+
+def own(refiner: object, monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.setitem(REFINERS, "own", lambda session: refiner)
+    return make_refiner("own", Session())
+
+
+def test_a_users_own_refiner_may_explain_itself_and_name_its_range(monkeypatch: pytest.MonkeyPatch) -> None:
+    refiner = own(ExplainedShift(), monkeypatch)
+    assert isinstance(refiner, LearnedRefiner)
+    assert refiner.trained_range == ExplainedShift.trained_range
+    (step,) = refiner.explain(TARGET, STARTS[0])
+    assert step_words(step) == ("0.0°, 1.0 mm",)
+    assert len(np.unique(step_picture(step).reshape(-1, 3), axis=0)) > 10
+    plain = own(Shift(), monkeypatch)
+    assert not isinstance(plain, LearnedRefiner)
+    assert plain.trained_range is None
+
+
+def test_what_a_users_own_refiner_says_wrongly_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    wrong_range = type("WrongRange", (Shift,), {"trained_range": 20})
+    with pytest.raises(SettingsError, match=r"trained_range of the refiner 'own' is 20, expected a TrainedRange\("):
+        own(wrong_range(), monkeypatch)
+    no_steps = type("NoSteps", (Shift,), {"explain": lambda self, target, T_cam_obj: {"depth": 1}})
+    with pytest.raises(InputError, match=r"explain of the refiner 'own' returned dict, expected a list of RefinerStep"):
+        own(no_steps(), monkeypatch).explain(TARGET, STARTS[0])
+    fails = own(type("Fails", (Shift,), {"explain": lambda self, target, T_cam_obj: 1 / 0})(), monkeypatch)
+    with pytest.raises(ZeroDivisionError) as raised:
+        fails.explain(TARGET, STARTS[0])
+    assert raised_by_refiner(raised.value).startswith("the refiner 'own' raised ZeroDivisionError")
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"crops": {}},
+        {"crops": {"a": np.zeros((4, 4)), "b": np.zeros((4, 5))}},
+        {"crops": {"a": np.zeros((4, 4, 2))}},
+        {"crops": {"a": np.zeros((4, 4))}, "turn": np.zeros((3, 3))},
+    ],
+)
+def test_a_step_that_cannot_be_drawn_is_refused(given: dict[str, Any]) -> None:
+    with pytest.raises(ShapeError, match="of a RefinerStep"):
+        RefinerStep(**given)
+
+
+def test_where_a_call_began_is_said_against_the_range() -> None:
+    T_gt, refiner = TARGET.instance.T_cam_obj_gt, make_refiner("depth_net", Session())
+    assert T_gt is not None
+    far = transform(axis_angle([0, 0, 1], np.deg2rad(80)) @ T_gt[:3, :3], T_gt[:3, 3])
+    bare = replace(TARGET, model=replace(TARGET.model, symmetries=np.eye(4)[None]))
+    range_mm = 0.8 * 500 * bare.model.diameter_m
+    assert start_words(refiner, bare, far).endswith(f"off: out of range, trained to 60°, {range_mm:.0f} mm")
+    assert start_words(refiner, bare, T_gt) == f"began 0°, 0 mm off, trained to 60°, {range_mm:.0f} mm"
+    unknown = replace(bare, instance=replace(bare.instance, T_cam_obj_gt=None))
+    assert start_words(refiner, unknown, far) == ""
+    assert start_words(make_refiner("icp", Session()), bare, far) == ""

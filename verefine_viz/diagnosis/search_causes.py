@@ -10,13 +10,11 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Hypothesis
 from verefine_viz.core.records import Best
-from verefine_viz.core.refiner_steps import TrainedRefiner
 from verefine_viz.diagnosis import score_causes, signs
 from verefine_viz.diagnosis.case import ALONE, FAR, Case, Pools, Rerun
 from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts, instead, share
 from verefine_viz.diagnosis.input_causes import of_another_unit
 from verefine_viz.evaluation.pose_errors import pose_errors, turning_on
-from verefine_viz.evaluation.trained_range import start_of
 from verefine_viz.refiners.registry import make_refiner
 
 ICP = "icp"
@@ -31,13 +29,10 @@ def out_of_range(case: Case) -> Finding | None:
     """Every start is further from the ground truth than the refiner was trained on; decided by a re-run from the same
     starts, brought well into that range.
     """
-    tried = case.target.instance.hypotheses[: 1 if case.lab.traits.first_only else None]
-    trained = case.lab.refiner.trained_range if isinstance(case.lab.refiner, TrainedRefiner) else None
-    if trained is None:
+    seen = signs.out_of_range(case.lab.refiner, case.target, case.lab.traits.first_only)
+    if seen is None:
         return None
-    starts = [start_of(case.target.model, h.T_cam_obj, case.T_gt) for h in tried]
-    if not all(start.is_beyond(trained) for start in starts):
-        return None
+    trained, starts = seen.trained, seen.starts
     brought = case.with_pool(*(start.brought_within(trained, WELL_WITHIN) for start in starts))
     what = "brought into the trained range"
     if case.group:

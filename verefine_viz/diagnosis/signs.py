@@ -11,10 +11,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Target
+from verefine_viz.core.protocols import Refiner
 from verefine_viz.core.records import Best, Iteration, Stage
+from verefine_viz.core.refiner_steps import TrainedRange, TrainedRefiner
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.pose_errors import PoseErrors
+from verefine_viz.evaluation.trained_range import Start, start_of
 
 FAR = 0.25
 """A start further away than this share of the diameter is not near (ADD(-S))."""
@@ -84,6 +88,25 @@ def starved(course: Course) -> tuple[int, PoseErrors] | None:
         return None
     even_split = sum(course.n_tried) / len(course.n_tried)
     return course.nearest if course.n_tried[course.nearest[0]] <= max(1, STARVED * even_split) else None
+
+
+@dataclass(frozen=True)
+class OutOfRange:
+    """All initial poses are further from the ground truth than the refiner was trained for."""
+
+    trained: TrainedRange
+    starts: tuple[Start, ...]
+    """Of each hypothesis that the method works on."""
+
+
+def out_of_range(refiner: Refiner | None, target: Target, first_only: bool) -> OutOfRange | None:
+    """None where a hypothesis is within the range, or that is unknown; ``first_only``: the others are not worked on."""
+    trained = refiner.trained_range if isinstance(refiner, TrainedRefiner) else None
+    T_gt, pool = target.instance.T_cam_obj_gt, target.instance.hypotheses[: 1 if first_only else None]
+    if trained is None or T_gt is None or not pool:
+        return None
+    starts = tuple(start_of(target.model, h.T_cam_obj, T_gt) for h in pool)
+    return OutOfRange(trained, starts) if all(start.is_beyond(trained) for start in starts) else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,11 +7,16 @@ shift as a white line that ends in a dot, as long as it is, and the axis of the 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image as PilImage
 from PIL import ImageDraw, ImageFont
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import EMPTY, FIT, RGB, Image, Scale, difference_scale
-from verefine_viz.core.refiner_steps import RefinerStep
+from verefine_viz.core.problem import Target
+from verefine_viz.core.protocols import Refiner
+from verefine_viz.core.refiner_steps import RefinerStep, TrainedRefiner
+from verefine_viz.evaluation.trained_range import start_of
 
 TILE_PX, GAP_PX = 160, 3
 SHIFT, TURN, POINT = (255, 255, 255), (255, 212, 59), (64, 192, 87)
@@ -51,12 +56,23 @@ def step_words(step: RefinerStep) -> tuple[str, ...]:
     return tuple(lines)
 
 
+def start_words(refiner: Refiner, target: Target, T_cam_obj: Float) -> str:
+    """How far from the ground truth a call began, and up to where the refiner was trained; "" where one is unknown."""
+    trained = refiner.trained_range if isinstance(refiner, TrainedRefiner) else None
+    if trained is None or target.instance.T_cam_obj_gt is None:
+        return ""
+    start = start_of(target.model, T_cam_obj, target.instance.T_cam_obj_gt)
+    farthest = f"trained to {trained.rotation_deg:.0f}°, {start.largest_shift_mm(trained):.0f} mm"
+    began = f"began {start.rotation_deg:.0f}°, {start.shift_mm:.0f} mm off"
+    return f"{began}: out of range, {farthest}" if start.is_beyond(trained) else f"{began}, {farthest}"
+
+
 def _tile(step: RefinerStep, name: str) -> PilImage.Image:
     crop = step.crops[name]
     if crop.ndim == 2 and name == "masks":
         crop = np.array(MASKS, np.uint8)[crop.astype(np.intp)]
     elif crop.ndim == 2:
-        scale_of = Scale(*step.limits[name], "", DIVERGING if name == "difference" else FIT.anchors)
+        scale_of = Scale(*step.limits.get(name, _ends(crop)), "", DIVERGING if name == "difference" else FIT.anchors)
         crop = scale_of.colors(crop.astype(np.float64))
     height, width = crop.shape[:2]
     scale = TILE_PX / max(height, width)
@@ -71,7 +87,7 @@ def _draw_step(tile: PilImage.Image, step: RefinerStep) -> None:
     scale, draw = TILE_PX / max(height, width), ImageDraw.Draw(tile)
     for x, y in (step.points_px + 0.5) * scale if step.points_px is not None else ():
         draw.point((x, y), POINT)
-    x, y = (step.centre_px + 0.5) * scale
+    x, y = ((np.array([width, height]) - 1) / 2 if step.centre_px is None else step.centre_px) * scale + scale / 2
     angle = float(np.linalg.norm(step.turn))
     if angle > 0:
         ax, ay = step.turn[:2] / angle * min(angle / LONGEST_TURN, 1.0) * TILE_PX / 2
@@ -79,6 +95,13 @@ def _draw_step(tile: PilImage.Image, step: RefinerStep) -> None:
     tip = np.array([x, y]) + step.shift_m[:2] * step.px_per_m * scale
     _outlined(draw, (x, y, float(tip[0]), float(tip[1])), SHIFT)
     draw.ellipse((tip[0] - 4, tip[1] - 4, tip[0] + 4, tip[1] + 4), SHIFT, EMPTY)
+
+
+def _ends(crop: NDArray) -> tuple[float, float]:
+    """The smallest and the largest number, apart."""
+    known = crop[np.isfinite(crop)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    return low, max(high, low + 1e-9)
 
 
 def _outlined(draw: ImageDraw.ImageDraw, ends: tuple[float, float, float, float], color: RGB) -> None:

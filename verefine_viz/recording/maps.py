@@ -21,7 +21,7 @@ from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.scores import COLOUR_MAPS, MapName, PixelGrid, ScoreMaps
 from verefine_viz.pictures.map_images import MapImages, depth_indices, palette_of, scales_of
-from verefine_viz.pictures.refiner_crops import step_picture, step_words
+from verefine_viz.pictures.refiner_crops import start_words, step_picture, step_words
 from verefine_viz.recording import entities
 from verefine_viz.recording.recording_file import RecordingFile
 
@@ -141,14 +141,17 @@ class Maps:
 def send_refiner_steps(file: RecordingFile, refiner: LearnedRefiner, target: Target, iteration: Iteration) -> None:
     """What a learned refiner saw and answered in an iteration: a picture of its steps, and the same in numbers."""
     start = iteration.before_refined
-    steps = () if start is None else refiner.explain(target, start.T_cam_obj)
+    if start is None:
+        return
+    steps = refiner.explain(target, start.T_cam_obj)
     if not steps:
         return
     pictures = [step_picture(step) for step in steps]
     gap = np.full((pictures[0].shape[0], GAP_PX, 3), EMPTY, np.uint8)
     parts = [part for picture in pictures for part in (picture, gap)]
     picture = rr.Image(np.concatenate(parts[:-1], axis=1)).compress(jpeg_quality=85)
-    words = rr.TextDocument("\n".join(f"step {k}: {', '.join(step_words(step))}" for k, step in enumerate(steps, 1)))
+    lines = [f"step {k}: {', '.join(step_words(step))}" for k, step in enumerate(steps, 1)]
+    words = rr.TextDocument("\n".join(filter(None, (start_words(refiner, target, start.T_cam_obj), *lines))))
     for entity, archetype in ((entities.REFINER, picture), (entities.REFINER_WORDS, words)):
         row = [rr.ComponentColumn(b.component_descriptor(), b) for b in archetype.as_component_batches()]
         file.send(entity, [iteration.index], row)

@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.algorithm_settings import DepthNetSettings, IcpSettings
 from verefine_viz.core.arrays import Float, finite
+from verefine_viz.core.errors import InputError
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.refiner_steps import RefinerStep, TrainedRange
 from verefine_viz.learned.depth_crops import (
+    ANSWERS,
     CHANNELS,
     DEEPEST,
     FORMAT,
@@ -90,7 +92,7 @@ class DepthNet:
         """The refined pose (4, 4); the given one where the mask holds no depth or the model does not show.
 
         Raises:
-            InputError: the network's answer is not finite.
+            InputError: the network's answer is not finite, or not of that many numbers.
         """
         return self.steps(target, T_cam_obj)[-1].Ts_cam_obj[0]
 
@@ -174,6 +176,11 @@ class DepthNetIcp:
 def step_from(Ts_cam_obj: Float, crops: Crops, network: OnnxNetwork, extent: Extent) -> Step:
     """The network's step from N poses (N, 4, 4) with their crops; a pose whose crop shows nothing stays as it is."""
     answers = network(crops.channels)
+    if answers.shape != (len(Ts_cam_obj), ANSWERS):
+        raise InputError(
+            f"weights {network.path} give {' × '.join(map(str, answers.shape))} numbers for {len(Ts_cam_obj)} crops, "
+            f"expected {len(Ts_cam_obj)} × {ANSWERS}; see verefine-viz train {NETWORK}"
+        )
     answers[~crops.is_usable] = 0.0
     poses = [
         moved_by(T, _taken(answer), R, extent) if is_usable else T

@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import SettingsError, unknown
+from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Refiner
+from verefine_viz.core.refiner_steps import LearnedRefiner, RefinerStep, TrainedRange
 from verefine_viz.core.settings import Session
 from verefine_viz.refiners.icp import Icp
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
@@ -36,15 +37,53 @@ class Foreign:
     Args:
         name: what sessions call it.
         inner: the refiner itself.
+
+    Raises:
+        SettingsError: its ``trained_range`` is none.
     """
 
     def __init__(self, name: str, inner: Refiner) -> None:
         self._name, self._inner = name, inner
+        trained = getattr(inner, "trained_range", None)
+        if not isinstance(trained, TrainedRange | None):
+            raise SettingsError(
+                f"trained_range of the refiner {name!r} is {trained!r}, expected a TrainedRange(rotation_deg=…, "
+                "shift_radii=…) of verefine_viz.core.refiner_steps"
+            )
+        self.trained_range = trained
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
         """The refiner's own result."""
         with _marked(self._name):
             return self._inner.refine(target, T_cam_obj, fixed)
+
+
+class ForeignLearned(Foreign):
+    """The same for one that can say what it saw.
+
+    Args:
+        name: what sessions call it.
+        inner: the refiner itself.
+    """
+
+    def __init__(self, name: str, inner: LearnedRefiner) -> None:
+        super().__init__(name, inner)
+        self._learned = inner
+
+    def explain(self, target: Target, T_cam_obj: Float) -> list[RefinerStep]:
+        """The refiner's own steps.
+
+        Raises:
+            InputError: it returned something else.
+        """
+        with _marked(self._name):
+            steps = self._learned.explain(target, T_cam_obj)
+        if not isinstance(steps, Sequence) or not all(isinstance(step, RefinerStep) for step in steps):
+            raise InputError(
+                f"explain of the refiner {self._name!r} returned {type(steps).__name__}, expected a list of "
+                "RefinerStep of verefine_viz.core.refiner_steps"
+            )
+        return list(steps)
 
 
 def raised_by_refiner(error: BaseException) -> str:
@@ -141,4 +180,5 @@ def make_refiner(name: str, session: Session) -> Refiner:
     if getattr(make, "__module__", "").partition(".")[0] == _OWN:
         return make(session)
     with _marked(name):
-        return Foreign(name, make(session))
+        refiner = make(session)
+    return ForeignLearned(name, refiner) if isinstance(refiner, LearnedRefiner) else Foreign(name, refiner)

@@ -268,6 +268,12 @@ class ShowMap(ViewCommand):
     name: str
 
 
+class ShowRefinerCrops(ViewCommand):
+    """What a learned refiner saw, instead of the score maps, or these again; None = the other of both."""
+
+    on: bool | None = None
+
+
 class ProbePixel(ViewCommand):
     """The numbers of one pixel of the score maps."""
 

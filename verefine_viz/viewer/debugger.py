@@ -314,6 +314,7 @@ _CHANGES: dict[type[Command], Callable[[ViewOptions, Any], ViewOptions]] = {
     c.SelectArm: lambda o, x: replace(o.unedited(), arm=x.arm),
     c.Compare: _compare,
     c.ShowMap: _show_map,
+    c.ShowRefinerCrops: lambda o, x: replace(o, refiner_crops=not o.refiner_crops if x.on is None else x.on),
     c.ProbePixel: lambda o, x: replace(o, pixel=(x.u, x.v)),
     c.PlaceRuler: _place_ruler,
     c.CutView: _cut_view,

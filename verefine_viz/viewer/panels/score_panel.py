@@ -10,7 +10,7 @@ import numpy as np
 import viser
 
 from verefine_viz.core.palette import CLASS_COLORS, Scale
-from verefine_viz.core.refiner_steps import RefinerStep
+from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.scores import MAP_NAMES, MapName
 from verefine_viz.pictures.map_images import MapImages, palette_of
 from verefine_viz.pictures.refiner_crops import step_picture, step_words
@@ -149,11 +149,6 @@ WIPE = (
 )
 """Where the line between A and B is in the Maps layout; each browser's own (``assets/page.js``)."""
 
-SWITCH = (
-    '<label title="the crops that the network saw in this iteration, and its steps">'
-    '<input type="checkbox" aria-label="what the refiner saw">refiner</label>'
-)
-"""Shows the refiner's crops instead of the maps; each browser's own."""
 
 NAME_LENGTH = 7
 """Characters of a name for which there is room beside the maps, where they are not all of the page."""
@@ -170,8 +165,8 @@ class MapsPanel:
     def show(self, snapshot: Snapshot) -> None:
         """New pictures; the old ones stay until they are known."""
         if snapshot.deep:
-            self._switch.show("" if snapshot.refiner_steps is None else SWITCH)
-            self._strip.show(maps_html(snapshot) + refiner_html(snapshot.refiner_steps))
+            self._switch.show(switch_html(snapshot))
+            self._strip.show(maps_html(snapshot) + refiner_html(snapshot))
 
 
 def maps_html(snapshot: Snapshot) -> str:
@@ -200,16 +195,28 @@ def maps_html(snapshot: Snapshot) -> str:
     return f'<div class="{kind}">{who}{"".join(columns)}</div>'
 
 
-def refiner_html(steps: Sequence[RefinerStep] | None) -> str:
-    """What a learned refiner saw, a picture a step; nothing for other refiners."""
-    if steps is None:
+def switch_html(snapshot: Snapshot) -> str:
+    """The box that shows the refiner's crops instead of the maps; none for refiners that cannot say what they saw."""
+    if not isinstance(snapshot.refiner, LearnedRefiner):
+        return ""
+    ticked = " checked" if snapshot.options.refiner_crops else ""
+    return (
+        '<label title="the crops that the network saw in this iteration, and its steps"><input type="checkbox" '
+        f'aria-label="what the refiner saw" {carries(c.ShowRefinerCrops())}{ticked}>refiner</label>'
+    )
+
+
+def refiner_html(snapshot: Snapshot) -> str:
+    """What a learned refiner saw, a picture a step; nothing while the box is not ticked."""
+    if not snapshot.options.refiner_crops or not isinstance(snapshot.refiner, LearnedRefiner):
         return ""
     figures = "".join(
         f'<figure><img src="{data_uri(png(step_picture(step)))}" alt="step {k}: what the refiner saw">'
         f"<figcaption><b>step {k}</b> {'<br>'.join(map(text, step_words(step)))}</figcaption></figure>"
-        for k, step in enumerate(steps, 1)
+        for k, step in enumerate(snapshot.refiner_steps or (), 1)
     )
-    return f'<div class="refiner">{figures or REFINED_NOWHERE}</div>'
+    start = f'<p class="dim start">{text(snapshot.refiner_start)}</p>' if snapshot.refiner_start else ""
+    return f'<div class="refiner">{start}{figures or REFINED_NOWHERE}</div>'
 
 
 def _column(name: MapName, tiles: Sequence[str], scales: Mapping[MapName, Scale]) -> str:

@@ -12,11 +12,12 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Instance, Problem, Target
 from verefine_viz.core.records import Best, Iteration
-from verefine_viz.core.refiner_steps import LearnedRefiner, RefinerStep
+from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.methods.registry import method_of
+from verefine_viz.pictures.refiner_crops import start_words
 from verefine_viz.scenes.recorded_source import RecordedSource
 from verefine_viz.viewer.snapshot.compared_poses import compared_poses, compared_scenes
 from verefine_viz.viewer.snapshot.comparison_snapshot import comparison_snapshot
@@ -137,7 +138,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         if options.whole_scene
         else {},
         physics=known_physics(scene, evaluator),
-        refiner_steps=_refiner_steps(branch, target, shown if "refined" in poses else None),
+        **_refiner(branch, target, shown, deep and options.refiner_crops and "refined" in poses),
         deep=deep,
         message=state.message,
         refused=state.refused,
@@ -151,13 +152,17 @@ def _track(source: object) -> tuple[tuple[str, Float | None], ...]:
     return source.track if isinstance(source, RecordedSource) else ()
 
 
-def _refiner_steps(branch: Branch, target: Target, shown: Iteration | None) -> Sequence[RefinerStep] | None:
-    """Of the iteration; no step where none is shown, None where the refiner is not a learned one."""
+def _refiner(branch: Branch, target: Target, shown: Iteration | None, with_steps: bool) -> dict[str, Any]:
+    """The refiner of the iteration; what it saw only where that is wanted, as it runs its network for it."""
     refiner = (branch.run.method if shown is None else branch.run.method_of(shown.index)).refiner
-    if not isinstance(refiner, LearnedRefiner):
-        return None
     start = None if shown is None else shown.before_refined
-    return () if start is None else branch.evaluator.refiner_steps(refiner, target, start.T_cam_obj)
+    if not with_steps or start is None or not isinstance(refiner, LearnedRefiner):
+        return {"refiner": refiner}
+    return {
+        "refiner": refiner,
+        "refiner_steps": branch.evaluator.refiner_steps(refiner, target, start.T_cam_obj),
+        "refiner_start": start_words(refiner, target, start.T_cam_obj),
+    }
 
 
 def state_of(state: Any, target: Target) -> Any:

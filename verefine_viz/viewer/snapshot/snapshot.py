@@ -11,6 +11,7 @@ from typing import Any
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import RGB, SIDE_COLORS, STAGE_COLORS
 from verefine_viz.core.problem import Problem, Target
+from verefine_viz.core.protocols import Refiner
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.refiner_steps import RefinerStep
 from verefine_viz.core.scores import PoseScore, ScoreMaps
@@ -182,8 +183,12 @@ class Snapshot:
     """By iteration: errors of the best pose of its object; empty unless the whole scene is shown."""
     physics: ScenePhysics
     """What is known by now about the scene."""
+    refiner: Refiner | None = None
+    """Of the iteration that is shown; None where recorded steps are repeated."""
     refiner_steps: Sequence[RefinerStep] | None = None
-    """What the refiner saw in the iteration that is shown; None where it is not a learned one."""
+    """What it saw in that iteration; None where that is not asked for, or not known."""
+    refiner_start: str = ""
+    """How far from the ground truth it began there, and how far it was trained for; "" where either is unknown."""
     deep: bool = True
     """Whether score maps, the probed pixel and plausibility were worked out; else panels keep theirs. While a
     pose is edited plausibility always is: it has to follow the pose."""

@@ -53,6 +53,8 @@ class ViewOptions:
     has_chosen: bool = False
     """Whether the user has chosen what is compared; else the end of a run shows its answer against ground truth."""
     map: MapName = "classes"
+    refiner_crops: bool = False
+    """Whether what a learned refiner saw is shown instead of the score maps."""
     pixel: tuple[int, int] | None = None
     """(u, v) that is probed."""
     ruler: tuple[int, int] | None = None
@@ -123,8 +125,8 @@ class ViewOptions:
     def afresh(self) -> ViewOptions:
         """The same for another frame or another run: what was chosen for good stays."""
         return ViewOptions(
-            cloud=self.cloud, layers=self.layers, map=self.map, animate=self.animate, arrangement=self.arrangement,
-            arranged_by=self.arranged_by, preset=self.preset, enlarged=self.enlarged,
+            cloud=self.cloud, layers=self.layers, map=self.map, refiner_crops=self.refiner_crops, animate=self.animate,
+            arrangement=self.arrangement, arranged_by=self.arranged_by, preset=self.preset, enlarged=self.enlarged,
             curves_of=self.curves_of, slice_axes=self.slice_axes, cut_percent=self.cut_percent,
         )  # fmt: skip
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from verefine_viz.batch.summary import MUCH, MUCH_SCORE
 from verefine_viz.diagnosis.causes import DATA_FIRST, DECLARE, Cause, cause_title, distinct_texts
-from verefine_viz.diagnosis.signs import Course, far_start, is_low, leaks, starved
+from verefine_viz.diagnosis.signs import Course, far_start, is_low, leaks, out_of_range, starved
 from verefine_viz.methods.registry import method_of
 from verefine_viz.scenes.instance_notes import without
 from verefine_viz.viewer import commands as c
@@ -180,6 +180,15 @@ def _far_start(snapshot: Snapshot) -> list[Finding]:
     if not _is_over(snapshot):
         text = f"The nearest start{_whose(snapshot)} is off by {off} Refinement may get there or not: run it and see."
         return [Finding(text, calm=True, command=c.SelectArm(j), label="show it")]
+    first_only = method_of(snapshot.session.method.name).first_only
+    beyond = out_of_range(snapshot.refiner, snapshot.target, first_only)
+    if beyond is not None:
+        text = (
+            f"No hypothesis{_whose(snapshot)} is within the training range of {snapshot.session.method.refiner}, "
+            f"{beyond.trained.rotation_deg:.0f}° and {beyond.starts[0].largest_shift_mm(beyond.trained):.0f} mm: best "
+            f"initial error {off}"
+        )
+        return [Finding(text, True, False, c.SelectArm(j), "show it", Cause.OUT_OF_RANGE)]
     text = (
         f"No hypothesis{_whose(snapshot)} starts near: best initial error {off} Refinement did not help: look at the "
         "estimator first."

@@ -16,7 +16,7 @@ from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.diagnosis.ambiguity import in_short
 from verefine_viz.diagnosis.causes import TITLES, Cause, cause_title
 from verefine_viz.diagnosis.score_causes import blamed_pixels
-from verefine_viz.diagnosis.signs import Lost, far_start, is_low, leaks, starved
+from verefine_viz.diagnosis.signs import Lost, far_start, is_low, leaks, out_of_range, starved
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.pose_errors import add_where_add_s_is_below
 from verefine_viz.methods.registry import method_of
@@ -214,6 +214,11 @@ def cause_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
         return Reason(TITLES[Cause.ARM_STARVED], more=more, about=Cause.ARM_STARVED)
     if o.lost is not None:
         return _led_away(o, o.lost)
+    first_only = method_of(snapshot.session.method.name).first_only
+    beyond = out_of_range(snapshot.refiner, o.target, first_only) if far is not None else None
+    if beyond is not None:
+        deg = min(start.rotation_deg for start in beyond.starts)
+        return Reason(TITLES[Cause.OUT_OF_RANGE], 0, f": starts {deg:.0f}° off", Cause.OUT_OF_RANGE)
     if far is not None:
         return Reason(TITLES[Cause.POOL], 0, f": nearest start {_millimetres(far[1].add_s_mm)}", Cause.POOL)
     if course.score_at_gt is None:
