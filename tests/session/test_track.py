@@ -17,7 +17,8 @@ from verefine_viz.core.settings import Session
 from verefine_viz.session.files import resolve, session_toml
 from verefine_viz.session.track import Answer, Track, tracked_poses, with_its_tracked, with_tracked
 
-FRAMES = ("1/1", "1/2", "2/1", "1/3", "2/2", "1/4")
+FRAMES = ("1/4", "1/2", "2/1", "1/3", "2/2", "1/1")
+"""In any order, as the page lists them."""
 
 
 def at(x: float) -> np.ndarray:

@@ -216,7 +216,8 @@ class _Batch:
             again |= {*files.can_be_mended, *files.without_recording}
         if self.session.method.track:
             again |= _after(again, self.frames)
-        missing = [frame for frame in self.frames if frame in again]
+        in_order = sorted(self.frames, key=parse_frame) if self.session.method.track else self.frames
+        missing = [frame for frame in in_order if frame in again]
         self.n_resumed = len(self.frames) - len(missing)
         self.counts = self._counts_without(missing) if retry_failed else files.totals.counts
         was_finished = before.status == "finished" and before.totals.frames == len(self.frames) and not files.missing
@@ -319,7 +320,7 @@ class _Batch:
         self.folder.save_session()  # The folder may have been deleted while the batch ran.
         write_tables(self.folder.path, self.frames)
         if self._is_sequence:
-            results = self.folder.journal.results(self.frames)
+            results = self.folder.journal.results(sorted(self.frames, key=parse_frame))
             write_motion(self.folder.path / MOTION, motion_rows(results, cache(self._turns_of)))
         files = self._check_files()
         if status == "finished" and files.faults:
@@ -363,7 +364,7 @@ class _Batch:
 def _after(frames: Collection[str], all_frames: Sequence[str]) -> set[str]:
     """The frames of the same scenes that come after some; they began with other answers than these will have now."""
     scenes, after = set[int](), set[str]()
-    for frame in all_frames:
+    for frame in sorted(all_frames, key=parse_frame):
         scene = parse_frame(frame)[0]
         after |= {frame} if scene in scenes else set()
         scenes |= {scene} if frame in frames else set()

@@ -83,10 +83,10 @@ def _motion(first: PosedFrame, before: PosedFrame, now: PosedFrame, middle_m: Fl
     T_before, T_now = (_in_frame(pose.T_map_cam if is_in_world else None, pose) for pose in (before, now))
     moved_mm = _apart_mm(T_before, T_now, middle_m)
     turned_deg = _degrees(T_before, T_now)
-    left_deg = min((_degrees(T_before @ turn, T_now) for turn in turns), default=180.0)
     kind: Kind = "jump" if turned_deg > JUMP_DEG or moved_mm > JUMP_MM else "moved"
-    if turned_deg > FLIP_DEG and left_deg < NEAR_DEG and moved_mm <= JUMP_MM:
-        kind = "flip"
+    if turned_deg > FLIP_DEG and moved_mm <= JUMP_MM:
+        left_deg = min((_degrees(T_before @ turn, T_now) for turn in turns), default=180.0)
+        kind = "flip" if left_deg < NEAR_DEG else "jump"
     lifted_mm, tilted_deg, drift_mm = None, None, None
     if before.T_table_cam is not None and now.T_table_cam is not None:
         on_before, on_now = (_in_frame(pose.T_table_cam, pose) for pose in (before, now))

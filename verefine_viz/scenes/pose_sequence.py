@@ -89,9 +89,9 @@ class PoseSequence:
         )
         return RecordedFrame(name, self._K, depth, rgb, (one,), notes=tuple(notes))
 
-    def pose(self, name: str) -> Float | None:
-        """The program's pose (4, 4) [m] of a frame, None where it has none that can be read."""
-        return self._pose(POSES, name, [])
+    def answers(self, name: str) -> dict[str, tuple[Float | None, float | None]]:
+        """The program's pose (4, 4) [m] of a frame, None where it has none that can be read; it has no score."""
+        return {self.objects[0]: (self._pose(POSES, name, []), None)}
 
     def _image(self, kind: str, name: str) -> Path:
         path = find_image(self.folder / kind, name)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -28,11 +28,23 @@ from verefine_viz.scenes.trace_files import (
     image_numbers,
     object_names,
     read_trace,
+    recorded_answers,
     traces_in,
 )
 
 NEARER_M = 0.02
 """What was measured so much nearer than a pose hides it."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedPose:
+    """What another program answered for an object of a frame."""
+
+    frame: str
+    T_cam_obj: Float | None
+    """(4, 4) [m]; None where it has no pose."""
+    score: float | None = None
+    """Its own, in its own units."""
 
 
 class Traces:
@@ -61,6 +73,13 @@ class Traces:
             InputError: it cannot be read.
         """
         return read_trace(self._folders[name])
+
+    def answers(self, name: str) -> dict[str, tuple[Float | None, float | None]]:
+        """The poses (4, 4) [m] that one ended with, and their scores, by object; none where it cannot be read."""
+        try:
+            return dict(recorded_answers(self._folders[name]))
+        except InputError:
+            return {}
 
 
 class RecordedSource:
@@ -100,6 +119,7 @@ class RecordedSource:
         self._names = {frame_name((0, k)): name for k, name in zip(numbers, self._recording.names, strict=True)}
         """The recording's name of each frame."""
         self._obj_ids = {name: k for k, name in enumerate(self._recording.objects, 1)}
+        self.__dict__.pop("tracks", None)  # Traces may have come since.
 
     @property
     def is_sequence(self) -> bool:
@@ -112,11 +132,15 @@ class RecordedSource:
             raise InputError(f"{unknown('frame', frame, tuple(self._names))} ({self._scene.dataset})")
 
     @cached_property
-    def track(self) -> tuple[tuple[str, Float | None], ...]:
-        """The recorded pose (4, 4) [m] of each frame of a sequence, None where it has none; empty for traces."""
-        if isinstance(self._recording, Traces):
-            return ()
-        return tuple((frame, self._recording.pose(name)) for frame, name in self._names.items())
+    def tracks(self) -> Mapping[int, tuple[RecordedPose, ...]]:
+        """By obj_id what was recorded over the frames of a sequence, in order; empty where they are none."""
+        if not self.is_sequence:
+            return {}
+        answers = {frame: self._recording.answers(name) for frame, name in self._names.items()}
+        return {
+            obj_id: tuple(RecordedPose(frame, *of_frame.get(name, (None, None))) for frame, of_frame in answers.items())
+            for name, obj_id in self._obj_ids.items()
+        }
 
     def check_initial_poses(self) -> tuple[str, ...]:
         """See :class:`SceneSource`."""

@@ -99,6 +99,25 @@ def object_names(folder: Path) -> tuple[str, ...]:
     return tuple(str(line.get("name", "")) for line in _lines(folder)[0] if "object" in line and "name" in line)
 
 
+def recorded_answers(folder: Path) -> dict[str, tuple[Float, float | None]]:
+    """The last pose (4, 4) [m] of each object of a trace, by name, with the program's score of it where it gave one.
+
+    Raises:
+        InputError: the trace cannot be read.
+    """
+    lines, _ = _lines(folder)
+    answers: dict[str, tuple[Float, float | None]] = {}
+    for line in lines:
+        if "object" not in line or "name" not in line:
+            continue
+        own = [other for other in lines if other.get("object") == line["object"] and len(other.get("T", ())) == 16]
+        if own:
+            T = np.reshape(own[-1]["T"], (4, 4)).astype(np.float64)
+            scored = (o["score"] for o in reversed(own) if "score" in o and np.allclose(o["T"], T.ravel(), atol=1e-5))
+            answers[str(line["name"])] = T, next(scored, None)
+    return answers
+
+
 def read_trace(folder: Path) -> RecordedFrame:
     """The frame of a trace and all that was recorded in it; what cannot be used becomes a note.
 

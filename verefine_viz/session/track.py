@@ -53,7 +53,7 @@ class Track:
     """The answers of frames, each worked out once.
 
     Args:
-        frames: of the session, those of a scene in order.
+        frames: of the session, in any order; those of a scene follow each other by their numbers.
         solve: solves one of them; a VerefineError means that it has no answer.
         progress: checked before a frame is solved.
     """
@@ -61,7 +61,7 @@ class Track:
     def __init__(
         self, frames: Sequence[str], solve: Callable[[str], tuple[Answer, ...]], progress: ProgressToken
     ) -> None:
-        self._frames, self._solve, self._progress = frames, solve, progress
+        self._frames, self._solve, self._progress = sorted(frames, key=parse_frame), solve, progress
         self._known: dict[str, Known] = {}
         """After each frame."""
         self.recall: Callable[[str], tuple[Answer, ...] | None] = lambda frame: None

@@ -174,9 +174,16 @@ class Restart(OpenCommand):
 class OpenFrame(OpenCommand):
     """Another frame of the session, ``scene/image``."""
 
+    latest_wins = True
     frame: str
     hulls: bool = False
     """Physics takes every model for its convex hull, whatever the session says: nothing has to be decomposed."""
+
+
+class OpenNeighbour(OpenCommand):
+    """The next (+1) or previous (−1) frame of the session, by number."""
+
+    direction: int
 
 
 class OpenDemo(OpenCommand):

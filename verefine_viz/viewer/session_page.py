@@ -21,7 +21,9 @@ from verefine_viz.viewer.scene3d.scene_view import SceneView, look_again
 from verefine_viz.viewer.snapshot.build import (
     deferred_landscape,
     deferred_physics,
+    deferred_turns,
     lacks_landscape,
+    lacks_turns,
     plausibility_stages,
 )
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
@@ -200,6 +202,8 @@ def _is_known(snapshot: Snapshot, shown: Snapshot | None) -> bool:
 def _deferred(snapshot: Snapshot, evaluator: CachedEvaluator) -> Iterator[None] | None:
     """What takes longest, one thing per turn: the score around the answer, the scene's physics; None = all is known."""
     wanted = []
+    if lacks_turns(snapshot, evaluator):
+        wanted.append(deferred_turns(snapshot, evaluator))
     if lacks_landscape(snapshot, evaluator):
         wanted.append(deferred_landscape(snapshot, evaluator))
     if not snapshot.physics.complete or _lacks_plausibility(snapshot):

@@ -60,6 +60,21 @@ addEventListener("unhandledrejection", event => {
     Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, value);
     input.dispatchEvent(new Event("input", {bubbles: true}));
   };
+  // With the button held, a strip of frames opens what the mouse is over; of what waits only the last.
+  let scrubbed = null;
+  document.addEventListener("pointerdown", event => {
+    scrubbed = event.target.closest?.(".vz [data-scrub] [data-cmd]")?.dataset.cmd ?? null;
+  }, true);
+  document.addEventListener("pointerup", () => { scrubbed = null; }, true);
+  document.addEventListener("pointermove", event => {
+    if (scrubbed === null) return;
+    const over = document.elementFromPoint(event.clientX, event.clientY)?.closest(".vz [data-scrub] [data-cmd]");
+    if (!over || over.dataset.cmd === scrubbed) return;
+    scrubbed = over.dataset.cmd;
+    const command = JSON.parse(scrubbed);
+    if (waiting.at(-1)?.command === command.command) waiting.pop();
+    send(command);
+  }, true);
   document.addEventListener("command", event => send(event.detail) || event.preventDefault());
 
   document.addEventListener("click", event => {

@@ -6,13 +6,16 @@ from dataclasses import replace
 
 from verefine_viz.batch.answer_tags import Arrangement
 from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.viewer.commands import (
     ArrangeGallery,
     Command,
     DeleteFilter,
     OpenAt,
     OpenFailure,
+    OpenFrame,
     OpenLink,
+    OpenNeighbour,
     OpenPoint,
     RefreshGallery,
     SaveFilter,
@@ -42,13 +45,15 @@ def arrangement(command: ArrangeGallery | SaveFilter) -> Arrangement:
 
 
 def resolved(state: State, command: Command) -> Command:
-    """The opening that a command about the gallery stands for; any other command as it is.
+    """The opening that a link, a neighbour, or a command about the gallery stands for; any other command as it is.
 
     Raises:
         InputError: there is no such answer.
     """
     if isinstance(command, OpenLink):
         return _linked(state, command)
+    if isinstance(command, OpenNeighbour):
+        return _neighbour(state, command)
     if not isinstance(command, OpenFailure | OpenPoint):
         return command
     gallery, options = open_gallery(state), state.options
@@ -70,6 +75,15 @@ def _following(gallery: Gallery, last: Entry | None, options: ViewOptions, direc
     if not 0 <= place < len(entries):
         raise InputError(f"that is the {'last' if direction > 0 else 'first'} answer of the list")
     return entries[place]
+
+
+def _neighbour(state: State, command: OpenNeighbour) -> OpenFrame:
+    space = state.workspace
+    frames = sorted(space.frames, key=parse_frame)
+    place = frames.index(space.frame) + command.direction
+    if not 0 <= place < len(frames):
+        raise InputError(f"that is the {'last' if command.direction > 0 else 'first'} frame of the session")
+    return OpenFrame(frames[place])
 
 
 def _linked(state: State, command: OpenLink) -> OpenAt:

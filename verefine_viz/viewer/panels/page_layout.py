@@ -56,6 +56,8 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Last iteration made", "end", c.SeekEnd()),
     ("Previous event", "pageup", c.SeekEvent(-1)),
     ("Next event", "pagedown", c.SeekEvent(1)),
+    ("Next frame", "L", c.OpenNeighbour(1)),
+    ("Previous frame", "O", c.OpenNeighbour(-1)),
     ("Batch: next failure", "J", c.OpenFailure(1)),
     ("Batch: previous failure", "K", c.OpenFailure(-1)),
     ("Ground truth on / off", "G", c.ShowLayer("ground truth")),

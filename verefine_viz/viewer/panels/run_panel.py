@@ -93,7 +93,7 @@ class RunPanel:
         _options(self.demo, snapshot.demos, snapshot.session.scene.demo)
         self.demo.visible = snapshot.session.scene.source == "demo" and bool(snapshot.demos)
         notes = "".join(f'<p class="dim fold folded" title="{text(n)}">Note: {text(n)}</p>' for n in snapshot.notes)
-        self._branches.show(frame_strip(snapshot) + branches_table(snapshot) + notes)
+        self._branches.show(frame_strip(snapshot.track, snapshot.frame) + branches_table(snapshot) + notes)
 
     def show_frames(self, snapshot: Snapshot) -> None:
         """Those that can be chosen."""

@@ -18,10 +18,10 @@ from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.methods.registry import method_of
 from verefine_viz.pictures.refiner_crops import start_words
-from verefine_viz.scenes.recorded_source import RecordedSource
 from verefine_viz.viewer.snapshot.compared_poses import compared_poses, compared_scenes
 from verefine_viz.viewer.snapshot.comparison_snapshot import comparison_snapshot
 from verefine_viz.viewer.snapshot.finished_objects import FinishedObject, finished_objects
+from verefine_viz.viewer.snapshot.frame_track import frame_track
 from verefine_viz.viewer.snapshot.scene_state import SceneState, known_physics, others_of, scene_state, work_out
 from verefine_viz.viewer.snapshot.snapshot import BranchSummary, EvaluatedPose, Progress, Snapshot
 from verefine_viz.viewer.state.batch_gallery import Entry
@@ -90,7 +90,14 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         session_path=space.path,
         session_file=next(reversed(space.files), None),
         frames=space.frames,
-        track=_track(getattr(space.tools, "source", None)),
+        track=frame_track(
+            state.browsing.folder_of(target.instance.instance_id),
+            getattr(space.tools, "source", None),
+            target,
+            space.frame,
+            evaluator.known_near_symmetries(target.model),
+            space.final_scores(target.instance.obj_id),
+        ),
         frame=space.frame,
         link=link_of(state).text,
         demos=state.demos,
@@ -146,10 +153,6 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         written=state.written,
         comparison=compared,
     )
-
-
-def _track(source: object) -> tuple[tuple[str, Float | None], ...]:
-    return source.track if isinstance(source, RecordedSource) else ()
 
 
 def _refiner(branch: Branch, target: Target, shown: Iteration | None, with_steps: bool) -> dict[str, Any]:
@@ -322,6 +325,18 @@ def lacks_landscape(snapshot: Snapshot, evaluator: CachedEvaluator) -> bool:
         return False
     T, own = snapshot.poses["best"].T_cam_obj, snapshot.own_iterations
     return snapshot.score_slice is None or not evaluator.known_other_pose(snapshot.target, T, own)[0]
+
+
+def lacks_turns(snapshot: Snapshot, evaluator: CachedEvaluator) -> bool:
+    """Whether what looks like a jump in a sequence may be a flip, as the model's near-symmetries are unknown."""
+    jumps = any(one.motion.kind == "jump" for one in snapshot.track)
+    return jumps and evaluator.known_near_symmetries(snapshot.target.model) is None
+
+
+def deferred_turns(snapshot: Snapshot, evaluator: CachedEvaluator) -> Iterator[None]:
+    """The near-symmetries of the model in focus."""
+    evaluator.near_symmetries(snapshot.target.model)
+    yield
 
 
 def deferred_landscape(snapshot: Snapshot, evaluator: CachedEvaluator) -> Iterator[None]:

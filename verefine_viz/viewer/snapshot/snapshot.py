@@ -26,6 +26,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot
 from verefine_viz.viewer.snapshot.finished_objects import FinishedObject
+from verefine_viz.viewer.snapshot.frame_track import TrackFrame
 from verefine_viz.viewer.snapshot.scene_state import ScenePhysics, SceneState
 from verefine_viz.viewer.state.batch_gallery import Entry, Gallery
 from verefine_viz.viewer.state.timeline_marks import Mark
@@ -106,8 +107,8 @@ class Snapshot:
     session_file: Path | None
     """Where the open session was read or written last, absolute; None = in no file."""
     frames: tuple[str, ...]
-    track: tuple[tuple[str, Float | None], ...]
-    """The recorded pose of each frame of a sequence; empty where the frames are none."""
+    track: tuple[TrackFrame, ...]
+    """The object in focus over the frames of a sequence; empty where the frames are none."""
     frame: str
     link: str
     """What the page's address has behind its #: this frame, object and iteration."""

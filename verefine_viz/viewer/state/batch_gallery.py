@@ -254,6 +254,11 @@ class Browsing:
             return None
         return gallery.entry(self.run, self._workspace.frame, instance_id)
 
+    def folder_of(self, instance_id: int) -> Path | None:
+        """The folder of the batch that answered for an object of the open frame; None where none did."""
+        entry = self.entry(instance_id)
+        return None if entry is None or self.gallery is None else self.gallery.runs[entry.run].folder
+
     def _is_open(self, session: Session) -> bool:
         """Whether the page shows frames of this session, be it with another method by now."""
         now = self._workspace.tools.session

@@ -230,6 +230,17 @@ class Workspace:
     def run(self) -> Run:
         return self.branch.run
 
+    def final_scores(self, obj_id: int) -> dict[str, float]:
+        """By frame the score of the answer for an object, where a run was finished; of several the first."""
+        scores: dict[str, float] = {}
+        for frame, work in self._works.items():
+            run = work.branch.run
+            if run.is_done and run.cursor == run.length:
+                for target, best in zip(run.problem.targets, run.state.best, strict=True):
+                    if best is not None and target.instance.obj_id == obj_id:
+                        scores.setdefault(frame, best.score.score)
+        return scores
+
     @property
     def session(self) -> Session:
         """What a session file has to say to repeat the run that is open, with the poses moved in other frames."""
