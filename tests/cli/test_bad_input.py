@@ -342,3 +342,41 @@ def test_the_real_program_says_one_line_and_exits_2(words: list[str], tmp_path: 
     assert done.stderr.startswith("verefine-viz: ")
     assert "does not exist" in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+# study grasping
+
+GRASPING: dict[str, tuple[Callable[[BadInput], list[object]], str]] = {
+    "unknown layout": (
+        lambda d: [
+            "--scene.source",
+            "layout",
+            "--scene.layout",
+            d.folder / "layout_7.xml",
+            "--scene.dataset",
+            d.made.root,
+        ],
+        "layout_7.xml",
+    ),
+    "no layout": (
+        lambda d: [
+            *("--scene.source", "layout", "--scene.layout", d.file("notes.xml", "banana")),
+            *("--scene.dataset", d.made.root),
+        ],
+        "is no XML",
+    ),
+    "no grasps": (lambda d: ["--scene.demo", "duck", "--grasp.folder", d.folder / "none"], "is no folder"),
+    "nothing fits": (
+        lambda d: ["--scene.demo", "duck", "--grasp.opening-m", "0.02"],
+        "frame 0/0: no object can be gripped",
+    ),
+}
+
+
+@pytest.mark.usefixtures("processes")
+@pytest.mark.parametrize("case", GRASPING)
+def test_what_cannot_be_grasped_is_named_in_one_line(bad_input: BadInput, case: str) -> None:
+    words, expected = GRASPING[case]
+    out = bad_input.folder / "grasped"
+    said = bad_input.refused("study", "grasping", "--workers", "1", "--out", out, *words(bad_input))
+    assert expected in said

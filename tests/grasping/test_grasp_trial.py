@@ -99,3 +99,11 @@ def test_contacts_name_what_is_touched(block: ObjectModel) -> None:
     ]
     assert set().union(*held) == {0}
     assert {c.instance_id for c in _tried(block, tip_m=-0.01).contacts[-1]} == {None}
+
+
+def test_further_off_is_never_better(block: ObjectModel) -> None:
+    """Across the fingers: the object is 45 mm wide, and they open 135 mm."""
+    ends = [_tried(block, y_m).verdict == "success" for y_m in (0.0, 0.02, 0.04, 0.05, 0.06, 0.08, 0.12)]
+    assert ends[0]
+    assert not ends[-1]
+    assert ends == sorted(ends, reverse=True)

@@ -260,7 +260,7 @@ def _models_folder(dataset: Path) -> Path:
     for name in names:
         if any((dataset / name).glob("obj_*")):
             return dataset / name
-    if mesh_files(dataset):
+    if dataset.is_dir() and mesh_files(dataset):
         return dataset
     raise InputError(f"{dataset} has no object models; expected models/obj_000001.ply, … (or models_eval/)")
 
