@@ -23,6 +23,7 @@ from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, failed_fra
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.recording.entities import SEQUENCE_FILE
 
 HALF_TURN = transform(axis_angle(np.array([0.0, 0, 1]), np.pi), np.zeros(3))
 
@@ -136,6 +137,7 @@ def test_a_batch_of_a_sequence_writes_its_motion_and_again_where_it_is_gone(tmp_
     assert "nothing was left to do" not in again.stdout
     assert (out / MOTION).read_bytes() == table
     assert "nothing was left to do" in batch_here(folder, out).stdout
+    assert (out / SEQUENCE_FILE).is_file()
     assert cli.main(["report", str(out)]) == 0
     html = (out / "report.html").read_text(encoding="utf-8")
     assert '<td class="bad">1</td><td>33.3</td>' in html

@@ -19,9 +19,13 @@ LOAD_S = 60.0
 
 
 def screenshots(
-    recording: Path, iterations: Sequence[int], out: Path, size_px: tuple[int, int] = (1600, 1000)
+    recording: Path,
+    iterations: Sequence[int],
+    out: Path,
+    size_px: tuple[int, int] = (1600, 1000),
+    timeline: str = TIMELINE,
 ) -> tuple[Path, ...]:
-    """One PNG per iteration in the folder ``out``, as the viewer shows it (needs a Vulkan driver, Mesa's will do).
+    """One PNG per iteration, or whatever the timeline counts, in the folder ``out``, as the viewer shows it.
 
     Raises:
         UnavailableError: the viewer does not start here.
@@ -39,7 +43,7 @@ def screenshots(
             _wait(lambda: not client.get_state().loading, process)
             pictures = []
             for k in iterations:
-                client.set_time(TIMELINE, sequence=k, play_state="paused")
+                client.set_time(timeline, sequence=k, play_state="paused")
                 picture = out / f"{recording.stem}_{k:04d}.png"
                 # The first picture after a jump in time can lack what is still being decoded.
                 client.take_screenshot()

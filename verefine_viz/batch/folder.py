@@ -7,6 +7,7 @@
     frames.csv, results.csv   a row per object
     motion.csv                the same of a sequence: how poses change from frame to frame
     frames/SSSSSS_IIIIII.json the journal: one file per finished frame
+    sequence.rrd              the answers over the frames of a sequence
     recordings/….rrd          one recording per frame
     errors/….txt              tracebacks of frames that failed for an unforeseen reason
     tags.json                 tags and saved filters, made in the page's gallery
@@ -26,13 +27,14 @@ from verefine_viz.batch.motion_table import MOTION
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.paths import atomic, check_folder, clear_parts, try_lock, why_not
 from verefine_viz.core.settings import Session
+from verefine_viz.recording.entities import SEQUENCE_FILE
 from verefine_viz.session.files import load_session, save_session
 
 SESSION_FILE = "session.toml"
 LOCK_FILE = ".lock"
 _LEFT_BY_A_KILLED_BATCH = (
     *(f"{name}.*.part" for name in (SESSION_FILE, RUN_FILE, MOTION, *TABLES)),
-    "frames/*.part", "errors/*.part", "recordings/*.part", "recordings/*.rrd.journal",
+    f"{SEQUENCE_FILE}.part", "frames/*.part", "errors/*.part", "recordings/*.part", "recordings/*.rrd.journal",
 )  # fmt: skip
 """Files that only the process with the lock writes."""
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -26,12 +26,12 @@ from verefine_viz.batch.machine import (
     package_versions,
     temporary_folder,
 )
-from verefine_viz.batch.motion_table import MOTION, NO_TURNS, Track, motion_rows, read_tracks, write_motion
+from verefine_viz.batch.motion_table import MOTION, Track, read_tracks
 from verefine_viz.batch.rows import FrameResult, with_objects
+from verefine_viz.batch.sequence_output import SequenceOutput
 from verefine_viz.batch.session_check import check
 from verefine_viz.batch.totals import Counts
 from verefine_viz.batch.worker_process import TaskName
-from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
@@ -306,22 +306,15 @@ class _Batch:
     def _is_sequence(self) -> bool:
         return self.task != "estimate" and Toolbox(self.session).is_sequence
 
-    def _turns_of(self, obj_id: int, frame: str) -> Float:
-        """Turns after which an object of a frame nearly looks the same; none where its model cannot be read."""
-        from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
-
-        with suppress(VerefineError):
-            model = self._source.problem(frame).models.get(obj_id)
-            return NO_TURNS if model is None else flips(near_symmetries(model))
-        return NO_TURNS
-
     def _write_end(self, status: str, spent_s: float) -> BatchFiles:
         """Writes tables and run.json; what is on the disk then."""
         self.folder.save_session()  # The folder may have been deleted while the batch ran.
         write_tables(self.folder.path, self.frames)
         if self._is_sequence:
-            results = self.folder.journal.results(sorted(self.frames, key=parse_frame))
-            write_motion(self.folder.path / MOTION, motion_rows(results, cache(self._turns_of)))
+            output = SequenceOutput(self.folder.path, self._source)
+            output.write_table(self.frames)
+            if status == "finished" and self.session.recording.keep != "none":
+                output.write_recording(self.session.title)
         files = self._check_files()
         if status == "finished" and files.faults:
             status = "incomplete"

@@ -90,13 +90,13 @@ def _log_object(file: RecordingFile, target: Target, layout: Layout, own: RGB | 
         colors |= {"placed": own, "incumbent": own}
     for stage, color in colors.items():
         mesh = _textured(target.model) if stage in TEXTURED else None
-        mesh = mesh or _mesh(target.model, n_faces, color, STAGE_ALPHA[stage])
+        mesh = mesh or drawn_mesh(target.model, n_faces, color, STAGE_ALPHA[stage])
         file.log(entities.stage(branch, stage), mesh, rr.CoordinateFrame(entities.stage_frame(branch, stage)))
     if target.instance.hypotheses:
         file.log(entities.hypotheses(branch), _ghosts(target))
     T_gt = target.instance.T_cam_obj_gt
     if T_gt is not None:
-        mesh = _mesh(target.model, n_faces, STAGE_COLORS["ground truth"], GROUND_TRUTH_ALPHA)
+        mesh = drawn_mesh(target.model, n_faces, STAGE_COLORS["ground truth"], GROUND_TRUTH_ALPHA)
         file.log(entities.ground_truth(branch), mesh, _transform(T_gt))
 
 
@@ -121,7 +121,8 @@ def _ghosts(target: Target) -> rr.Mesh3D:
 
 
 @lru_cache(maxsize=256)
-def _mesh(model: ObjectModel, n_faces: int, color: RGB, alpha: int) -> rr.Mesh3D:
+def drawn_mesh(model: ObjectModel, n_faces: int, color: RGB, alpha: int) -> rr.Mesh3D:
+    """A model in one colour, with about so many faces."""
     vertices, faces, normals = _simplified(model, n_faces)
     return rr.Mesh3D(
         vertex_positions=vertices, triangle_indices=faces, vertex_normals=normals, albedo_factor=(*color, alpha)

@@ -11,6 +11,8 @@ import re
 from verefine_viz.core.problem import Instance, Problem
 
 TIMELINE = "iteration"
+SEQUENCE_FILE = "sequence.rrd"
+"""Name of the recording that goes over the frames of a batch, not over iterations."""
 APPLICATION = "verefine_viz"
 PROPERTY = "verefine"
 PROPERTIES = f"/__properties/{PROPERTY}"

@@ -74,6 +74,11 @@ def read_recording(path: Path) -> Recorded:
         InputError: there is no such file, it is not a recording of this program, or it is damaged.
     """
     path = existing(path)
+    if path.name == entities.SEQUENCE_FILE:
+        raise InputError(
+            f"{path} goes over the frames of a batch and holds no iterations: verefine-viz replay {path} shows it, "
+            f"verefine-viz view {path.parent} the batch, and recordings/ there holds the run of each frame"
+        )
     properties, entries, is_whole = _read(path)
     if is_part(path):
         journal = journal_path(final_path(path))

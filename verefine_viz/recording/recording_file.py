@@ -71,9 +71,15 @@ class RecordingFile:
         """What does not change over the iterations."""
         self._stream.log(entity, *archetypes, static=True, strict=True)
 
-    def send(self, entity: str, iterations: Sequence[int], *columns: Iterable[rr.ComponentColumn]) -> None:
-        """One row of ``entity`` for each of the iterations."""
-        times = rr.TimeColumn(entities.TIMELINE, sequence=iterations)
+    def send(
+        self,
+        entity: str,
+        iterations: Sequence[int],
+        *columns: Iterable[rr.ComponentColumn],
+        timeline: str = entities.TIMELINE,
+    ) -> None:
+        """One row of ``entity`` for each of the iterations, or whatever the timeline counts."""
+        times = rr.TimeColumn(timeline, sequence=iterations)
         self._stream.send_columns(entity, [times], [c for some in columns for c in some], strict=True)
 
     def send_chunks(self, chunks: Sequence[Chunk]) -> None:

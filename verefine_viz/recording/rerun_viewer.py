@@ -13,7 +13,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from verefine_viz.recording.drawn_iterations import Drawing
-from verefine_viz.recording.entities import MAPS, SCENE_MAPS
+from verefine_viz.recording.entities import MAPS, SCENE_MAPS, SEQUENCE_FILE
 from verefine_viz.recording.reader import Recorded, existing, final_path, has_content, read_recording
 from verefine_viz.recording.recording_file import COMPLETE, RecordingFile, executable, saved_chunks
 from verefine_viz.recording.views import blueprint_of
@@ -42,9 +42,10 @@ def open_viewer(path: Path, web: bool | None = None) -> OpenViewer:
         UnavailableError: the viewer is not installed.
     """
     path = existing(path)
-    recorded = read_recording(path)
-    if not recorded.is_complete:
-        path = completed(recorded, Path(tempfile.mkdtemp(prefix="verefine-")))
+    if path.name != SEQUENCE_FILE:
+        recorded = read_recording(path)
+        if not recorded.is_complete:
+            path = completed(recorded, Path(tempfile.mkdtemp(prefix="verefine-")))
     # Its own lines of progress would bury ours.
     env = {"RUST_LOG": "warn", **os.environ}
     in_browser = not has_display() if web is None else web

@@ -1,0 +1,103 @@
+"""What a batch over a sequence writes beside its tables: motion.csv, and sequence.rrd with the answers in 3D."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from verefine_viz.batch.journal import Journal
+from verefine_viz.batch.motion_table import MOTION, NO_TURNS, MotionRow, Track, motion_rows, read_tracks, write_motion
+from verefine_viz.batch.rows import FrameResult
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.recording.entities import SEQUENCE_FILE
+from verefine_viz.scenes.frames import parse_frame
+from verefine_viz.scenes.source import SceneSource
+
+
+@dataclass
+class SequenceOutput:
+    """Writes it."""
+
+    folder: Path
+    """Of the batch."""
+    source: SceneSource
+    """Of its problems."""
+    _models: dict[int, ObjectModel | None] = field(default_factory=dict)
+    _turns: dict[int, Float] = field(default_factory=dict)
+
+    def write_table(self, frames: Sequence[str]) -> None:
+        """motion.csv of the frames that are in the journal.
+
+        Raises:
+            InputError: the disk refuses.
+        """
+        results = Journal(self.folder / "frames").results(sorted(frames, key=parse_frame))
+        write_motion(self.folder / MOTION, motion_rows(results, self._turns_of))
+
+    def write_recording(self, title: str) -> None:
+        """sequence.rrd, as motion.csv and the journal have it.
+
+        Raises:
+            InputError: the disk refuses.
+        """
+        from verefine_viz.recording.sequence_recording import SequenceTrack, write_sequence  # Rerun takes a second.
+
+        tracks = read_tracks(self.folder)
+        frames = dict.fromkeys(row.frame for track in tracks for row in track.rows)
+        results = {result.frame: result for result in Journal(self.folder / "frames").results(frames)}
+        drawn = [
+            SequenceTrack(track.scene_id, track.name, self._model_of(track), self._frames_of(track, results))
+            for track in tracks
+        ]
+        write_sequence(self.folder / SEQUENCE_FILE, title, drawn)
+
+    def _frames_of(self, track: Track, results: dict[str, FrameResult]):
+        from verefine_viz.recording.sequence_recording import CURVES, SequenceFrame
+
+        return tuple(
+            SequenceFrame(
+                row.im_id,
+                _answer(row, results.get(row.frame)),
+                _matrix(results[row.frame].T_map_cam) if row.frame in results else None,
+                row.kind,
+                {} if row.kind == "no pose" else row.model_dump(include={*CURVES}),
+            )
+            for row in track.rows
+        )
+
+    def _model_of(self, track: Track) -> ObjectModel | None:
+        row = track.rows[0]
+        return self._model(row.obj_id, row.frame)
+
+    def _turns_of(self, obj_id: int, frame: str) -> Float:
+        """Turns after which an object of a frame nearly looks the same; none where its model cannot be read."""
+        from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
+
+        if obj_id not in self._turns:
+            model = self._model(obj_id, frame)
+            self._turns[obj_id] = NO_TURNS if model is None else flips(near_symmetries(model))
+        return self._turns[obj_id]
+
+    def _model(self, obj_id: int, frame: str) -> ObjectModel | None:
+        if obj_id not in self._models:
+            with suppress(VerefineError):
+                self._models.update(self.source.problem(frame).models)
+        return self._models.setdefault(obj_id, None)
+
+
+def _answer(row: MotionRow, result: FrameResult | None) -> Float | None:
+    if row.kind == "no pose" or result is None:
+        return None
+    own = (e for e in result.estimates if (e.obj_id, e.instance_id) == (row.obj_id, row.instance_id))
+    estimate = next(own, None)
+    return None if estimate is None else _matrix(estimate.T_cam_obj)
+
+
+def _matrix(T: Sequence[float] | None) -> Float | None:
+    return None if T is None else np.reshape(T, (4, 4))
