@@ -76,12 +76,14 @@ class Trace:
             raise ValueError(
                 f"rgb is {photo.dtype} of shape {photo.shape}, expected uint8 of shape {(*depth.shape, 3)}, as depth_m"
             )
-        down = None if gravity_cam is None else _array(gravity_cam).astype(np.float64)
+        down = None if gravity_cam is None else _numbers(gravity_cam, "gravity_cam", (3,))
         if down is not None and (down.shape != (3,) or not np.isfinite(down).all() or not down.any()):
             raise ValueError("gravity_cam is no direction, expected 3 finite numbers that are not all 0")
         self.n_problems = 0
         """Calls, or parts of them, that could not be written."""
         self._problems: list[str] = []
+        self._has_warned = False
+        """Of a call after the end."""
         self._n_objects = 0
         self._shape = depth.shape
         self._started = time.perf_counter()
@@ -100,6 +102,8 @@ class Trace:
                 "gravity_cam": None if down is None else down.tolist(),
             }
         )
+        if intrinsics[0, 1]:
+            self.problem(f"K has a skew of {intrinsics[0, 1]:.4g} px, which is not used")
         if self.folder != Path(folder):
             self.problem(f"{folder} holds a trace already; this one is in {self.folder}")
 
@@ -134,12 +138,14 @@ class Trace:
             if not (isinstance(unit_m, int | float) and 0 < unit_m < math.inf):
                 raise ValueError(f"unit_m is {unit_m!r}, expected metres per unit of the mesh, as 0.001")
             line["unit_m"] = float(unit_m)
+            if not isinstance(mesh, str | os.PathLike):
+                raise TypeError(f"it is {mesh!r}, expected the path of a PLY, OBJ, GLB or STL file")
             line["mesh"] = _copied_mesh(Path(mesh), self.folder / f"mesh_{number}")
         except (OSError, TypeError, ValueError) as error:
             self.problem(f"mesh of {name}: {error}")
         try:
             if mask is not None:
-                inside = _array(mask) != 0
+                inside = np.nan_to_num(_array(mask)) != 0
                 if inside.shape != self._shape or not inside.any():
                     what = "empty" if inside.shape == self._shape else f"of shape {inside.shape}"
                     raise ValueError(f"it is {what}, expected pixels of the object in shape {self._shape}, as depth_m")
@@ -157,7 +163,9 @@ class Trace:
         """Counts something that could not be written, and writes that."""
         self.n_problems += 1
         if self._file < 0:
-            _LOG.warning("trace %s: %s", self.folder, text)
+            if not self._has_warned:  # A loop may go on for hours.
+                _LOG.warning("trace %s: %s; further calls are counted only", self.folder, text)
+            self._has_warned = True
         elif len(self._problems) < SHOWN:
             self._problems.append(text)
         try:
@@ -218,7 +226,9 @@ class TracedObject:
     @_never_raises
     def hypothesis(self, h: int, T_cam_obj: Any, score: Any = None) -> None:
         """Initial pose ``h`` (4, 4) [m] of the object, with its score in the units of its program."""
-        self._trace.write({"hypothesis": int(h), "object": self._number, "T": _pose(T_cam_obj), **self._score(score)})
+        self._trace.write(
+            {"hypothesis": _whole(h), "object": self._number, "T": _pose(T_cam_obj), **self._score(score)}
+        )
 
     @_never_raises
     def step(
@@ -240,10 +250,10 @@ class TracedObject:
             name: what the step is called.
             note: anything about it.
         """
-        line = {"step": int(h), "object": self._number, "T": _pose(T_cam_obj), "name": str(name), "note": str(note)}
+        line = {"step": _whole(h), "object": self._number, "T": _pose(T_cam_obj), "name": str(name), "note": str(note)}
         line["at_s"] = round(self._trace.elapsed_s(), 6)
         if ms is not None:
-            line["ms"] = _finite(ms, "ms")
+            line["ms"] = max(_finite(ms, "ms"), 0.0)
         self._trace.write(line | self._score(score))
 
     @_never_raises
@@ -270,10 +280,20 @@ def _array(values: Any) -> np.ndarray:
 
 
 def _finite(value: Any, name: str) -> float:
-    number = float(value)
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
     if not math.isfinite(number):
-        raise ValueError(f"{name} is {number}, expected a finite number")
+        raise ValueError(f"{name} is {value!r}, expected a finite number")
     return number
+
+
+def _whole(h: Any) -> int:
+    try:
+        return int(h)
+    except (TypeError, ValueError):
+        raise ValueError(f"h is {h!r}, expected the number of a hypothesis") from None
 
 
 def _pose(T_cam_obj: Any) -> list[float]:
@@ -282,7 +302,7 @@ def _pose(T_cam_obj: Any) -> list[float]:
     Raises:
         ValueError: it is no rigid transform in metres.
     """
-    T = _array(T_cam_obj).astype(np.float64)
+    T = _numbers(T_cam_obj, "the pose", (4, 4))
     if T.shape != (4, 4):
         raise ValueError(f"the pose has shape {T.shape}, expected (4, 4)")
     values = T.ravel().tolist()
@@ -296,10 +316,19 @@ def _pose(T_cam_obj: Any) -> list[float]:
     return values
 
 
+def _numbers(values: Any, name: str, shape: tuple[int, ...]) -> np.ndarray:
+    try:
+        return _array(values).astype(np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} is no array of numbers, expected {shape}") from None
+
+
 def _intrinsics(K: Any) -> np.ndarray:
-    matrix = np.full((1,), np.nan) if K is None else _array(K).astype(np.float64)
+    matrix = np.full((1,), np.nan) if K is None else _numbers(K, "K", (3, 3))
     if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
         raise ValueError(f"K has shape {matrix.shape}, expected (3, 3) finite numbers with focal lengths > 0 [px]")
+    if matrix[1, 0] or matrix[2].tolist() != [0, 0, 1]:
+        raise ValueError("K is no camera matrix, expected rows fx s cx, 0 fy cy and 0 0 1; is it transposed?")
     return matrix
 
 
@@ -321,7 +350,10 @@ def _depth(depth_m: Any) -> np.ndarray:
 def _claimed(folder: Path) -> tuple[Path, int]:
     """The folder, or the first of folder-2, folder-3, … without a trace, and its file of calls, which is new."""
     for free in (folder, *(folder.with_name(f"{folder.name}-{k}") for k in range(2, 1000))):
-        free.mkdir(parents=True, exist_ok=True)
+        try:
+            free.mkdir(parents=True, exist_ok=True)
+        except FileExistsError:
+            raise NotADirectoryError(f"{free} is a file, expected a folder for the trace") from None
         try:
             return free, os.open(free / CALLS, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o666)
         except FileExistsError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,43 @@ def test_depth_in_metres_and_a_mesh_in_millimetres_are_understood(tmp_path: Path
     assert np.allclose(problem.observation.depth_m, depth)
     assert problem.models[1].diameter_m == pytest.approx(0.1 * 3**0.5)
     assert any("depth in metres" in note for note in problem.notes)
+
+
+def _two_meshes(folder: Path) -> None:
+    shutil.copy(folder / "mesh" / "textured.obj", folder / "mesh" / "z.obj")
+
+
+def _of_8_bits(folder: Path) -> None:
+    depth, _ = picture()
+    Image.fromarray((depth * 100).astype(np.uint8)).save(folder / "depth" / "1581120424100262100.png")
+
+
+@pytest.mark.parametrize(
+    ("change", "note"),
+    [(_two_meshes, "holds 2 meshes; textured.obj is used, not z.obj"), (_of_8_bits, "expected 16 bits, not 8")],
+)
+def test_what_is_doubtful_becomes_a_note(change: Callable[[Path], None], note: str, tmp_path: Path) -> None:
+    folder = write_sequence(tmp_path / "mustard")
+    change(folder)
+    assert any(note in one for one in source_of(folder).problem("0/1").notes)
+
+
+@pytest.mark.parametrize(
+    ("lacking", "message"),
+    [
+        ("cam_K.txt", "has depth/ but no cam_K.txt"),
+        ("depth", "has cam_K.txt but no depth/"),
+        ("", "expected a .toml file"),
+    ],
+)
+def test_a_folder_that_lacks_something_says_what(lacking: str, message: str, tmp_path: Path) -> None:
+    folder = write_sequence(tmp_path / "mustard") if lacking else tmp_path
+    path = folder / lacking
+    if lacking:
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    with pytest.raises(InputError, match=message) as error:
+        open_session(folder, {})
+    assert "\n" not in str(error.value)
 
 
 def _other_size(folder: Path) -> None:

@@ -125,7 +125,10 @@ BAD_CALLS = {
     "no number": lambda box: box.step("first", pose()),
     "score": lambda box: box.step(0, pose(), score=float("nan")),
     "time": lambda box: box.step(0, pose(), ms="fast"),
+    "word for a score": lambda box: box.step(0, pose(), score="good"),
 }
+RAW_WORDS = ("could not convert", "invalid literal", "np.str_", "PathLike", "Errno")
+"""Of Python's and numpy's own messages."""
 
 
 @pytest.mark.parametrize("name", BAD_CALLS)
@@ -140,6 +143,7 @@ def test_a_bad_call_is_counted_and_never_raises(name: str, tmp_path: Path, caplo
     assert "1 not written: box: " in caplog.text
     frame = read_trace(tmp_path / "t")
     assert any("1 not recorded" in note for note in frame.notes)
+    assert not any(words in caplog.text for words in RAW_WORDS)
 
 
 @pytest.mark.parametrize("part", ["mesh", "mask", "unit_m", "truth"])
@@ -162,6 +166,41 @@ def test_a_bad_part_of_an_object_leaves_the_rest(part: str, tmp_path: Path) -> N
         assert any("its first pose covers" in note for note in problem.notes)
 
 
+def test_a_mesh_that_is_none_and_a_skew_are_counted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    depth, mask = picture()
+    skewed = K + np.array([[0, 5.0, 0], [0, 0, 0], [0, 0, 0]])
+    with caplog.at_level(logging.WARNING), Trace(tmp_path / "t", K=skewed, depth_m=depth) as trace:
+        trace.object("box", mesh=None, mask=mask)  # type: ignore[arg-type]
+    assert trace.n_problems == 2
+    assert "K has a skew of 5 px, which is not used; mesh of box: it is None, expected the path of a PLY" in caplog.text
+
+
+def test_pixels_of_a_mask_that_are_no_number_are_outside(tmp_path: Path) -> None:
+    depth, mask = picture()
+    with Trace(tmp_path / "t", K=K, depth_m=depth) as trace:
+        box = trace.object("box", mesh=write_box(tmp_path / "box.obj"), mask=np.where(mask, 1.0, np.nan), unit_m=0.001)
+        box.hypothesis(0, pose())
+    assert np.array_equal(problem_of(tmp_path / "t").instances[0].mask, mask)
+
+
+def test_of_calls_after_the_end_the_first_is_reported(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    trace = Trace(tmp_path / "t", K=K, depth_m=picture()[0])
+    box = trace.object("box", mesh=write_box(tmp_path / "box.obj"), unit_m=0.001)
+    trace.close()
+    with caplog.at_level(logging.WARNING):
+        for _ in range(100):
+            box.step(0, pose())
+    assert trace.n_problems == 100
+    (record,) = caplog.records
+    assert "the trace is closed; further calls are counted only" in record.getMessage()
+
+
+def test_a_file_where_the_folder_should_be_is_one_clear_line(tmp_path: Path) -> None:
+    (tmp_path / "t").write_text("")
+    with pytest.raises(OSError, match="is a file, expected a folder for the trace"):
+        Trace(tmp_path / "t", K=K, depth_m=picture()[0])
+
+
 def test_calls_after_the_end_are_counted(tmp_path: Path) -> None:
     depth, mask = picture()
     trace = Trace(tmp_path / "t", K=K, depth_m=depth)
@@ -180,6 +219,8 @@ def test_calls_after_the_end_are_counted(tmp_path: Path) -> None:
     [
         ({"K": None}, "K has shape"),
         ({"K": np.eye(4)}, "K has shape"),
+        ({"K": [["a"] * 3] * 3}, "K is no array of numbers"),
+        ({"K": K.T}, "is it transposed"),
         ({"depth_m": np.full(SHAPE, 800, np.uint16)}, "divide millimetres by 1000"),
         ({"depth_m": np.zeros(SHAPE)}, "no measured pixel"),
         ({"depth_m": np.ones(5)}, "expected numbers of shape"),

@@ -26,6 +26,7 @@ from verefine_viz.scenes.trace_files import RecordedFrame, RecordedObject
 CAMERA, DEPTH, RGB = "cam_K.txt", "depth", "rgb"
 MASKS, MESHES = ("masks", "mask", "gt_mask"), ("mesh", "meshes", "model", "models")
 POSES, GROUND_TRUTH = "ob_in_cam", "annotated_poses"
+LARGEST_BYTE = 255
 LARGEST_M, DEEPEST_M = 5.0, 60.0
 """A mesh that is larger, and depth with a median beyond, are in millimetres."""
 
@@ -74,6 +75,9 @@ class PoseSequence:
             )
         if rgb is None:
             notes.append(f"{RGB}/ has no image {name}")
+        if len(self._mesh_files) > 1:
+            first, second, *_ = self._mesh_files
+            notes.append(f"the folder holds {len(self._mesh_files)} meshes; {first.name} is used, not {second.name}")
         mask_file = next((file for kind in MASKS if (file := find_image(self.folder / kind, name))), None)
         pose, T_gt = (self._pose(kind, name, notes) for kind in (POSES, GROUND_TRUTH))
         poses = () if pose is None else (Hypothesis(pose, 1.0, POSES),)
@@ -119,14 +123,19 @@ class PoseSequence:
         return _matrix(self.folder / CAMERA, (3, 3))
 
     @cached_property
-    def _mesh(self) -> tuple[Path, float]:
-        """The mesh file, one with a material before others, and its unit [m]."""
+    def _mesh_files(self) -> tuple[Path, ...]:
         places = [self.folder / name for name in MESHES] + [self.folder]
         files = [file for place in places for file in sorted(place.glob("*.*")) if file.suffix.lower() in FORMATS]
         if not files:
             raise InputError(f"{self.folder} has no mesh; expected mesh/*.obj (or .ply, .glb, .stl)")
-        size = float(np.linalg.norm(np.ptp(read_geometry(files[0])[0], axis=0)))
-        return files[0], 1e-3 if size > LARGEST_M else 1.0
+        return tuple(files)
+
+    @cached_property
+    def _mesh(self) -> tuple[Path, float]:
+        """The mesh file and its unit [m]."""
+        file = self._mesh_files[0]
+        size = float(np.linalg.norm(np.ptp(read_geometry(file)[0], axis=0)))
+        return file, 1e-3 if size > LARGEST_M else 1.0
 
 
 def _depth(path: Path) -> tuple[NDArray[np.float32], list[str]]:
@@ -135,7 +144,10 @@ def _depth(path: Path) -> tuple[NDArray[np.float32], list[str]]:
     measured = values[values > 0]
     if len(measured) and float(np.median(measured)) <= DEEPEST_M:
         return values.astype(np.float32), [f"{path.name} has a median of {np.median(measured):.3g}: depth in metres"]
-    return (values * 1e-3).astype(np.float32), []
+    notes = (
+        [f"{path.name} holds no depth beyond 255 mm; expected 16 bits, not 8"] if values.max() <= LARGEST_BYTE else []
+    )
+    return (values * 1e-3).astype(np.float32), notes if len(measured) else []
 
 
 def _matrix(path: Path, shape: tuple[int, int]) -> Float:

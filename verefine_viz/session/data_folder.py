@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
-from verefine_viz.scenes.pose_sequence import PoseSequence, is_sequence
+from verefine_viz.scenes.pose_sequence import CAMERA, DEPTH, PoseSequence, is_sequence
 from verefine_viz.scenes.trace_files import traces_in
 from verefine_viz.session.files import CAPTURE_HEAD, load_session
 
@@ -82,4 +83,15 @@ def open_session(path: Path, overrides: Mapping[str, Any]) -> Session:
         VerefineError: it is neither, or is damaged.
     """
     known = data_folder(path, overrides) if path.is_dir() else None
+    if known is None and ((path / DEPTH).is_dir() or (path / CAMERA).is_file()):
+        raise InputError(f"{path} {why_unknown(path)}")
     return load_session(path, overrides) if known is None else known.session
+
+
+def why_unknown(folder: Path) -> str:
+    """What a folder that is none of data lacks, or what was looked for."""
+    if (folder / DEPTH).is_dir() and not (folder / CAMERA).is_file():
+        return f"has {DEPTH}/ but no {CAMERA}: write the 3×3 camera matrix [px] into it"
+    if (folder / CAMERA).is_file():
+        return f"has {CAMERA} but no {DEPTH}/: save a depth image [mm] per frame there"
+    return f"holds no data that are known; looked for {LOOKED_FOR}"
