@@ -1,8 +1,9 @@
 """How often a diagnosis names what was broken on purpose: 20 failing scenes for each cause.
 
-``python -m bench.diagnosis [CAUSE …] [--seeds 20] [--first 0] [--second] [--verbose]``. A scene that comes out right in
-spite of what is broken has nothing to diagnose; further seeds are taken until there are enough that fail. ``--second``
-puts a smaller fault of another kind into each scene: then "named" says how often the diagnosis still names the larger
+``python -m bench.diagnosis [CAUSE …] [--seeds 20] [--first 0] [--most 100] [--refiner NAME] [--second] [--verbose]``. A
+scene that comes out right in spite of what is broken has nothing to diagnose; further seeds are taken until there are
+enough that fail, of ``--most`` scenes. ``--refiner`` solves them with another refiner than each has. ``--second`` puts
+a smaller fault of another kind into each scene: then "named" says how often the diagnosis still names the larger
 one, and "second named" how often it names the smaller one instead.
 """
 
@@ -11,6 +12,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import count
 from time import perf_counter
 
@@ -28,6 +30,8 @@ def run(
     first: int = 0,
     verbose: bool = False,
     second: bool = False,
+    most: int = MOST_SEEDS,
+    refiner: str = "",
 ) -> list[dict[str, object]]:
     """One row per cause: how many of the failing scenes were named right, and what the others were called."""
     rows: list[dict[str, object]] = []
@@ -36,11 +40,13 @@ def run(
         n_fine, n_confirmed, n_second, n_reruns, ms = 0, 0, 0, 0, 0.0
         began = perf_counter()
         for seed in count(first):
-            if said.total() >= n_seeds or seed >= first + MOST_SEEDS:
+            if said.total() >= n_seeds or seed >= first + most:
                 break
             broken, smaller = broken_scene(cause, seed), None
             if second:
                 broken, smaller = with_second(broken, seed)
+            if refiner:
+                broken = replace(broken, toolbox=broken.toolbox.changed({"method": {"refiner": refiner}}))
             diagnosis = named(broken)
             if diagnosis is None:
                 n_fine += 1
@@ -80,10 +86,12 @@ def main() -> int:
     parser.add_argument("causes", nargs="*", type=Cause, help="default: all")
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--most", type=int, default=MOST_SEEDS, help="scenes of a cause at most")
+    parser.add_argument("--refiner", default="", help="instead of each scene's own")
     parser.add_argument("--second", action="store_true", help="a smaller fault of another kind beside each")
     parser.add_argument("--verbose", action="store_true")
     args = parser.parse_args()
-    run(args.causes or tuple(Cause), args.seeds, args.first, args.verbose, args.second)
+    run(args.causes or tuple(Cause), args.seeds, args.first, args.verbose, args.second, args.most, args.refiner)
     return 0
 
 

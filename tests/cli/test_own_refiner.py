@@ -26,9 +26,11 @@ from verefine_viz.refiners.registry import REFINERS, Identity
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import app as page_app
-from verefine_viz.viewer.commands import OpenRecording, ShowRefinerCrops, Step
+from verefine_viz.viewer.commands import OpenRecording, RunUntil, ShowRefinerCrops, Step
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.score_panel import refiner_html, switch_html
+from verefine_viz.viewer.text.findings import findings
+from verefine_viz.viewer.text.verdict import MOST_WORDS, verdict
 
 MADE_BY = {"name": "refine", "refiner": "own", "iterations": 2}
 SETTINGS = {
@@ -257,3 +259,16 @@ def test_the_diagnosis_knows_its_range(start_deg: float, monkeypatch: pytest.Mon
     assert diagnosis.evidence["nearest_rotation_deg"] == pytest.approx(30)
     assert diagnosis.evidence["hypotheses"] == 1, "refine works on the first alone"
     assert diagnosis.evidence["error_repaired"] < 0.01
+
+
+@pytest.mark.usefixtures("processes")
+def test_the_page_names_its_range_without_a_re_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(REFINERS, "own", lambda session: Jump())
+    start = {"max_per_object": 1, "rotation_deg": 120, "translation_mm": 20}
+    make_tools: Any = Toolbox
+    debugger = Debugger(resolve(SETTINGS | {"hypotheses": start}), None, make_tools).carry_out([RunUntil()])
+    shown = verdict(debugger.view())
+    assert shown.cause.endswith("refiner out of its training range: starts 120° off")
+    assert len(shown.cause.split()) <= MOST_WORDS
+    (found,) = [one for one in findings(debugger.view()) if one.cause == Cause.OUT_OF_RANGE]
+    assert "No hypothesis is within the training range of own, 20° and " in found.text
