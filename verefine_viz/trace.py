@@ -6,10 +6,10 @@
         mug.step(0, T_cam_obj, score=0.8, ms=12.0)
         mug.answer(T_cam_obj)
 
-and then ``verefine-viz view runs/drop_17``. Only numpy is imported, and no call raises once the trace exists: what
-cannot be written is counted and reported at the end. Each call is one line of a file that is only appended to, and is
-with the operating system when the call returns: a process that is killed leaves what it wrote. Read by
-``scenes/trace_files.py``.
+and then ``verefine-viz view runs/drop_17``. Only numpy is imported, and Python 3.8 is enough, so that a copy of this
+file will do where verefine-viz cannot be installed. No call raises once the trace exists: what cannot be written is
+counted and reported at the end. Each call is one line of a file that is only appended to, and is with the operating
+system when the call returns: a process that is killed leaves what it wrote. Read by ``scenes/trace_files.py``.
 """
 
 from __future__ import annotations
@@ -20,12 +20,18 @@ import math
 import os
 import shutil
 import time
-from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Concatenate, ParamSpec, Self, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import TracebackType
+    from typing import Concatenate, ParamSpec, Self, TypeVar
+
+    P = ParamSpec("P")
+    S = TypeVar("S", bound="Trace | TracedObject")
 
 _LOG = logging.getLogger(__name__)
 CALLS = "calls.jsonl"
@@ -37,9 +43,6 @@ FARTHEST_M = 60.0
 """A median depth, or a pose, further away is in millimetres."""
 SHOWN = 3
 """Problems that are reported in full."""
-
-P = ParamSpec("P")
-S = TypeVar("S", bound="Trace | TracedObject")
 
 
 def _never_raises(call: Callable[Concatenate[S, P], None]) -> Callable[Concatenate[S, P], None]:
@@ -135,10 +138,10 @@ class Trace:
             "truth": None,
         }
         try:
-            if not (isinstance(unit_m, int | float) and 0 < unit_m < math.inf):
+            if not (isinstance(unit_m, (int, float)) and 0 < unit_m < math.inf):
                 raise ValueError(f"unit_m is {unit_m!r}, expected metres per unit of the mesh, as 0.001")
             line["unit_m"] = float(unit_m)
-            if not isinstance(mesh, str | os.PathLike):
+            if not isinstance(mesh, (str, os.PathLike)):
                 raise TypeError(f"it is {mesh!r}, expected the path of a PLY, OBJ, GLB or STL file")
             line["mesh"] = _copied_mesh(Path(mesh), self.folder / f"mesh_{number}")
         except (OSError, TypeError, ValueError) as error:
@@ -366,7 +369,8 @@ def _copied_mesh(mesh: Path, folder: Path) -> str:
     if not mesh.is_file():
         raise OSError(f"{mesh} is no file, expected a PLY, OBJ, GLB or STL file")
     folder.mkdir()
-    waiting, copied = [mesh], set[str]()
+    waiting: list[Path] = [mesh]
+    copied: set[str] = set()
     while waiting:
         path = waiting.pop()
         if path.name in copied or not path.is_file():

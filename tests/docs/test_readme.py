@@ -98,24 +98,28 @@ def test_its_traces_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     seen, (instance,) = problem.observation, problem.instances
     poses = np.array([h.T_cam_obj for h in instance.hypotheses])
     arrays = {"K": seen.camera.K, "depth_m": seen.depth_m, "rgb": seen.rgb, "mask": instance.mask}
-    arrays |= {"depth": seen.depth_m, "color": seen.rgb, "i": 17, "initial_poses": poses, "scores": [0.1] * len(poses)}
+    arrays |= {"depth": seen.depth_m, "color": seen.rgb, "initial_poses": poses, "scores": [0.1] * len(poses)}
     monkeypatch.chdir(tmp_path)
     exec(own, arrays | {"my_refiner": lambda T_cam_obj: [(T_cam_obj, 0.4)] * 3})
     shift = transform(np.eye(3), np.array([0.01, 0, 0]))
+    # As NVlabs/FoundationPose has it: after tracking pose_last is (1, 4, 4).
     est = SimpleNamespace(
-        register=lambda **_: poses[0] @ shift,
+        register=lambda K, rgb, depth, ob_mask, iteration: poses[0] @ shift,
+        track_one=lambda rgb, depth, K, iteration: poses[0] @ shift,
         get_tf_to_centered_mesh=lambda: shift,
+        pose_last=poses[None, 0],
         poses=np.array([poses[0]] * 5),
         scores=np.arange(5.0),
     )
-    exec(foundation_pose, arrays | {"est": est, "Trace": Trace})
+    for i in (0, 1):
+        exec(foundation_pose, arrays | {"est": est, "Trace": Trace, "i": i})
     toolbox = Toolbox(open_session(tmp_path / "runs", {}))
-    # The number that both names end with is the same, so the frames are counted.
-    assert toolbox.frames == ("0/1", "0/2")
-    of_foundation_pose, of_own = (toolbox.problem(frame).instances[0] for frame in toolbox.frames)
+    assert toolbox.frames == ("0/0", "0/1", "0/17")
+    first, second, of_own = (toolbox.problem(frame).instances[0] for frame in toolbox.frames)
     assert [step.name for step in of_own.recorded] == ["refined"] * 3 + ["answer"]
-    assert len(of_foundation_pose.hypotheses) == 5
-    np.testing.assert_allclose(of_foundation_pose.recorded[-1].T_cam_obj, poses[0] @ shift)
+    assert (len(first.hypotheses), len(second.hypotheses)) == (5, 1)
+    for one in (first, second):
+        np.testing.assert_allclose(one.recorded[-1].T_cam_obj, poses[0] @ shift)
 
 
 @pytest.mark.usefixtures("processes")

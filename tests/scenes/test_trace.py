@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import logging
 import os
@@ -20,9 +21,12 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.methods.per_object import PerObject
 from verefine_viz.methods.recorded_steps import recorded_steps
+from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.scenes.source import open_scene
 from verefine_viz.scenes.trace_files import image_numbers, read_trace, traces_in
+from verefine_viz.session.data_folder import open_session
 from verefine_viz.session.engine import Run
+from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.trace import Trace
 
 K = np.array([[120.0, 0, 80], [0, 120, 60], [0, 0, 1]])
@@ -52,8 +56,12 @@ def picture() -> tuple[np.ndarray, np.ndarray]:
     return depth, mask
 
 
-def write_trace(folder: Path, mesh: Path, n_steps: int = 3) -> Trace:
+def write_trace(folder: Path, mesh: Path, n_steps: int = 3, with_table: bool = False) -> Trace:
     depth, mask = picture()
+    if with_table:  # Seen from 40° above, 60 mm below the box's middle.
+        slope = (np.arange(SHAPE[0])[:, None] - K[1, 2]) / K[1, 1] * np.ones(SHAPE)
+        a = np.radians(40)
+        depth = np.where(mask, depth, (0.55 * np.sin(a) + 0.06) / (slope * np.cos(a) + np.sin(a))).astype(np.float32)
     with Trace(folder, K=K, depth_m=depth, rgb=np.zeros((*SHAPE, 3), np.uint8)) as trace:
         box = trace.object("box", mesh=mesh, mask=mask, unit_m=0.001, truth=pose())
         for h in (0, 1):
@@ -282,9 +290,14 @@ def test_a_killed_process_leaves_a_trace_that_opens(tmp_path: Path) -> None:
     assert any("not closed" in note for note in problem.notes)
 
 
-def test_only_numpy_is_imported(tmp_path: Path) -> None:
+def test_a_copy_of_the_file_needs_numpy_alone_and_an_old_python() -> None:
     source = (Path(__file__).parents[2] / "verefine_viz" / "trace.py").read_text()
-    assert "from verefine_viz" not in source
+    tree = ast.parse(source, feature_version=(3, 8))
+    at_run_time = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
+    names = {alias.name for node in at_run_time if isinstance(node, ast.Import) for alias in node.names}
+    names |= {f"{node.module}.{a.name}" for node in at_run_time if isinstance(node, ast.ImportFrom) for a in node.names}
+    stdlib = {"json", "logging", "math", "os", "shutil", "time", "pathlib.Path", "__future__.annotations"}
+    assert names == stdlib | {"numpy", "typing.TYPE_CHECKING", "typing.Any"}
 
 
 def test_a_trace_without_images_or_of_another_version_says_so(tmp_path: Path) -> None:
@@ -311,3 +324,19 @@ def test_a_trace_without_images_or_of_another_version_says_so(tmp_path: Path) ->
 )
 def test_frames_have_the_number_of_their_name_where_it_is_clear(names: tuple, numbers: tuple) -> None:
     assert image_numbers(names) == numbers
+
+
+def test_a_trace_opens_without_solids_for_a_simulator(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Making them may take minutes, and nothing is simulated."""
+    write_trace(tmp_path / "t", write_box(tmp_path / "box.obj"), with_table=True)
+    made: list[str] = []
+    monkeypatch.setattr(BulletSimulator, "collider", lambda self, model, progress=None: made.append(model.name))
+    toolbox = Toolbox(open_session(tmp_path / "t", {}))
+    problem = toolbox.problem(toolbox.frames[0])
+    assert problem.observation.support is not None
+    run = toolbox.run(problem)
+    run.finish()
+    assert run.length == 7
+    assert made == []
+    Toolbox(open_session(tmp_path / "t", {"method": {"name": "rir"}})).problem(toolbox.frames[0])
+    assert made == ["box"]

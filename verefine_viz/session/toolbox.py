@@ -201,15 +201,23 @@ class Toolbox:
             left_out=(*problem.left_out, *left_out),
         )
 
+    def _simulator_for(self, problem: Problem) -> BulletSimulator | None:
+        """What may simulate its objects. None where nothing does: what repeats recorded steps opens at once, and a fork
+        to a method that simulates makes the solids when it begins.
+        """
+        is_solved = not method_of(self.session.method.name).repeats
+        return self.simulator if is_solved and problem.observation.support is not None else None
+
     def _solids(self, problem: Problem) -> tuple[dict[int, str], tuple[str, ...]]:
         """Objects of which no collider can be built, with the reason, and notes on those that are built; building takes
         seconds, once per model. Meshes to score and near-symmetries, which take about as long, are made beside them.
         """
         broken: dict[int, str] = {}
         notes: list[str] = []
-        if self.simulator is not None and problem.observation.support is not None:
+        simulator = self._simulator_for(problem)
+        if simulator is not None:
             models = list(problem.models.values())
-            solids = [partial(self.simulator.collider, model) for model in models]
+            solids = [partial(simulator.collider, model) for model in models]
             meshes = [partial(_score_mesh, model, self.session.score.simplify_mm) for model in models]
             turns = [partial(_near_symmetries, model) for model in models if self.flips is not None]
             prepared = side_by_side([*solids, *meshes, *turns], self._progress)
@@ -292,9 +300,10 @@ class Toolbox:
         Raises:
             ShapeError: a mesh from which no solid can be made.
         """
-        if self.simulator is not None and problem.observation.support is not None:
+        simulator = self._simulator_for(problem)
+        if simulator is not None:
             for target in problem.targets:
-                self.simulator.collider(target.model)
+                simulator.collider(target.model)
 
     def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run:
         """A run of the session's method on ``problem``, with its frame's edits and the changes of the session."""
