@@ -10,15 +10,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
-from verefine_viz.grasping.grasp_answer import GraspAttempt, GraspScene
-
-
-@dataclass(frozen=True, eq=False)
-class GraspPair:
-    """One object, grasped by its answer and by its ground-truth pose."""
-
-    answer: GraspAttempt
-    ground_truth: GraspAttempt
+from verefine_viz.grasping.grasp_answer import GraspPair, GraspScene
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,6 +37,14 @@ class GraspAttempt:
     """None where nothing was carried out."""
 
 
+@dataclass(frozen=True, eq=False)
+class GraspPair:
+    """One object, grasped by its answer and by its ground-truth pose."""
+
+    answer: GraspAttempt
+    ground_truth: GraspAttempt
+
+
 class GraspScene:
     """One frame in which grasps are tried; its objects are at their ground-truth poses.
 

@@ -37,6 +37,7 @@ STAGE_WORDS = {
     "simulate": ("simulate", "rgb(255,140,0)"),
     "score": ("score", "rgb(40,200,80)"),
     "rest of the iterations": ("rest of the iterations", "#b8c0cc"),
+    "grasp": ("grasp", "#e9c46a"),
     "explain": ("look for causes", "#6d597a"),
     "summarise": ("summarise", "#c9ada7"),
     "record": ("record", "#9a8c98"),
@@ -130,8 +131,10 @@ def motion_figure(run: LoadedRun) -> go.Figure:
 
 def time_figure(runs: Sequence[LoadedRun]) -> go.Figure:
     """Mean time a frame by stage."""
-    figure = stage_bars({run.name: stage_times(run) for run in runs})
-    figure.update_layout(height=190 + 50 * len(runs))
+    times = {run.name: stage_times(run) for run in runs}
+    figure, n_stages = stage_bars(times), len({stage for mine in times.values() for stage in mine})
+    # The legend has two stages a line, and may not take more than half of it.
+    figure.update_layout(height=max(190, 38 * -(-n_stages // 2)) + 50 * len(runs))
     figure.update_yaxes(showticklabels=len(runs) > 1)
     return figure
 
@@ -184,7 +187,8 @@ def grasp_figure(runs: Sequence[LoadedRun]) -> go.Figure:
     """How the grasps of each run's answers ended, beside those by the ground-truth poses."""
     figure = new_figure("objects", "")
     bars = [(f"{run.name}: answer" if len(runs) > 1 else "answer", color(run), run, "grasp") for run in runs]
-    bars.append(("ground truth", css(STAGE_COLORS["ground truth"]), runs[0], "grasp_ground_truth"))
+    # White, as on the page, is not seen on paper.
+    bars.append(("ground truth", "#8d99ae", runs[0], "grasp_ground_truth"))
     counts = [Counter(getattr(r, column) for r in run.objects if r.grasp) for _, _, run, column in bars]
     ends = [end for end in get_args(Verdict) if any(end in mine for mine in counts)]
     for (name, shade, _, _), mine in zip(bars, counts, strict=True):

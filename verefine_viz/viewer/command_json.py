@@ -9,12 +9,12 @@ from typing import Any, get_type_hints
 import msgspec
 
 from verefine_viz.core.errors import InputError, unknown
-from verefine_viz.viewer import commands
+from verefine_viz.viewer import commands, grasp_commands
 from verefine_viz.viewer.commands import Command
 
 COMMANDS: dict[str, type[Command]] = {
     name: kind
-    for name, kind in vars(commands).items()
+    for name, kind in (vars(commands) | vars(grasp_commands)).items()
     if isinstance(kind, type) and issubclass(kind, Command) and not kind.__subclasses__()
 }
 """Every command by its name."""

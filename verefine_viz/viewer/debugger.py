@@ -19,7 +19,14 @@ from verefine_viz.core.scores import MAP_NAMES
 from verefine_viz.evaluation.landscape import N_AXES
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Command
-from verefine_viz.viewer.handlers import comparison_handlers, edit_handlers, gallery_handlers, navigation, open_handlers
+from verefine_viz.viewer.handlers import (
+    comparison_handlers,
+    edit_handlers,
+    gallery_handlers,
+    grasp_handlers,
+    navigation,
+    open_handlers,
+)
 from verefine_viz.viewer.snapshot.build import snapshot_of
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.state import State
@@ -365,5 +372,6 @@ HANDLERS: dict[type[Command], Callable[[State, Any], None]] = {
     **gallery_handlers.HANDLERS,
     **edit_handlers.HANDLERS,
     **comparison_handlers.HANDLERS,
+    **grasp_handlers.HANDLERS,
 }
 """By command: what carries it out."""

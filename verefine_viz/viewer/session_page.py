@@ -15,6 +15,7 @@ from verefine_viz.refiners.registry import raised_by_refiner
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.busy_status import BusyStatus
 from verefine_viz.viewer.debugger import STOP, Debugger, RequestQueue
+from verefine_viz.viewer.grasp_commands import PlayGrasp, TryGrasp
 from verefine_viz.viewer.panels.page_layout import Layout
 from verefine_viz.viewer.scene3d.object_nodes import ComparisonNodes
 from verefine_viz.viewer.scene3d.scene_view import SceneView, look_again
@@ -128,6 +129,8 @@ class Page:
             self._animation = self.scene.animation(snapshot)
         elif isinstance(command, c.PlayPath):
             self._animation = self.scene.path_animation(snapshot)
+        elif isinstance(command, TryGrasp | PlayGrasp):
+            self._animation = self.scene.grasp_animation(snapshot)
 
     def move_camera(self, command: c.Command) -> None:
         """Moves the 3D view of the browser that asked for it."""

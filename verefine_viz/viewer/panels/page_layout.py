@@ -13,10 +13,12 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.assets import asset
 from verefine_viz.viewer.command_json import from_json
 from verefine_viz.viewer.drawing.markup import carries, double_click, text
+from verefine_viz.viewer.grasp_commands import TryGrasp
 from verefine_viz.viewer.panels.bandit_panel import BanditPanel, CurvesPanel
 from verefine_viz.viewer.panels.compare_panel import ComparePanel
 from verefine_viz.viewer.panels.errors_panel import ErrorsPanel, ScoreErrorPanel
 from verefine_viz.viewer.panels.gallery_panel import GalleryPanel
+from verefine_viz.viewer.panels.grasp_panel import GraspPanel
 from verefine_viz.viewer.panels.image_panel import ImagePanel
 from verefine_viz.viewer.panels.landscape_panel import LandscapePanel
 from verefine_viz.viewer.panels.objects_panel import ObjectsPanel
@@ -65,6 +67,7 @@ KEYS: tuple[tuple[str, str | None, c.Command], ...] = (
     ("Ruler from the marked pixel on / off", "R", c.PlaceRuler()),
     ("Hypotheses on / off", "H", c.ShowLayer("hypotheses")),
     ("Play the simulated path", "P", c.PlayPath()),
+    ("Grasp the object", None, TryGrasp()),
     ("Look through the camera", None, c.MoveCamera("sensor")),
     ("Focus the object", None, c.MoveCamera("object")),
     ("A/B: first difference", "F", c.SeekDifference()),
@@ -129,6 +132,8 @@ class Layout:
             self.bandit = BanditPanel(gui)
         with tabs.add_tab("Physics"):
             self.physics = PhysicsPanel(gui, send)
+        with tabs.add_tab("Grasp"):
+            self.grasp = GraspPanel(gui, send)
         with tabs.add_tab("Landscape"):
             self.landscape = LandscapePanel(gui)
         with tabs.add_tab("Errors"):
@@ -208,6 +213,7 @@ class Layout:
         self.score.show(snapshot)
         self.bandit.show(snapshot)
         self.physics.show(snapshot)
+        self.grasp.show(snapshot)
         self.errors.show(snapshot)
         self.landscape.show(snapshot)
         self.compare.show(snapshot)

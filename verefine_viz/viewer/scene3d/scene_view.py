@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -30,6 +30,7 @@ from verefine_viz.viewer.scene3d.frame_nodes import (
     distance_colors,
     measured_points,
 )
+from verefine_viz.viewer.scene3d.grasp_nodes import CHOOSING, LAYERS, GraspNodes
 from verefine_viz.viewer.scene3d.object_nodes import ObjectNodes
 from verefine_viz.viewer.scene3d.pose_nodes import PoseNodes, add_mesh, display_mesh, place
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
@@ -145,6 +146,10 @@ class SceneView:
             self._load_frame(snapshot)
         self._choose_nodes(snapshot)
         self._snapshot = snapshot
+        self._grasp.show(snapshot)
+        if snapshot.shown_grasp is not None:
+            drawn = replace(snapshot.options, layers=snapshot.options.layers & LAYERS)
+            snapshot = replace(snapshot, options=drawn)
         assert self._nodes is not None
         self._nodes.show(snapshot)
         self._others.show(snapshot)
@@ -156,7 +161,8 @@ class SceneView:
 
     def show_deep(self, snapshot: Snapshot) -> None:
         """What needs score maps or plausibility; the rest is left as it is, be it an animation."""
-        self._points.visible = "cloud" in snapshot.options.layers
+        shown = snapshot.shown_grasp
+        self._points.visible = "cloud" in snapshot.options.layers and (shown is None or shown.stage in CHOOSING)
         self._camera.show(snapshot)
         if snapshot.deep:
             self._show_cloud(snapshot)
@@ -195,6 +201,12 @@ class SceneView:
         for k in self._nodes.path_animation(snapshot):
             self._draw_contacts(snapshot, k)
             yield
+            yield
+
+    def grasp_animation(self, snapshot: Snapshot) -> Iterator[None]:
+        """The grasp that is shown, moment by moment."""
+        for now in self._grasp.animation(snapshot):
+            self._points.visible = "cloud" in snapshot.options.layers and now.stage in CHOOSING
             yield
 
     def move_camera(self, client: viser.ClientHandle, to: Literal["sensor", "object"], snapshot: Snapshot) -> None:
@@ -249,6 +261,7 @@ class SceneView:
         self._balance = scene.add_line_segments(
             "/cam/balance", np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8), thickness=3, thickness_units="screen"
         )
+        self._grasp = GraspNodes(scene, T_world_cam)
         self._others = ObjectNodes(self._server, snapshot, T_world_cam, self._send)
         self._problem = snapshot.problem
         aim(self._server, snapshot, T_world_cam)

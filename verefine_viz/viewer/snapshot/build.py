@@ -83,6 +83,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         map_target = target
         a, b = compared_poses(evaluator, target, poses, options, deep, of_runs)
     targets = {t.instance.instance_id: t for t in work.problem.targets}
+    grasped = poses.get("edited") or poses.get("best")
     return Snapshot(
         session=branch.settings.model_copy(
             update={"breakpoints": space.breakpoints, "edits": session.edits, "changes": session.changes}
@@ -146,6 +147,9 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         else {},
         physics=known_physics(scene, evaluator),
         **_refiner(branch, target, shown, deep and options.refiner_crops and "refined" in poses),
+        grasp=state.grasps.known(
+            work.problem, branch.settings.grasp, target.instance.instance_id, grasped and grasped.T_cam_obj
+        ),
         deep=deep,
         message=state.message,
         refused=state.refused,

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import RGB, SIDE_COLORS, STAGE_COLORS
@@ -29,9 +29,13 @@ from verefine_viz.viewer.snapshot.finished_objects import FinishedObject
 from verefine_viz.viewer.snapshot.frame_track import TrackFrame
 from verefine_viz.viewer.snapshot.scene_state import ScenePhysics, SceneState
 from verefine_viz.viewer.state.batch_gallery import Entry, Gallery
+from verefine_viz.viewer.state.grasp_trials import ShownGrasp, shown_grasp
 from verefine_viz.viewer.state.timeline_marks import Mark
 from verefine_viz.viewer.state.view_options import ViewOptions, revealed, stage_label
 from verefine_viz.viewer.state.workspace import WrittenFile
+
+if TYPE_CHECKING:
+    from verefine_viz.grasping.grasp_answer import GraspPair
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,6 +188,8 @@ class Snapshot:
     """By iteration: errors of the best pose of its object; empty unless the whole scene is shown."""
     physics: ScenePhysics
     """What is known by now about the scene."""
+    grasp: GraspPair | None = None
+    """The grasps by the pose of the object in focus and by its ground truth; None where they were not carried out."""
     refiner: Refiner | None = None
     """Of the iteration that is shown; None where recorded steps are repeated."""
     refiner_steps: Sequence[RefinerStep] | None = None
@@ -217,6 +223,17 @@ class Snapshot:
     def is_whole_scene(self) -> bool:
         """Whether panels show the scene instead of one object."""
         return self.options.whole_scene and len(self.scene.objects) > 1
+
+    @property
+    def T_cam_obj_grasped(self) -> Float | None:
+        """The pose by which the object in focus is grasped: the edited one, or else the answer so far."""
+        return next((self.poses[name].T_cam_obj for name in ("edited", "best") if name in self.poses), None)
+
+    @cached_property
+    def shown_grasp(self) -> ShownGrasp | None:
+        """The grasp that is drawn in 3D."""
+        options, T_gt = self.options, self.target.instance.T_cam_obj_gt
+        return shown_grasp(self.grasp, options.grasp_by, self.T_cam_obj_grasped, T_gt, options.grasp_moment)
 
     @property
     def has_plausibility(self) -> bool:

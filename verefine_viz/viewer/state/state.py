@@ -18,6 +18,7 @@ from verefine_viz.session.engine import Run
 from verefine_viz.viewer.commands import Command, Goal, RunB, RunTo
 from verefine_viz.viewer.state.batch_gallery import Browsing, Gallery
 from verefine_viz.viewer.state.branch import Branch, ComparisonChoice
+from verefine_viz.viewer.state.grasp_trials import GraspTrials
 from verefine_viz.viewer.state.view_options import ViewOptions
 from verefine_viz.viewer.state.workspace import Workspace, WrittenFile
 
@@ -179,6 +180,7 @@ class State:
         self.browsing = Browsing(batch, self.workspace)
         self.comparison = Comparison(self.workspace)
         self.running = Running()
+        self.grasps = GraspTrials(progress)
         self.options = (
             ViewOptions(preset="gallery", arrangement=batch.first_arrangement) if batch is not None else ViewOptions()
         )

@@ -13,6 +13,7 @@ from verefine_viz.core.records import Iteration
 from verefine_viz.core.scores import MapName
 from verefine_viz.session.engine import Run
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.grasp_commands import GraspedBy
 
 STAGES: tuple[str, ...] = (
     "initial", "current", "simulated", "mixed", "refined", "flipped", "accepted", "best", "runner-up", "edited",
@@ -70,6 +71,10 @@ class ViewOptions:
     """Whether the layer of hypotheses is drawn with the answer as well, which it would hide."""
     path_pose: int | None = None
     """Index into the simulated path that is drawn; None = not drawn."""
+    grasp_by: GraspedBy = "pose"
+    """Whose grasp is shown."""
+    grasp_moment: int | None = None
+    """Of the grasp that is drawn; None = not drawn."""
     animate: bool = True
     edited: c.Pose | None = None
     """T_cam_obj of the gizmo; None = nothing is edited."""
@@ -118,9 +123,11 @@ class ViewOptions:
         )  # fmt: skip
 
     def unedited(self) -> ViewOptions:
-        """The same without an edited pose: compared is what was compared before."""
+        """The same without an edited pose, or a grasp: compared is what was compared before."""
         a, b = self.compared_before or (self.a, self.b)
-        return replace(self, edited=None, edited_from=None, a=a, b=b, compared_before=None)
+        return replace(
+            self, edited=None, edited_from=None, a=a, b=b, compared_before=None, grasp_by="pose", grasp_moment=None
+        )
 
     def afresh(self) -> ViewOptions:
         """The same for another frame or another run: what was chosen for good stays."""

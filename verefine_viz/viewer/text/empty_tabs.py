@@ -13,6 +13,7 @@ def empty_tabs(snapshot: Snapshot) -> dict[str, str]:
     why = {
         "Bandit": _no_bandit(snapshot),
         "Landscape": no_landscape(snapshot),
+        "Grasp": no_grasp(snapshot),
         "Errors": NO_GROUND_TRUTH if snapshot.ground_truth is None else "",
         "Order": no_order(snapshot),
         "UCB": "" if _has_bounds(snapshot) else "Nothing is chosen by a bound here.",
@@ -39,6 +40,18 @@ def no_landscape(snapshot: Snapshot) -> str:
     if "best" not in snapshot.poses:
         return "No pose yet."
     return "" if snapshot.landscape is not None or snapshot.wants_landscape else "Shown when the run is over."
+
+
+def no_grasp(snapshot: Snapshot) -> str:
+    """Why nothing can be grasped; "" where it can."""
+    observation = snapshot.problem.observation
+    if observation.support is None:
+        return f"No support plane: {observation.support_note or 'none was found'}."
+    if any(i.T_cam_obj_gt is None for i in snapshot.problem.instances):
+        return "A simulated grasp needs the ground truth of all objects."
+    if snapshot.is_whole_scene:
+        return "Choose an object to grasp."
+    return "" if snapshot.T_cam_obj_grasped is not None else "No pose yet."
 
 
 def no_order(snapshot: Snapshot) -> str:
