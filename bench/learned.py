@@ -1,9 +1,11 @@
-"""The learned depth refiner on real frames, against ICP, at equal numbers of calls.
+"""Refiners against each other at equal numbers of calls: the learned ones and ICP, on real frames or built-in scenes.
 
-    python -m bench.learned DATASET_FOLDER [--seeds 2] [--calls 1 5] [--iterations 4] [--weights F.onnx]
+    python -m bench.learned [DATASET_FOLDER] [--refiners icp densefusion] [--seeds 2] [--calls 1 5]
+                            [--iterations 4] [--weights F.onnx]
 
-Every instance of the BOP data set starts from its ground truth, disturbed by a turn and a shift; each refiner is called
-so many times on its own results. Times are of the processor.
+Every instance of the BOP data set, or without one of the built-in scenes, starts from its ground truth, disturbed by a
+turn and a shift; each refiner is called so many times on its own results. ``--iterations`` and ``--weights`` are
+depth_net's. Times are of the processor.
 """
 
 from __future__ import annotations
@@ -25,6 +27,8 @@ from verefine_viz.refiners.registry import make_refiner
 from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
+SCENES = ("mug", "duck", "bowl", "bracket", "stack", "clutter")
+"""Built-in scenes."""
 STARTS = ((10, 10), (20, 20), (30, 30), (45, 40), (60, 40))
 """Turn [deg] and shift [mm]."""
 REFINERS = ("icp", "depth_net", "depth_net_icp")
@@ -49,12 +53,15 @@ class Row:
         return [self.start, self.name, str(len(add)), f"{np.median(add):.1f}", f"{auc:.0f}", f"{right:.0f}", ms]
 
 
-def starts(raw: dict[str, object], turn_deg: float, shift_mm: float, seeds: int) -> list[tuple[Target, Float]]:
+def starts(scenes: list[dict[str, str]], turn_deg: float, shift_mm: float, seeds: int) -> list[tuple[Target, Float]]:
     """Every instance with each of its disturbed poses."""
     hypotheses = {"rotation_deg": turn_deg, "translation_mm": shift_mm, "max_per_object": seeds}
-    toolbox = Toolbox(resolve({**raw, "hypotheses": {"source": "perturb", **hypotheses}}))
+    toolboxes = [
+        Toolbox(resolve({"scene": scene, "hypotheses": {"source": "perturb", **hypotheses}})) for scene in scenes
+    ]
     return [
         (target, h.T_cam_obj)
+        for toolbox in toolboxes
         for frame in toolbox.frames
         for target in toolbox.source.problem(frame).targets
         for h in target.instance.hypotheses
@@ -84,7 +91,8 @@ def error_of(target: Target, T_cam_obj: Float) -> PoseErrors:
 def main() -> None:
     """Prints the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("dataset", type=Path)
+    parser.add_argument("dataset", type=Path, nargs="?")
+    parser.add_argument("--refiners", nargs="+", default=REFINERS)
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--calls", type=int, nargs="+", default=[1, 5])
     parser.add_argument("--iterations", type=int, default=None, help="steps of the network per call")
@@ -92,17 +100,18 @@ def main() -> None:
     arguments = parser.parse_args()
     net = {"weights": str(arguments.weights.resolve())} if arguments.weights else {}
     net |= {"iterations": arguments.iterations} if arguments.iterations else {}
-    raw = {"scene": {"source": "bop", "dataset": str(arguments.dataset.resolve())}, "depth_net": net}
-    session = resolve(raw)
-    table = Table(title="Refiners on real frames")
+    dataset = arguments.dataset
+    scenes = [{"source": "bop", "dataset": str(dataset.resolve())}] if dataset else [{"demo": name} for name in SCENES]
+    session = resolve({"scene": scenes[0], "depth_net": net})
+    table = Table(title=f"Refiners on {'real frames' if dataset else 'built-in scenes'}")
     for heading in ("start", "refiner, calls", "n", "median ADD(-S) mm", "AUC, %", "< 10 % d, %", "ms/call"):
         table.add_column(heading, justify="left" if heading in ("start", "refiner, calls") else "right")
     for turn_deg, shift_mm in STARTS:
         start = f"{turn_deg}°, {shift_mm} mm"
-        cases = starts(raw, turn_deg, shift_mm, arguments.seeds)
+        cases = starts(scenes, turn_deg, shift_mm, arguments.seeds)
         table.add_row(*Row(start, "initial pose", tuple(error_of(t, T) for t, T in cases), 0.0).cells())
         for n_calls in arguments.calls:
-            for name in REFINERS:
+            for name in arguments.refiners:
                 table.add_row(*refined(name, make_refiner(name, session), cases, n_calls, start).cells())
     Console(width=120).print(table)
 

@@ -106,15 +106,38 @@ def test_without_depth_in_the_mask_there_is_no_pose_and_none_changes(tmp_path: P
     assert np.array_equal(make_refiner("densefusion", s).refine(nothing, START), START)
 
 
-def test_weights_that_are_not_named_or_missing_are_one_line(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("processes")
+def test_without_named_weights_the_packages_are_used_and_know_the_built_in_objects() -> None:
+    box = Toolbox(resolve({"scene": {"demo": "duck"}, "hypotheses": {"source": "densefusion", "max_per_object": 5}}))
+    (target,) = box.problem(box.frames[0]).targets
+    pool = target.instance.hypotheses
+    assert len(pool) == 5
+    assert {h.source for h in pool} == {"densefusion"}
+    T_gt = target.instance.T_cam_obj_gt
+    assert T_gt is not None
+    # At the duck, whatever way it is turned.
+    assert np.linalg.norm(pool[0].T_cam_obj[:3, 3] - T_gt[:3, 3]) < 0.5 * target.model.diameter_m
+    T = make_refiner("densefusion", Session()).refine(target, pool[0].T_cam_obj)
+    assert not np.array_equal(T, pool[0].T_cam_obj)
+
+
+def test_weights_know_other_objects_of_the_same_id() -> None:
+    """Those of the package are of the built-in objects; object 1 of another data set is another one."""
+    estimator = make_estimator("densefusion", Session())
+    with pytest.raises(InputError, match=r"were trained with an object 1 of 82 × 122 × 100 mm, the model .* measures"):
+        estimator.hypotheses(TARGET, 5)
+
+
+def test_weights_that_are_missing_or_of_one_network_only_are_one_line(tmp_path: Path) -> None:
     for make in (make_refiner, make_estimator):
-        with pytest.raises(SettingsError, match=r"densefusion\.weights is empty; name a \.pth file"):
-            make("densefusion", Session())
         with pytest.raises(InputError, match=r"weights .*no\.onnx does not exist"):
             make("densefusion", Session(densefusion=DenseFusionSettings(weights=str(tmp_path / "no.onnx"))))
-    only_pose = settings(tmp_path) | {"refiner_weights": ""}
-    with pytest.raises(SettingsError, match=r"densefusion\.refiner_weights is empty"):
-        make_refiner("densefusion", Session(densefusion=DenseFusionSettings(**only_pose)))
+    only_pose, only_refiner = settings(tmp_path) | {"refiner_weights": ""}, settings(tmp_path) | {"weights": ""}
+    for only, empty, other in ((only_pose, "refiner_weights", "weights"), (only_refiner, "weights", "refiner_weights")):
+        with pytest.raises(
+            SettingsError, match=rf"densefusion\.{empty} is empty and densefusion\.{other} is not; name"
+        ):
+            make_refiner("densefusion", Session(densefusion=DenseFusionSettings(**only)))
 
 
 def test_networks_of_two_trainings_do_not_go_together(tmp_path: Path) -> None:

@@ -66,9 +66,9 @@ class DenseFusionSettings(Settings):
 
     weights: InputPath = ""
     """PoseNet: official .pth file (which needs the extra `torch` once), or ONNX file of `verefine-viz train
-    densefusion`; relative to the session file."""
+    densefusion`, relative to the session file; empty = the package's, which know the objects of the built-in scenes."""
     refiner_weights: InputPath = ""
-    """PoseRefineNet: the same."""
+    """PoseRefineNet: the same; of one training with `weights`."""
     classes: tuple[Index, ...] = ()
     """Ids of the objects in the order of the network's classes; none = as the weights have it: of official ones the
     21 objects of YCB-Video or the 13 of LINEMOD, whose order and frames are known."""

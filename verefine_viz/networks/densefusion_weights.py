@@ -1,6 +1,6 @@
-"""Opens DenseFusion's weights: ONNX of ``verefine-viz train``, or official ``.pth``, made into ONNX once.
+"""Opens DenseFusion's weights: those of the package, ONNX of ``verefine-viz train``, or official ``.pth``.
 
-What is made of a ``.pth`` file is cached by the file's hash; from then on torch is not needed for it.
+A ``.pth`` file is made into ONNX once, which is cached by the file's hash; from then on torch is not needed for it.
 """
 
 from __future__ import annotations
@@ -13,18 +13,20 @@ from verefine_viz.core.algorithm_settings import DenseFusionSettings
 from verefine_viz.core.errors import SettingsError, UnavailableError
 from verefine_viz.core.paths import atomic, one_at_a_time
 from verefine_viz.learned.densefusion_steps import POSE_NET, REFINE_NET, DenseFusionPose, DenseFusionSteps
-from verefine_viz.learned.onnx_network import hash_of, read_weights
+from verefine_viz.learned.onnx_network import PACKAGED, hash_of, read_weights
 
 CACHE_FORMAT = 1
 """Of the ONNX files in the cache: raise it where they are made in another way."""
+SLIM_FILES = {POSE_NET: "densefusion_slim.onnx", REFINE_NET: "densefusion_slim_refine.onnx"}
+"""Of the package: slim networks, trained on made-up views of the built-in objects."""
 _FIELDS = {POSE_NET: "weights", REFINE_NET: "refiner_weights"}
 
 
 def pose_network(settings: DenseFusionSettings) -> DenseFusionPose:
-    """PoseNet with the weights that the settings name.
+    """PoseNet with the weights that the settings name, or with those of the package.
 
     Raises:
-        SettingsError: they name none.
+        SettingsError: they name weights of PoseRefineNet only.
         InputError: the weights cannot be used.
         UnavailableError: they are a ``.pth`` file, and torch is not installed.
     """
@@ -32,7 +34,11 @@ def pose_network(settings: DenseFusionSettings) -> DenseFusionPose:
 
 
 def refine_network(settings: DenseFusionSettings) -> DenseFusionSteps:
-    """PoseRefineNet with the weights that the settings name; raises as :func:`pose_network`."""
+    """PoseRefineNet with the weights that the settings name, or with those of the package.
+
+    Raises:
+        SettingsError, InputError, UnavailableError: as :func:`pose_network`, of the other network.
+    """
     return DenseFusionSteps(onnx_file(_path(settings, REFINE_NET), REFINE_NET), settings)
 
 
@@ -80,13 +86,15 @@ def onnx_file(path: Path, name: str) -> Path:
 
 
 def _path(settings: DenseFusionSettings, name: str) -> Path:
-    field = _FIELDS[name]
-    if not getattr(settings, field):
+    if getattr(settings, _FIELDS[name]):
+        return Path(getattr(settings, _FIELDS[name]))
+    (other,) = (field for field in _FIELDS.values() if field != _FIELDS[name])
+    if getattr(settings, other):
         raise SettingsError(
-            f"densefusion.{field} is empty; name a .pth file of the official weights, or an .onnx file of "
-            "verefine-viz train densefusion (none comes with this package)"
+            f"densefusion.{_FIELDS[name]} is empty and densefusion.{other} is not; name the weights of the same "
+            "training, or neither, for those of the package"
         )
-    return Path(getattr(settings, field))
+    return PACKAGED / SLIM_FILES[name]
 
 
 def _cache() -> Path:

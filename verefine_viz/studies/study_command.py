@@ -59,7 +59,7 @@ def run_one(
     """
     sessions = scenes(name, session, overrides, quick)
     first = next(iter(sessions.values()))
-    own_initial_poses = session is not None and first.hypotheses.source != "perturb"
+    own_initial_poses = first.hypotheses.source != "perturb"
     request = StudyRequest(name, quick, own_initial_poses, first.method.refiner)
     of_study = GRASP_SEEDS if name == "grasping" else (SEEDS, QUICK_SEEDS)
     n_seeds = seeds if seeds is not None else of_study[quick]
