@@ -237,8 +237,11 @@ def test_the_page_asks_it_only_while_its_box_is_ticked(monkeypatch: pytest.Monke
     assert " checked" in switch_html(after)
     assert refiner_html(after).count("<figure>") == 1
     assert "out of range" in refiner_html(after)
-    debugger.carry_out([ShowRefinerCrops(on=False), Step()])
-    assert (debugger.view().refiner_steps, own.n_asked) == (None, 1)
+    debugger.carry_out([Step()])
+    assert debugger.view().is_answer
+    assert "iteration 2: began 30°, " in refiner_html(debugger.view()), "of the iteration that made the answer"
+    debugger.carry_out([ShowRefinerCrops(on=False)])
+    assert (debugger.view().refiner_steps, own.n_asked) == (None, 2)
 
 
 @pytest.mark.usefixtures("processes")

@@ -66,6 +66,7 @@ BUILT_IN = (
     ("failure_simulation_topples", Cause.SIMULATION),
     ("failure_mask_leaks", Cause.MASK),
     ("failure_wrong_plane", Cause.PLANE),
+    ("failure_out_of_range", Cause.OUT_OF_RANGE),
 )
 
 

@@ -67,6 +67,9 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
     rescored = _rescored(shown, target, evaluator, branch)
     rival = done.runner_up.pose if done is not None and done.runner_up is not None else None
     poses = _poses(evaluator, target, rescored, own_state, arm, options, shown is run.iteration, best, rival)
+    # Of an answer is shown what the refiner saw in the iteration that made it.
+    made = run.iterations[best.iteration - 1] if best is not None and best.iteration else None
+    wants_crops, of = deep and options.refiner_crops, f"iteration {made.index}: " if made is not None else ""
     own = [i for i in iterations if i.instance_id == target.instance.instance_id]
     in_passes = answer and any(i.scene_pass is not None for i in own)
     if "best" in poses and (method.has_tree or in_passes):
@@ -146,7 +149,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         if options.whole_scene
         else {},
         physics=known_physics(scene, evaluator),
-        **_refiner(branch, target, shown, deep and options.refiner_crops and "refined" in poses),
+        **_refiner(branch, target, made or shown, wants_crops and (made is not None or "refined" in poses), of),
         grasp=state.grasps.known(
             work.problem, branch.settings.grasp, target.instance.instance_id, grasped and grasped.T_cam_obj
         ),
@@ -159,16 +162,24 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
     )
 
 
-def _refiner(branch: Branch, target: Target, shown: Iteration | None, with_steps: bool) -> dict[str, Any]:
-    """The refiner of the iteration; what it saw only where that is wanted, as it runs its network for it."""
-    refiner = (branch.run.method if shown is None else branch.run.method_of(shown.index)).refiner
-    start = None if shown is None else shown.before_refined
-    if not with_steps or start is None or not isinstance(refiner, LearnedRefiner):
+def _refiner(branch: Branch, target: Target, iteration: Iteration | None, is_wanted: bool, of: str) -> dict[str, Any]:
+    """The refiner of the iteration; what it saw only where that is wanted, as it runs its network for it.
+
+    Args:
+        branch: of the run.
+        target: the object in focus.
+        iteration: None = none was made.
+        is_wanted: whether what it saw is to be shown.
+        of: named before where it began.
+    """
+    refiner = (branch.run.method if iteration is None else branch.run.method_of(iteration.index)).refiner
+    start = None if iteration is None else iteration.before_refined
+    if not is_wanted or start is None or not isinstance(refiner, LearnedRefiner):
         return {"refiner": refiner}
     return {
         "refiner": refiner,
         "refiner_steps": branch.evaluator.refiner_steps(refiner, target, start.T_cam_obj),
-        "refiner_start": start_words(refiner, target, start.T_cam_obj),
+        "refiner_start": of + start_words(refiner, target, start.T_cam_obj),
     }
 
 

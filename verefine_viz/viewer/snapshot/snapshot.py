@@ -191,7 +191,7 @@ class Snapshot:
     grasp: GraspPair | None = None
     """The grasps by the pose of the object in focus and by its ground truth; None where they were not carried out."""
     refiner: Refiner | None = None
-    """Of the iteration that is shown; None where recorded steps are repeated."""
+    """Of the iteration that is shown, or that made the answer; None where recorded steps are repeated."""
     refiner_steps: Sequence[RefinerStep] | None = None
     """What it saw in that iteration; None where that is not asked for, or not known."""
     refiner_start: str = ""

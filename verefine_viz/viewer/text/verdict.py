@@ -216,9 +216,10 @@ def cause_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
         return _led_away(o, o.lost)
     first_only = method_of(snapshot.session.method.name).first_only
     beyond = out_of_range(snapshot.refiner, o.target, first_only) if far is not None else None
-    if beyond is not None:
-        deg = min(start.rotation_deg for start in beyond.starts)
-        return Reason(TITLES[Cause.OUT_OF_RANGE], 0, f": starts {deg:.0f}° off", Cause.OUT_OF_RANGE)
+    if far is not None and beyond is not None:
+        start = beyond.starts[far[0] if far[0] < len(beyond.starts) else 0]
+        more = f": starts {start.rotation_deg:.0f}° off"
+        return Reason(TITLES[Cause.OUT_OF_RANGE], 0, more, Cause.OUT_OF_RANGE)
     if far is not None:
         return Reason(TITLES[Cause.POOL], 0, f": nearest start {_millimetres(far[1].add_s_mm)}", Cause.POOL)
     if course.score_at_gt is None:
