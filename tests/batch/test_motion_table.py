@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, failed_fra
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.evaluation.pose_motion import NO_SYMMETRY
 from verefine_viz.recording.entities import SEQUENCE_FILE
 
 HALF_TURN = transform(axis_angle(np.array([0.0, 0, 1]), np.pi), np.zeros(3))
@@ -54,8 +56,24 @@ def at(x_mm: float) -> Float:
     return transform(np.eye(3), np.array([x_mm * 1e-3, 0, 0.6]))
 
 
-def rows_of(results: list[FrameResult], turns: Float = NO_TURNS) -> list[MotionRow]:
-    return [*motion_rows(results, lambda obj_id, frame: turns)]
+@dataclass
+class Shape:
+    """The same shape of all objects."""
+
+    turns: Float = field(default_factory=lambda: NO_TURNS)
+    symmetries: Float = field(default_factory=lambda: NO_SYMMETRY)
+    asked: list[tuple[int, str]] = field(default_factory=list)
+
+    def symmetries_of(self, obj_id: int, frame: str) -> Float:
+        return self.symmetries
+
+    def turns_of(self, obj_id: int, frame: str) -> Float:
+        self.asked.append((obj_id, frame))
+        return self.turns
+
+
+def rows_of(results: list[FrameResult]) -> list[MotionRow]:
+    return [*motion_rows(results, Shape())]
 
 
 def test_an_object_is_followed_by_its_model_also_where_its_number_changes() -> None:
@@ -82,22 +100,20 @@ def test_each_scene_begins_again_and_a_frame_that_failed_has_no_pose() -> None:
 
 
 def test_turns_are_asked_for_only_where_something_turns_much(tmp_path: Path) -> None:
-    asked: list[tuple[int, str]] = []
-
-    def turns_of(obj_id: int, frame: str) -> Float:
-        asked.append((obj_id, frame))
-        return HALF_TURN[None]
-
+    shape = Shape(HALF_TURN[None])
     still = [result(k, {(5, 0): at(k), (6, 1): at(k)}) for k in range(3)]
-    assert {row.kind for row in motion_rows(still, turns_of)} == {"moved"}
-    assert asked == []
+    assert {row.kind for row in motion_rows(still, shape)} == {"moved"}
+    assert shape.asked == []
     turned = [*still, result(3, {(5, 0): at(3) @ HALF_TURN, (6, 1): at(3)})]
-    write_motion(tmp_path / MOTION, motion_rows(turned, turns_of))
-    assert asked == [(5, "0/0")]
+    write_motion(tmp_path / MOTION, motion_rows(turned, shape))
+    assert shape.asked == [(5, "0/0")]
     five, six = read_tracks(tmp_path)
     assert five.marked("flip") == ("0/3",)
     assert (five.counts.flips, five.counts.flips_per_100, six.counts.flips) == (1, 25, 0)
     assert five.in_words.endswith("Flips in 0/3.")
+    symmetric = Shape(symmetries=np.concatenate([NO_SYMMETRY, HALF_TURN[None]]))
+    assert {row.kind for row in motion_rows(turned, symmetric)} == {"moved"}
+    assert symmetric.asked == []
 
 
 def test_what_is_written_is_read_back(tmp_path: Path) -> None:

@@ -80,3 +80,14 @@ def test_drift_adds_up_what_no_frame_shows() -> None:
     assert counts.drift_mm == pytest.approx(20)
     assert counts.median_mm == pytest.approx(0.4)
     assert counts.in_words.endswith("median 0.4 mm and 0° a frame in the world; 20.0 mm from where it began.")
+
+
+@given(st.floats(-180, 180), st.floats(0, 40))
+def test_a_turn_about_a_declared_axis_is_no_motion(degrees: float, mm: float) -> None:
+    around = [moved(k, 0, base=np.eye(4)) for k in range(0, 360, 5)]
+    symmetries = np.array(around)
+    pose = [PosedFrame("0/1", moved(0, 0), None, np.eye(4)), PosedFrame("0/2", moved(degrees, mm), None, np.eye(4))]
+    _, second = motions(pose, MIDDLE, NONE, symmetries)
+    assert second.kind == "moved"
+    assert second.turned_deg <= 2.5 + 1e-6
+    assert second.moved_mm == pytest.approx(mm, abs=1e-3)

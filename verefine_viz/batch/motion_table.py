@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import groupby
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from pydantic import ValidationError
@@ -21,8 +22,18 @@ from verefine_viz.scenes.frames import parse_frame
 
 MOTION = "motion.csv"
 NO_TURNS = np.zeros((0, 4, 4))
-TurnsOf = Callable[[int, str], Float]
-"""(obj_id, a frame that shows it) → (N, 4, 4) turns after which the object's shape nearly looks the same."""
+
+
+class Shapes(Protocol):
+    """What is known of the objects' shapes; both answer for obj_id and a frame that shows it."""
+
+    def symmetries_of(self, obj_id: int, frame: str) -> Float:
+        """(S, 4, 4) the declared symmetries, the identity first."""
+        ...
+
+    def turns_of(self, obj_id: int, frame: str) -> Float:
+        """(N, 4, 4) turns after which the shape nearly looks the same; working them out may take seconds."""
+        ...
 
 
 class MotionRow(Row):
@@ -92,18 +103,18 @@ class Track:
         return f"{self.name} in scene {self.scene_id}: {self.counts.in_words}{where}"
 
 
-def motion_rows(results: Iterable[FrameResult], turns_of: TurnsOf) -> Iterator[MotionRow]:
+def motion_rows(results: Iterable[FrameResult], shapes: Shapes) -> Iterator[MotionRow]:
     """The rows of some frames, in their order; one scene is in memory at a time.
 
     Args:
         results: of the frames, those of a scene in order and together.
-        turns_of: asked only where an object turns by as much as a flip does.
+        shapes: of the objects; turns are asked for only where one turns by as much as a flip does.
     """
     for _, of_scene in groupby(results, lambda result: parse_frame(result.frame)[0]):
         scene = [*of_scene]
         by_frame: dict[str, list[MotionRow]] = {result.frame: [] for result in scene}
         for obj_id, instance_id in _objects(scene):
-            for row in _track_rows(scene, obj_id, instance_id, turns_of):
+            for row in _track_rows(scene, obj_id, instance_id, shapes):
                 by_frame[row.frame].append(row)
         for rows in by_frame.values():
             yield from rows
@@ -123,7 +134,7 @@ def _objects(scene: Sequence[FrameResult]) -> list[tuple[int, int | None]]:
 
 
 def _track_rows(
-    scene: Sequence[FrameResult], obj_id: int, instance_id: int | None, turns_of: TurnsOf
+    scene: Sequence[FrameResult], obj_id: int, instance_id: int | None, shapes: Shapes
 ) -> Iterator[MotionRow]:
     """Of one object, from the first frame on that has it."""
     rows: dict[str, ObjectRow] = {}
@@ -139,9 +150,11 @@ def _track_rows(
             middle_m = middle_m if estimate is None else np.array(estimate.middle_m)
             T = None if estimate is None else _matrix(estimate.T_cam_obj)
             poses.append(PosedFrame(result.frame, T, _matrix(result.T_map_cam), _matrix(result.T_table_cam)))
-    changes = motions(poses, middle_m, NO_TURNS)
+    first = next(iter(rows))
+    symmetries = shapes.symmetries_of(obj_id, first)
+    changes = motions(poses, middle_m, NO_TURNS, symmetries)
     if any(motion.kind == "jump" for motion in changes):
-        changes = motions(poses, middle_m, turns_of(obj_id, next(iter(rows))))
+        changes = motions(poses, middle_m, shapes.turns_of(obj_id, first), symmetries)
     name = next(iter(rows.values())).name
     for motion in changes:
         (scene_id, im_id), row = parse_frame(motion.frame), rows.get(motion.frame)

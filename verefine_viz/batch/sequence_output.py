@@ -15,6 +15,7 @@ from verefine_viz.batch.rows import FrameResult
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.evaluation.pose_motion import NO_SYMMETRY
 from verefine_viz.recording.entities import SEQUENCE_FILE
 from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.source import SceneSource
@@ -38,7 +39,7 @@ class SequenceOutput:
             InputError: the disk refuses.
         """
         results = Journal(self.folder / "frames").results(sorted(frames, key=parse_frame))
-        write_motion(self.folder / MOTION, motion_rows(results, self._turns_of))
+        write_motion(self.folder / MOTION, motion_rows(results, self))
 
     def write_recording(self, title: str) -> None:
         """sequence.rrd, as motion.csv and the journal have it.
@@ -75,8 +76,13 @@ class SequenceOutput:
         row = track.rows[0]
         return self._model(row.obj_id, row.frame)
 
-    def _turns_of(self, obj_id: int, frame: str) -> Float:
-        """Turns after which an object of a frame nearly looks the same; none where its model cannot be read."""
+    def symmetries_of(self, obj_id: int, frame: str) -> Float:
+        """See :class:`Shapes`; none where the model cannot be read."""
+        model = self._model(obj_id, frame)
+        return NO_SYMMETRY if model is None else model.symmetries
+
+    def turns_of(self, obj_id: int, frame: str) -> Float:
+        """See :class:`Shapes`; none where the model cannot be read."""
         from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
 
         if obj_id not in self._turns:

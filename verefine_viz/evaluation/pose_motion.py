@@ -7,7 +7,7 @@ object; relative to the support plane where one was detected, which leaves heigh
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -57,13 +57,20 @@ class Motion:
     """How far the middle is from where the first pose had it, in the world; None where that is unknown."""
 
 
-def motions(poses: Sequence[PosedFrame], middle_m: Float, turns: Float) -> tuple[Motion, ...]:
+NO_SYMMETRY = np.eye(4)[None]
+"""Of an object that has none declared."""
+
+
+def motions(
+    poses: Sequence[PosedFrame], middle_m: Float, turns: Float, symmetries: Float = NO_SYMMETRY
+) -> tuple[Motion, ...]:
     """One per frame.
 
     Args:
         poses: of one object, in order.
         middle_m: (3,) the object's middle in its own frame [m].
         turns: (N, 4, 4) turns of the object's frame after which its shape nearly looks the same; may be empty.
+        symmetries: (S, 4, 4) those that are declared, the identity first: what they do is no motion.
     """
     changes: list[Motion] = []
     first: PosedFrame | None = None
@@ -73,14 +80,24 @@ def motions(poses: Sequence[PosedFrame], middle_m: Float, turns: Float) -> tuple
             changes.append(Motion(now.frame, "no pose"))
             continue
         first = first or now
-        changes.append(_motion(first, before or now, now, middle_m, turns))
+        changes.append(_motion(first, _nearest(before or now, now, symmetries), now, middle_m, turns))
         before = now
     return tuple(changes)
 
 
+def _nearest(before: PosedFrame, now: PosedFrame, symmetries: Float) -> PosedFrame:
+    """The pose before as the symmetry has it that is nearest to the pose now."""
+    if len(symmetries) == 1 or before.T_cam_obj is None or now.T_cam_obj is None:
+        return before
+    T_before, T_now = _in_world(before, now)
+    R_rest = T_now[:3, :3].T @ T_before[:3, :3]
+    best = int(np.argmax(np.einsum("ij,sji->s", R_rest, symmetries[:, :3, :3])))  # The largest trace turns least.
+    return replace(before, T_cam_obj=before.T_cam_obj @ symmetries[best])
+
+
 def _motion(first: PosedFrame, before: PosedFrame, now: PosedFrame, middle_m: Float, turns: Float) -> Motion:
     is_in_world = before.T_map_cam is not None and now.T_map_cam is not None
-    T_before, T_now = (_in_frame(pose.T_map_cam if is_in_world else None, pose) for pose in (before, now))
+    T_before, T_now = _in_world(before, now)
     moved_mm = _apart_mm(T_before, T_now, middle_m)
     turned_deg = _degrees(T_before, T_now)
     kind: Kind = "jump" if turned_deg > JUMP_DEG or moved_mm > JUMP_MM else "moved"
@@ -98,6 +115,13 @@ def _motion(first: PosedFrame, before: PosedFrame, now: PosedFrame, middle_m: Fl
     return Motion(
         now.frame, kind, "world" if is_in_world else "camera", moved_mm, turned_deg, lifted_mm, tilted_deg, drift_mm
     )
+
+
+def _in_world(before: PosedFrame, now: PosedFrame) -> tuple[Float, Float]:
+    """Both poses in the world where both cameras are known, else in the cameras' frames."""
+    if before.T_map_cam is None or now.T_map_cam is None:
+        return _in_frame(None, before), _in_frame(None, now)
+    return _in_frame(before.T_map_cam, before), _in_frame(now.T_map_cam, now)
 
 
 def _in_frame(T_frame_cam: Float | None, pose: PosedFrame) -> Float:

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-import numpy as np
-
 from verefine_viz.batch.motion_table import MOTION, MotionRow, Track, read_tracks
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Target
 from verefine_viz.evaluation.near_symmetry import NearSymmetry, flips
 from verefine_viz.evaluation.pose_motion import Motion, PosedFrame, motions
@@ -62,7 +61,7 @@ def frame_track(
     recorded = source.tracks.get(target.instance.obj_id, ()) if isinstance(source, RecordedSource) else ()
     if len(recorded) < 2:
         return ()
-    changes = _recorded_motions(recorded, tuple(target.model.middle_m.tolist()), near)
+    changes = _recorded_motions(recorded, target.model, near)
     return tuple(
         TrackFrame(motion, scores.get(motion.frame), one.score) for motion, one in zip(changes, recorded, strict=True)
     )
@@ -96,7 +95,7 @@ def _tracks(batch: Path, changed: int) -> tuple[Track, ...]:
 
 @lru_cache(maxsize=8)
 def _recorded_motions(
-    recorded: tuple[RecordedPose, ...], middle_m: tuple[float, ...], near: tuple[NearSymmetry, ...] | None
+    recorded: tuple[RecordedPose, ...], model: ObjectModel, near: tuple[NearSymmetry, ...] | None
 ) -> tuple[Motion, ...]:
     poses = [PosedFrame(one.frame, one.T_cam_obj) for one in recorded]
-    return motions(poses, np.array(middle_m), flips(near or ()))
+    return motions(poses, model.middle_m, flips(near or ()), model.symmetries)
