@@ -186,6 +186,7 @@ def draw_grasps(study: Study, rows: Sequence[dict[str, str | float]], about: str
             axes.set_yticks(ys, [str(r["curve"]) for r in total])
             axes.invert_yaxis()
             axes.set_xlabel("trials [%]")
+            axes.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
         else:
             for c, name in enumerate(dict.fromkeys(str(r["object"]) for r in mine)):
                 line = [r for r in mine if r["object"] == name]
@@ -197,7 +198,7 @@ def draw_grasps(study: Study, rows: Sequence[dict[str, str | float]], about: str
             axes.set_xlabel(panel.x_label)
             axes.set_ylabel("success [%]")
             axes.set_ylim(-3, 103)
+            axes.legend(fontsize=8)
         axes.grid(alpha=0.3)
-        axes.legend(fontsize=8)
     figure.tight_layout()
     return figure
