@@ -304,7 +304,10 @@ class _Batch:
 
     @cached_property
     def _is_sequence(self) -> bool:
-        return self.task != "estimate" and Toolbox(self.session).is_sequence
+        scene = self.session.scene
+        if self.task == "estimate" or scene.sequence or self.session.method.track:
+            return self.task != "estimate"
+        return scene.source in ("trace", "sequence") and self._source.is_sequence
 
     def _write_end(self, status: str, spent_s: float) -> BatchFiles:
         """Writes tables and run.json; what is on the disk then."""

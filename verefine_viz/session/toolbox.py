@@ -103,11 +103,6 @@ class Toolbox:
         return self.source.frames
 
     @property
-    def is_sequence(self) -> bool:
-        """Whether the frames of a scene are in order, as of a video."""
-        return self.source.is_sequence or self.session.method.track
-
-    @property
     def notes(self) -> tuple[str, ...]:
         """Notes on the choice of frames and objects."""
         return (*self.source.notes, *edits_elsewhere(self.session.edits, self.frames))
