@@ -13,6 +13,7 @@ from tests.recording.screenshots import screenshots
 from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.palette import OBJECT_COLORS
+from verefine_viz.recording import rerun_viewer
 from verefine_viz.recording.entities import SEQUENCE_FILE
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recording_file import chunks_of
@@ -58,6 +59,14 @@ def test_it_is_no_recording_of_a_run(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="goes over the frames of a batch") as error:
         read_recording(tmp_path / SEQUENCE_FILE)
     assert "\n" not in str(error.value)
+
+
+def test_replay_opens_it_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_sequence(tmp_path / SEQUENCE_FILE, "Boxes", tracks())
+    started: list[list[str]] = []
+    monkeypatch.setattr(rerun_viewer, "start_viewer", lambda arguments, env: started.append([*arguments]))
+    rerun_viewer.open_viewer(tmp_path / SEQUENCE_FILE, web=False)
+    assert started == [[str(tmp_path / SEQUENCE_FILE)]]
 
 
 @pytest.mark.usefixtures("processes")

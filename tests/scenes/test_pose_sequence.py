@@ -162,6 +162,7 @@ def test_what_is_imported_opens_as_a_data_set_with_the_same_content(tmp_path: Pa
     folder = write_sequence(tmp_path / "mustard")
     assert [*imported(folder, tmp_path / "bop")][1:] == ["0/1 → 1/1", "0/2 → 1/2", "0/3 → 1/3"]
     session = open_session(tmp_path / "bop", {})
+    assert session.scene.sequence
     source, before = open_scene(session.scene, session.hypotheses), source_of(folder)
     for frame, old in (("1/1", "0/1"), ("1/3", "0/3")):
         problem, recorded = source.problem(frame), before.problem(old)
