@@ -71,7 +71,7 @@ def test_moments_are_shown_one_by_one_until_it_is_hidden() -> None:
     shown = d.view().shown_grasp
     assert shown is not None
     assert (shown.by, shown.moment) == ("ground truth", shown.n_moments - 1)
-    assert shown.T_cam_obj is d.view().target.instance.T_cam_obj_gt
+    assert shown.attempt.T_cam_obj is d.view().target.instance.T_cam_obj_gt
     with pytest.raises(InputError, match=r"the grasp has no moment 5000, expected 0 to \d+"):
         d.apply(ShowGrasp(5000))
     assert d.carry_out([ShowGrasp(3), PlayGrasp()]).options.grasp_moment == shown.n_moments - 1

@@ -118,6 +118,7 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> FrameResu
         problem,
         toolbox.verifier_of,
         refiner_of=toolbox.refiner_of,
+        grasps_of=grasping,
     )
     timed = _TimedRecorder(recorder, watch)
     try:

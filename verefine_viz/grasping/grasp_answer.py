@@ -27,6 +27,8 @@ class GraspAttempt:
     """What became of one pose."""
 
     instance_id: int
+    T_cam_obj: Float
+    """(4, 4) the pose that the gripper trusts [m]."""
     verdict: Verdict
     grasps: Grasps
     is_free: NDArray[np.bool_]
@@ -35,6 +37,16 @@ class GraspAttempt:
     """Index of the grasp that was carried out; None: none is free."""
     path: GraspPath | None
     """None where nothing was carried out."""
+
+    @property
+    def kinds(self) -> dict[str, NDArray[np.intp]]:
+        """Indices of the grasps that are blocked, free and not chosen, and chosen."""
+        chosen = np.arange(len(self.is_free)) == self.chosen
+        return {
+            "blocked": np.flatnonzero(~self.is_free),
+            "free": np.flatnonzero(self.is_free & ~chosen),
+            "chosen": np.flatnonzero(chosen),
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,13 +121,13 @@ class GraspScene:
         grasps = self.grasps(instance_id, progress)
         is_free = are_free(T_cam_obj @ grasps.T_obj_gripper, self.around, self._settings)
         if not is_free.any():
-            return GraspAttempt(instance_id, "no collision-free grasp", grasps, is_free, None, None)
+            return GraspAttempt(instance_id, T_cam_obj, "no collision-free grasp", grasps, is_free, None, None)
         com = next(b.collider.com_obj for b in self.bodies if b.instance_id == instance_id)
         pinch = np.array([apply(T, np.array([[0.0, 0.0, PINCH_M]]))[0] for T in grasps.T_obj_gripper])
         away = np.where(is_free, np.linalg.norm(pinch - com, axis=1), np.inf)
         chosen = int(np.argmin(away))
         path = self.carry_out(instance_id, T_cam_obj @ grasps.T_obj_gripper[chosen], progress=progress)
-        return GraspAttempt(instance_id, path.verdict, grasps, is_free, chosen, path)
+        return GraspAttempt(instance_id, T_cam_obj, path.verdict, grasps, is_free, chosen, path)
 
     def carry_out(
         self,

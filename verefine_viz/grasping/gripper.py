@@ -40,6 +40,12 @@ class Box:
         """(8, 3)."""
         return np.array(np.meshgrid(*zip(self.low, self.high, strict=True), indexing="ij")).reshape(3, -1).T
 
+    @property
+    def faces(self) -> NDArray[np.int32]:
+        """(12, 3) triangles of the corners."""
+        quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+        return np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], np.int32)
+
     def swept(self, back_m: float) -> Box:
         """The space it takes as it comes from ``back_m`` behind along z."""
         x, y, z = self.low
@@ -66,6 +72,14 @@ def finger(gap_m: float, side: int) -> Box:
 def boxes(gap_m: float) -> tuple[Box, Box, Box]:
     """Palm and fingers."""
     return palm(), finger(gap_m, -1), finger(gap_m, 1)
+
+
+def fork(gap_m: float) -> Float:
+    """The gripper as lines to draw, (4, 2, 3) their ends [m]: stem, bar, two fingers."""
+    y = gap_m / 2
+    stem, bar = [0.0, 0.0, PALM_FRONT_M - PALM_M[2] / 2], [0.0, 0.0, PALM_FRONT_M]
+    left, right = [[0.0, -y, PALM_FRONT_M], [0.0, -y, TIP_M]], [[0.0, y, PALM_FRONT_M], [0.0, y, TIP_M]]
+    return np.array([[stem, bar], [left[0], right[0]], left, right])
 
 
 def is_blocked(T_grasps: Float, points: Float, gap_m: float, back_m: float) -> NDArray[np.bool_]:

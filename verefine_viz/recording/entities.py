@@ -48,6 +48,10 @@ GRAPH_OBJECTS = f"{GRAPH}/objects"
 EVIDENCE = f"{GRAPH}/evidence"
 TREE = "/tree"
 LANDSCAPE = "/landscape"
+GRASP = "/grasp"
+GRASP_TIMELINE = "grasp"
+"""In seconds; one object's grasp after the other."""
+GRASP_ENDS = f"{GRASP}/how_they_end"
 
 WORKED_ON = ("current", "simulated", "mixed", "refined")
 """Poses of the object being worked on that are drawn, in this order; where flips compete, "flipped" as well."""
@@ -99,6 +103,11 @@ def simulated_path(branch_name: str) -> str:
 def curve(group: str, branch_name: str) -> str:
     """One group of an object's curves."""
     return f"{CURVES}/{group}/{branch_name}"
+
+
+def grasp_side(side: str) -> str:
+    """The simulated scene in which objects are grasped by their answers, or by their ground truth."""
+    return f"{GRASP}/{side}"
 
 
 def landscape(branch_name: str, axis: int) -> str:

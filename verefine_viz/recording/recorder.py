@@ -22,10 +22,12 @@ from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.landscape import Landscape, landscape
 from verefine_viz.evaluation.pose_errors import add_s_mm
+from verefine_viz.grasping.answer_grasps import AnswerGrasps
 from verefine_viz.recording.background import log_background
 from verefine_viz.recording.drawn_iterations import Drawing
 from verefine_viz.recording.entities import branch
 from verefine_viz.recording.graphs import log_dependencies
+from verefine_viz.recording.grasps import log_grasps
 from verefine_viz.recording.landscapes import log_landscape
 from verefine_viz.recording.lossless_log import Entry, Journal
 from verefine_viz.recording.maps import SCENE_TILE_PX, Maps, PendingMaps, log_colors, send_refiner_steps
@@ -70,6 +72,7 @@ class Recorder:
         verifier_of: Callable[[int], Verifier] | None = None,
         block: int = BLOCK,
         refiner_of: Callable[[int], Refiner | None] | None = None,
+        grasps_of: Callable[[RunState], AnswerGrasps | None] | None = None,
     ) -> None:
         """Nothing is written before :meth:`on_start`.
 
@@ -80,12 +83,15 @@ class Recorder:
             verifier_of: what scored iteration k, to make its score maps; None = no maps, whatever the session says.
             block: iterations drawn together, with score maps at most 10.
             refiner_of: what refined in iteration k, to draw beside the maps what a learned one saw; None = not drawn.
+            grasps_of: what became of the answers of a finished run in the gripper; None = not drawn.
         """
         self._path = path
         self._session = session
         self._problem = problem
         self._verifier_of = verifier_of if session.recording.maps else None
         self._refiner_of = refiner_of
+        self._grasps_of = grasps_of
+        self._has_grasps = False
         self._block = block if self._verifier_of is None else min(block, BLOCK_WITH_MAPS)
         self._file: RecordingFile | None = None
         self._pending: list[Entry] = []
@@ -144,7 +150,9 @@ class Recorder:
             self._file.flush()
 
     def on_finish(self, state: RunState) -> None:
-        """Adds the score around the answers where score maps are recorded, completes the file and gives it its name."""
+        """Adds the score around the answers where score maps are recorded, and their grasps; completes the file and
+        gives it its name.
+        """
         if self._file is not None and self._verifier_of is not None:
             verifier = self._verifier_of(self._n_drawn + len(self._pending))
             for target, best in zip(state.problem.targets, state.best, strict=True):
@@ -152,6 +160,10 @@ class Recorder:
                     around = landscape(verifier, target, best.T_cam_obj)
                     self.landscapes[target.instance.instance_id] = around
                     log_landscape(self._file, branch(target.instance, self._problem), around)
+        grasps = self._grasps_of(state) if self._file is not None and self._grasps_of is not None else None
+        if self._file is not None and grasps is not None and grasps.pairs:
+            self._has_grasps = True
+            log_grasps(self._file, self._problem, self._layout, grasps, self._session.grasp.opening_m)
         self.close()
 
     def close(self) -> None:
@@ -167,7 +179,9 @@ class Recorder:
             self._draw(file)
             # Last: where a file is truncated, its iterations matter more.
             file.send_blueprint(
-                blueprint_of(self._layout, self._verifier_of is not None, self._has_colour, self._has_refiner)
+                blueprint_of(
+                    self._layout, self._verifier_of is not None, self._has_colour, self._has_refiner, self._has_grasps
+                )
             )
             file.close(self._n_drawn)
             # The journal is not needed any more.

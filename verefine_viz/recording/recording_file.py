@@ -49,6 +49,8 @@ class RecordingFile:
         self._path = path
         self._error: OSError | None = None
         self._stream = rr.RecordingStream(entities.APPLICATION, send_properties=False)
+        # The same run makes the same recording.
+        self._stream.set_log_time_enabled(False)
         self._encoded = self._stream.binary_stream()
         try:
             self._file = path.open("wb", buffering=0)
@@ -80,6 +82,17 @@ class RecordingFile:
     ) -> None:
         """One row of ``entity`` for each of the iterations, or whatever the timeline counts."""
         times = rr.TimeColumn(timeline, sequence=iterations)
+        self._stream.send_columns(entity, [times], [c for some in columns for c in some], strict=True)
+
+    def log_at(self, seconds: float, entity: str, *archetypes: rr.AsComponents) -> None:
+        """What is so from a moment of the grasps on."""
+        self._stream.set_time(entities.GRASP_TIMELINE, duration=seconds)
+        self._stream.log(entity, *archetypes, strict=True)
+        self._stream.reset_time()
+
+    def send_moments(self, entity: str, seconds: Sequence[float], *columns: Iterable[rr.ComponentColumn]) -> None:
+        """One row of ``entity`` for each of some moments of the grasps."""
+        times = rr.TimeColumn(entities.GRASP_TIMELINE, duration=seconds)
         self._stream.send_columns(entity, [times], [c for some in columns for c in some], strict=True)
 
     def send_chunks(self, chunks: Sequence[Chunk]) -> None:

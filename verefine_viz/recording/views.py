@@ -8,6 +8,7 @@ from typing import Any
 import rerun.blueprint as rrb
 
 from verefine_viz.recording import entities
+from verefine_viz.recording.grasps import grasp_tab
 from verefine_viz.recording.landscapes import landscape_tab
 from verefine_viz.recording.maps import OBSERVED
 from verefine_viz.recording.recorded_layout import Layout
@@ -46,7 +47,9 @@ PER_OBJECT = ("score", "ucb", "error", "physics")
 DARK = (24, 26, 30)
 
 
-def blueprint_of(layout: Layout, has_maps: bool, has_colour: bool = False, has_refiner: bool = False) -> rrb.Blueprint:
+def blueprint_of(
+    layout: Layout, has_maps: bool, has_colour: bool = False, has_refiner: bool = False, has_grasps: bool = False
+) -> rrb.Blueprint:
     """The whole window: an overview, and a tab for each thing that only several objects have."""
     below = _curves(layout)
     overview = rrb.Vertical(
@@ -61,6 +64,7 @@ def blueprint_of(layout: Layout, has_maps: bool, has_colour: bool = False, has_r
         name="Scene" if layout.is_scene else "Object",
     )
     tabs = [overview, *_scene_tabs(layout), *([landscape_tab(layout)] if has_maps else [])]
+    tabs += [grasp_tab(layout)] if has_grasps else []
     return rrb.Blueprint(
         rrb.Tabs(*tabs) if len(tabs) > 1 else overview,
         rrb.BlueprintPanel(state="collapsed"),

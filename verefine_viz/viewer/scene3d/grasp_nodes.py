@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 import viser
@@ -11,7 +10,7 @@ import viser
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.palette import GRASP_COLORS, RGB, STAGE_COLORS
-from verefine_viz.grasping.gripper import FINGER_M, PALM_FRONT_M, PALM_M, TIP_M, palm
+from verefine_viz.grasping.gripper import finger, fork, palm
 from verefine_viz.viewer.scene3d.object_nodes import muted
 from verefine_viz.viewer.scene3d.pose_nodes import add_mesh, add_wireframe, display_mesh, outline_of, place
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
@@ -59,13 +58,12 @@ class GraspNodes:
 
     def _make(self, snapshot: Snapshot) -> None:
         self._made = True
-        low, high = palm().low, palm().high
-        self._palm = add_mesh(self._scene, "/world/grasp/palm", _box(low, high), GRIPPER_COLOR)
-        self._fingers = {
-            side: add_mesh(self._scene, f"/world/grasp/finger_{'left' if side < 0 else 'right'}", _finger(side),
-                           GRIPPER_COLOR)
-            for side in (-1, 1)
-        }  # fmt: skip
+        self._palm = add_mesh(self._scene, "/world/grasp/palm", (palm().corners, palm().faces), GRIPPER_COLOR)
+        self._fingers: dict[int, viser.MeshHandle] = {}
+        for side, name in ((-1, "left"), (1, "right")):
+            box = finger(0.0, side)
+            mesh = (box.corners, box.faces)
+            self._fingers[side] = add_mesh(self._scene, f"/world/grasp/{name}", mesh, GRIPPER_COLOR)
         self._objects = {
             o.instance_id: add_mesh(
                 self._scene, f"/world/grasp/object_{o.instance_id}", display_mesh(o.target.model), muted(o.color)
@@ -95,10 +93,12 @@ class GraspNodes:
             for node in self._forks.values():
                 node.remove()
             self._forks, self._drawn = {}, shown
-            Ts = self._T_world_cam @ shown.T_cam_obj @ shown.attempt.grasps.T_obj_gripper
-            for kind, indices in kinds_of(shown).items():
+            Ts = self._T_world_cam @ shown.attempt.T_cam_obj @ shown.attempt.grasps.T_obj_gripper
+            for kind, indices in shown.attempt.kinds.items():
                 if len(indices):
-                    segments = np.concatenate([apply(T, fork(gap_m)).reshape(-1, 2, 3) for T in Ts[indices]])
+                    segments = np.concatenate(
+                        [apply(T, fork(gap_m).reshape(-1, 3)).reshape(-1, 2, 3) for T in Ts[indices]]
+                    )
                     self._forks[kind] = add_wireframe(
                         self._scene, f"/world/grasp/{kind}", segments.astype(np.float32), GRASP_COLORS[kind],
                         WIDTH_PX[kind],
@@ -119,7 +119,7 @@ class GraspNodes:
             name = f"/cam/grasp_estimate/{len(self._estimates)}"
             self._estimates[own, color] = add_wireframe(self._scene, name, outline_of(model), color, 1.6)
         node = self._estimates[own, color]
-        place(node, shown.T_cam_obj)
+        place(node, shown.attempt.T_cam_obj)
         node.visible = True
 
     def _draw_contacts(self, shown: ShownGrasp | None) -> None:
@@ -132,38 +132,6 @@ class GraspNodes:
                 "/world/grasp/contacts", np.array(points, np.float32), CONTACT_COLOR, precision="float32",
                 point_size=0.005, point_shape="circle", point_shading="flat",
             )  # fmt: skip
-
-
-def kinds_of(shown: ShownGrasp) -> dict[str, np.ndarray]:
-    """Indices of the grasps that are blocked, free, and chosen."""
-    is_free, chosen = shown.attempt.is_free, shown.attempt.chosen
-    others = np.arange(len(is_free)) != (-1 if chosen is None else chosen)
-    return {
-        "blocked": np.flatnonzero(~is_free),
-        "free": np.flatnonzero(is_free & others),
-        "chosen": np.array([] if chosen is None else [chosen], np.intp),
-    }
-
-
-def fork(gap_m: float) -> Float:
-    """A gripper as four lines, (8, 3) their ends [m]: stem, bar, two fingers."""
-    y = gap_m / 2
-    corners = np.array([[0.0, -y, TIP_M], [0.0, -y, PALM_FRONT_M], [0.0, y, PALM_FRONT_M], [0.0, y, TIP_M]])
-    stem = np.array([[0.0, 0.0, PALM_FRONT_M - PALM_M[2] / 2], [0.0, 0.0, PALM_FRONT_M]])
-    return np.concatenate([stem, *(np.array(two) for two in pairwise(corners))])
-
-
-def _finger(side: int) -> tuple[Float, np.ndarray]:
-    """A finger of closed fingers."""
-    x, y = FINGER_M
-    low, high = sorted((0.0, side * y))
-    return _box((-x / 2, low, PALM_FRONT_M), (x / 2, high, TIP_M))
-
-
-def _box(low: tuple[float, ...], high: tuple[float, ...]) -> tuple[Float, np.ndarray]:
-    corners = np.array(np.meshgrid(*zip(low, high, strict=True), indexing="ij")).reshape(3, -1).T
-    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-    return corners, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], np.int32)
 
 
 def _moved(T: Float, by_m: list[float]) -> Float:

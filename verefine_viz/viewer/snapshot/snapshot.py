@@ -232,8 +232,7 @@ class Snapshot:
     @cached_property
     def shown_grasp(self) -> ShownGrasp | None:
         """The grasp that is drawn in 3D."""
-        options, T_gt = self.options, self.target.instance.T_cam_obj_gt
-        return shown_grasp(self.grasp, options.grasp_by, self.T_cam_obj_grasped, T_gt, options.grasp_moment)
+        return shown_grasp(self.grasp, self.options.grasp_by, self.options.grasp_moment)
 
     @property
     def has_plausibility(self) -> bool:

@@ -84,8 +84,6 @@ class ShownGrasp:
 
     by: GraspedBy
     attempt: GraspAttempt
-    T_cam_obj: Float
-    """(4, 4) the pose that the gripper trusts."""
     moment: int
     """Of ``attempt.path``, from 0; 0 where no grasp was free."""
 
@@ -101,14 +99,11 @@ class ShownGrasp:
 
     def at(self, moment: int) -> ShownGrasp:
         """The same at another moment; beyond its end at its last."""
-        return ShownGrasp(self.by, self.attempt, self.T_cam_obj, int(np.clip(moment, 0, self.n_moments - 1)))
+        return ShownGrasp(self.by, self.attempt, int(np.clip(moment, 0, self.n_moments - 1)))
 
 
-def shown_grasp(
-    pair: GraspPair | None, by: GraspedBy, T_cam_obj: Float | None, T_gt: Float | None, moment: int | None
-) -> ShownGrasp | None:
+def shown_grasp(pair: GraspPair | None, by: GraspedBy, moment: int | None) -> ShownGrasp | None:
     """What of a pair is drawn; None where nothing is."""
-    T = T_cam_obj if by == "pose" else T_gt
-    if pair is None or T is None or moment is None:
+    if pair is None or moment is None:
         return None
-    return ShownGrasp(by, pair.answer if by == "pose" else pair.ground_truth, T, 0).at(moment)
+    return ShownGrasp(by, pair.answer if by == "pose" else pair.ground_truth, 0).at(moment)
