@@ -65,7 +65,7 @@ def log_grasps(file: RecordingFile, problem: Problem, layout: Layout, grasps: An
                 _log_path(file, layout, origin, attempt.path, start_s)
         ends = pair.answer.verdict, pair.ground_truth.verdict
         table.append(f"| {name} | {int(pair.answer.is_free.sum())} | {ends[0]} | {ends[1]} |")
-        n_moments = max(1, *(a.path.n_moments for _, a in _sides(pair) if a.path is not None))
+        n_moments = max([1, *(a.path.n_moments for _, a in _sides(pair) if a.path is not None)])
         start_s += n_moments * MOMENT_S + PAUSE_S
     file.log(entities.GRASP_ENDS, rr.TextDocument("\n".join(table), media_type=rr.MediaType.MARKDOWN))
 
