@@ -11,7 +11,6 @@ from tests.fakes import FakeVerifier, box_problem
 from tests.recording.runs import new_run, session
 from verefine_viz.grasping.answer_grasps import AnswerGrasps, answer_grasps
 from verefine_viz.recording import entities
-from verefine_viz.recording.grasps import MOMENT_S
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
@@ -50,14 +49,11 @@ def test_gripper_objects_contacts_and_outcome_are_recorded(tmp_path: Path) -> No
         # A row with the mesh, and one per moment.
         assert rows[f"{origin}/gripper/palm"] == rows[f"{origin}/objects/1_box"] == 1 + path.n_moments
         assert rows[f"{origin}/contacts"] == path.n_moments
-        assert rows[f"{origin}/stage"] == len(set(path.stages))
         assert rows[f"{origin}/end"] == 1
         assert rows[f"{origin}/grasps"] == 2, "until the gripper closes"
+    assert rows[f"{entities.GRASP}/stage"] == len(set(path.stages))
     said = next(c for c in mine if c.entity_path == entities.GRASP_ENDS)
     assert f"| 0_box | {pair.answer.is_free.sum()} | success | success |" in str(said.to_record_batch().to_pylist())
-    seconds = [c for c in mine if c.entity_path.endswith("answer/gripper/left") and c.num_rows > 1]
-    assert len(seconds) == 1
-    assert path.n_moments * MOMENT_S == pytest.approx(3.9, abs=0.3)
 
 
 def test_a_run_is_recorded_as_without_grasps(tmp_path: Path) -> None:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.viewer.fake_tools import DRAGGED, FakeTools
 from verefine_viz.core.errors import Cancelled, InputError
 from verefine_viz.core.progress_token import ProgressToken
-from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.core.settings import MethodSettings, RecordingSettings, Session
+from verefine_viz.recording import entities
+from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.grasp_picture import grasp_picture, moment_table
+from verefine_viz.viewer.export import Exporter
 from verefine_viz.viewer.grasp_commands import PlayGrasp, ShowGrasp, TryGrasp
 from verefine_viz.viewer.panels.grasp_panel import ends_html
 from verefine_viz.viewer.state.grasp_trials import GraspTrials
@@ -118,6 +123,21 @@ def test_a_cancelled_grasp_leaves_everything_as_it_was() -> None:
         d.apply(TryGrasp())
     assert d.options == before
     assert d.view().grasp is None
+
+
+@pytest.mark.parametrize(("answers", "tried", "n_grasped"), [(False, [], 0), (False, [TryGrasp()], 1), (True, [], 2)])
+def test_an_exported_recording_holds_the_grasps(
+    tmp_path: Path, answers: bool, tried: list[c.Command], n_grasped: int
+) -> None:
+    grasp, recording = SESSION.grasp.model_copy(update={"answers": answers}), RecordingSettings(maps=False)
+    session = SESSION.model_copy(update={"grasp": grasp, "recording": recording})
+    server: Any = None  # Nobody asks for the file.
+    d = Debugger(session, None, FakeTools, write=Exporter(server, tmp_path))
+    d.carry_out([c.OpenFrame("0/2"), c.RunUntil("end"), *tried, c.Export("recording")])
+    tables = [chunk for chunk in chunks_of(d.written[-1].path) if chunk.entity_path == entities.GRASP_ENDS]
+    assert len(tables) == min(n_grasped, 1)
+    for table in tables:
+        assert str(table.to_record_batch().to_pylist()).count("_box |") == n_grasped
 
 
 def test_the_log_repeats_it() -> None:

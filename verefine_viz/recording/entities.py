@@ -50,7 +50,7 @@ TREE = "/tree"
 LANDSCAPE = "/landscape"
 GRASP = "/grasp"
 GRASP_TIMELINE = "grasp"
-"""In seconds; one object's grasp after the other."""
+"""In moments, 30 a second; one object's grasp after the other."""
 GRASP_ENDS = f"{GRASP}/how_they_end"
 
 WORKED_ON = ("current", "simulated", "mixed", "refined")

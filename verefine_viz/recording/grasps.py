@@ -4,6 +4,7 @@ and by the ground truth on the other, with gripper, objects and contacts, and ho
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -25,14 +26,12 @@ from verefine_viz.recording.recording_file import RecordingFile
 
 SIDES = {"answer": "By the answer", "ground_truth": "By the ground truth"}
 """Name of the entity, title of the view."""
-MOMENT_S, PAUSE_S = 1 / 30, 0.7
-"""Between two moments of a grasp, and between two grasps [s]."""
+PAUSE = 20
+"""Moments between two grasps."""
 GRIPPER_COLOR = (205, 210, 218, 255)
 CONTACT_COLOR = (255, 40, 40)
 LINE_M = {"blocked": 0.0004, "free": 0.0008, "chosen": 0.0018}
 DARK = (24, 26, 30)
-Words = list[tuple[float, str, str]]
-"""When [s], which side, what."""
 
 
 def log_grasps(file: RecordingFile, problem: Problem, layout: Layout, grasps: AnswerGrasps, opening_m: float) -> None:
@@ -48,7 +47,7 @@ def log_grasps(file: RecordingFile, problem: Problem, layout: Layout, grasps: An
     T_world_cam = world_from_camera(problem.observation)
     for side in SIDES:
         _log_meshes(file, problem, layout, entities.grasp_side(side))
-    start_s, table = 0.0, ["| object | grasps free | by the answer | by the ground truth |", "|---|---|---|---|"]
+    start, table = 0, ["| object | grasps free | by the answer | by the ground truth |", "|---|---|---|---|"]
     for target in problem.targets:
         instance_id, T_gt = target.instance.instance_id, target.instance.T_cam_obj_gt
         pair = grasps.pairs.get(instance_id)
@@ -59,14 +58,21 @@ def log_grasps(file: RecordingFile, problem: Problem, layout: Layout, grasps: An
             origin = entities.grasp_side(side)
             n_free, n = int(attempt.is_free.sum()), len(attempt.is_free)
             words = f"**{name}: {attempt.verdict}** ({n_free} of {n} {attempt.grasps.source} grasps free)"
-            file.log_at(start_s, f"{origin}/end", rr.TextDocument(words, media_type=rr.MediaType.MARKDOWN))
-            _log_choice(file, origin, attempt, T_world_cam @ attempt.T_cam_obj, opening_m, start_s)
+            file.log_at(
+                entities.GRASP_TIMELINE,
+                start,
+                f"{origin}/end",
+                rr.TextDocument(words, media_type=rr.MediaType.MARKDOWN),
+            )
+            _log_choice(file, origin, attempt, T_world_cam @ attempt.T_cam_obj, opening_m, start)
             if attempt.path is not None:
-                _log_path(file, layout, origin, attempt.path, start_s)
+                _log_path(file, layout, origin, attempt.path, start)
+        if pair.answer.path is not None:
+            _log_stages(file, name, pair.answer.path, start)
         ends = pair.answer.verdict, pair.ground_truth.verdict
         table.append(f"| {name} | {int(pair.answer.is_free.sum())} | {ends[0]} | {ends[1]} |")
         n_moments = max([1, *(a.path.n_moments for _, a in _sides(pair) if a.path is not None)])
-        start_s += n_moments * MOMENT_S + PAUSE_S
+        start += n_moments + PAUSE
     file.log(entities.GRASP_ENDS, rr.TextDocument("\n".join(table), media_type=rr.MediaType.MARKDOWN))
 
 
@@ -79,9 +85,9 @@ def _log_meshes(file: RecordingFile, problem: Problem, layout: Layout, origin: s
     for k, target in enumerate(problem.targets):
         name = layout.branch(target.instance.instance_id).name
         mesh = drawn_mesh(target.model, DRAWN_FACES_IN_SCENE, OBJECT_COLORS[k % len(OBJECT_COLORS)], 255)
-        file.log_at(0.0, f"{origin}/objects/{name}", mesh)
+        file.log_at(entities.GRASP_TIMELINE, 0, f"{origin}/objects/{name}", mesh)
     for part, box in (("palm", palm()), ("left", finger(0.0, -1)), ("right", finger(0.0, 1))):
-        file.log_at(0.0, f"{origin}/gripper/{part}", _box_mesh(box))
+        file.log_at(entities.GRASP_TIMELINE, 0, f"{origin}/gripper/{part}", _box_mesh(box))
 
 
 def _box_mesh(box: Box) -> rr.Mesh3D:
@@ -97,7 +103,7 @@ def _box_mesh(box: Box) -> rr.Mesh3D:
 
 
 def _log_choice(
-    file: RecordingFile, origin: str, attempt: GraspAttempt, T_world_obj: Float, opening_m: float, start_s: float
+    file: RecordingFile, origin: str, attempt: GraspAttempt, T_world_obj: Float, opening_m: float, start: int
 ) -> None:
     """The grasps to choose from, until the gripper closes."""
     lines, colors, radii = [], [], []
@@ -106,31 +112,37 @@ def _log_choice(
             lines += list(apply(T, fork(opening_m).reshape(-1, 3)).reshape(-1, 2, 3))
             colors += [GRASP_COLORS[kind]] * len(fork(opening_m))
             radii += [LINE_M[kind]] * len(fork(opening_m))
-    file.log_at(start_s, f"{origin}/grasps", rr.LineStrips3D(lines, colors=colors, radii=radii))
+    file.log_at(entities.GRASP_TIMELINE, start, f"{origin}/grasps", rr.LineStrips3D(lines, colors=colors, radii=radii))
     stages = () if attempt.path is None else attempt.path.stages
     if "close" in stages:
-        file.log_at(start_s + MOMENT_S * stages.index("close"), f"{origin}/grasps", rr.LineStrips3D([]))
+        closes = start + stages.index("close")
+        file.log_at(entities.GRASP_TIMELINE, closes, f"{origin}/grasps", rr.LineStrips3D([]))
 
 
-def _log_path(file: RecordingFile, layout: Layout, origin: str, path: GraspPath, start_s: float) -> None:
-    seconds = start_s + MOMENT_S * np.arange(path.n_moments)
+def _log_path(file: RecordingFile, layout: Layout, origin: str, path: GraspPath, start: int) -> None:
+    moments = range(start, start + path.n_moments)
     for instance_id, Ts in path.Ts_world_obj.items():
-        _send_poses(file, f"{origin}/objects/{layout.branch(instance_id).name}", seconds, Ts)
-    _send_poses(file, f"{origin}/gripper/palm", seconds, path.Ts_world_gripper)
+        _send_poses(file, f"{origin}/objects/{layout.branch(instance_id).name}", moments, Ts)
+    _send_poses(file, f"{origin}/gripper/palm", moments, path.Ts_world_gripper)
     for side, name in ((-1, "left"), (1, "right")):
         apart = np.array([transform(np.eye(3), [0.0, side * gap_m / 2, 0.0]) for gap_m in path.gaps_m])
-        _send_poses(file, f"{origin}/gripper/{name}", seconds, path.Ts_world_gripper @ apart)
-    for at, contacts in zip(seconds, path.contacts, strict=True):
-        points = [contact.point_world for contact in contacts]
-        file.log_at(float(at), f"{origin}/contacts", rr.Points3D(points, colors=CONTACT_COLOR, radii=0.003))
+        _send_poses(file, f"{origin}/gripper/{name}", moments, path.Ts_world_gripper @ apart)
+    for moment, contacts in zip(moments, path.contacts, strict=True):
+        points = rr.Points3D([contact.point_world for contact in contacts], colors=CONTACT_COLOR, radii=0.003)
+        file.log_at(entities.GRASP_TIMELINE, moment, f"{origin}/contacts", points)
+
+
+def _log_stages(file: RecordingFile, name: str, path: GraspPath, start: int) -> None:
+    """When each stage begins, for all that move in step: a collision ends a grasp early."""
     firsts = [0, *(k for k, (before, now) in enumerate(pairwise(path.stages), start=1) if now != before)]
     for k in firsts:
-        file.log_at(float(seconds[k]), f"{origin}/stage", rr.TextLog(path.stages[k]))
+        words = rr.TextLog(f"{name}: {path.stages[k]}")
+        file.log_at(entities.GRASP_TIMELINE, start + k, f"{entities.GRASP}/stage", words)
 
 
-def _send_poses(file: RecordingFile, entity: str, seconds: Float, Ts: Float) -> None:
+def _send_poses(file: RecordingFile, entity: str, moments: Sequence[int], Ts: Float) -> None:
     columns = rr.Transform3D.columns(translation=Ts[:, :3, 3], mat3x3=Ts[:, :3, :3])
-    file.send_moments(entity, seconds.tolist(), columns)
+    file.send(entity, moments, columns, timeline=entities.GRASP_TIMELINE)
 
 
 def grasp_tab(layout: Layout) -> rrb.Container:
@@ -150,7 +162,8 @@ def grasp_tab(layout: Layout) -> rrb.Container:
         )
         for side, title in SIDES.items()
     ]
-    stages = rrb.TextLogView(origin=entities.GRASP, name="Stages")
+    columns = rrb.archetypes.TextLogColumns(text_log_columns=["Body"])
+    stages = rrb.TextLogView(origin=f"{entities.GRASP}/stage", name="Stages by the answer", columns=columns)
     ends = rrb.TextDocumentView(origin=entities.GRASP_ENDS, name="How grasps end")
-    below = rrb.Horizontal(ends, stages)
+    below = rrb.Horizontal(ends, stages, column_shares=[3, 2])
     return rrb.Vertical(rrb.Horizontal(*sides), below, row_shares=[3, 1], name="Grasps (timeline: grasp)")

@@ -84,16 +84,11 @@ class RecordingFile:
         times = rr.TimeColumn(timeline, sequence=iterations)
         self._stream.send_columns(entity, [times], [c for some in columns for c in some], strict=True)
 
-    def log_at(self, seconds: float, entity: str, *archetypes: rr.AsComponents) -> None:
-        """What is so from a moment of the grasps on."""
-        self._stream.set_time(entities.GRASP_TIMELINE, duration=seconds)
+    def log_at(self, timeline: str, moment: int, entity: str, *archetypes: rr.AsComponents) -> None:
+        """What is so from a place of another timeline on."""
+        self._stream.set_time(timeline, sequence=moment)
         self._stream.log(entity, *archetypes, strict=True)
         self._stream.reset_time()
-
-    def send_moments(self, entity: str, seconds: Sequence[float], *columns: Iterable[rr.ComponentColumn]) -> None:
-        """One row of ``entity`` for each of some moments of the grasps."""
-        times = rr.TimeColumn(entities.GRASP_TIMELINE, duration=seconds)
-        self._stream.send_columns(entity, [times], [c for some in columns for c in some], strict=True)
 
     def send_chunks(self, chunks: Sequence[Chunk]) -> None:
         """What was read from another recording."""

@@ -116,6 +116,9 @@ class Exporter:
             lambda k: branch.evaluator_of(k).verifier,
             block=1,
             refiner_of=lambda k: run.method_of(k).refiner,
+            grasps_of=lambda final: state.grasps.of_answers(
+                run.problem, branch.settings.grasp, [best and best.T_cam_obj for best in final.best]
+            ),
         )
         try:
             # A fork at the end shows its watchers the whole history and changes nothing.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,11 +11,13 @@ import numpy as np
 
 from verefine_viz.core.algorithm_settings import GraspSettings
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.viewer.grasp_commands import GraspedBy
 
 if TYPE_CHECKING:
+    from verefine_viz.grasping.answer_grasps import AnswerGrasps
     from verefine_viz.grasping.grasp_answer import GraspAttempt, GraspPair, GraspScene
 
 _CACHED = 60
@@ -64,6 +67,31 @@ class GraspTrials:
 
         pair = [self._attempts.get((instance_id, T.tobytes())) for T in (T_cam_obj, T_gt)]
         return GraspPair(pair[0], pair[1]) if pair[0] is not None and pair[1] is not None else None
+
+    def of_answers(self, problem: Problem, settings: GraspSettings, poses: Sequence[Float | None]) -> AnswerGrasps:
+        """The grasps of a finished run's answers: those that are known, and all where the session asks for them.
+
+        Args:
+            problem: the frame.
+            settings: of the session.
+            poses: the answers T_cam_obj (4, 4) in the order of the objects; None = no answer.
+
+        Raises:
+            Cancelled: it is no longer wanted.
+        """
+        from verefine_viz.grasping.answer_grasps import AnswerGrasps
+
+        pairs: dict[int, GraspPair] = {}
+        ask = self.carry_out if settings.answers else self.known
+        for instance, T_cam_obj in zip(problem.instances, poses, strict=True):
+            if T_cam_obj is not None:
+                try:
+                    pair = ask(problem, settings, instance.instance_id, T_cam_obj)
+                except InputError as error:
+                    return AnswerGrasps(notes=(f"no grasps: {error}",))
+                if pair is not None:
+                    pairs[instance.instance_id] = pair
+        return AnswerGrasps(pairs)
 
     def _is_of(self, problem: Problem, settings: GraspSettings) -> bool:
         return self._scene is not None and self._scene[0] is problem and self._scene[1] == settings
