@@ -12,7 +12,8 @@ from verefine_viz.viewer import commands as c
 _FIGURES_SEEN = """n => {
     const strip = document.querySelector('[data-floating-window]:has(.strip)').getBoundingClientRect();
     const figures = [...document.querySelectorAll('.vz .refiner figure')].map(f => f.getBoundingClientRect());
-    return figures.length === n && figures.every(b => b.width && b.right <= strip.right && b.bottom <= strip.bottom); }"""
+    return figures.length === n
+        && figures.every(b => b.width && b.right <= strip.right && b.bottom <= strip.bottom); }"""
 
 
 @pytest.mark.parametrize(("refiner", "n_figures"), [("depth_net_icp", 4), ("densefusion", 2)])

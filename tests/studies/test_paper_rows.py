@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from verefine_viz.session.files import load_session
-from verefine_viz.studies.paper_tables import ROWS, missing_rows, tables
+from verefine_viz.studies.paper_tables import PAPER_AR, ROWS, missing_rows, tables
 
 
 def test_built_in_scenes_make_none_of_the_papers_rows_and_each_reason_names_the_data_set() -> None:
@@ -45,3 +45,18 @@ def test_a_sessions_own_refiner_gets_rows_as_well() -> None:
         "DF-R, 2", "DF-R + PIR, 2", "DF-R + SIR, 2", "DF-R + RIR, 2", "DF-R + VF_b, 2", "DF-R + VF_d, 2",
     ]  # fmt: skip
     assert len(more) == 12
+
+
+def test_the_papers_numbers_stand_beside_rows_that_there_are() -> None:
+    labels = {curve.label for curve in tables(refiner="densefusion").panels[0].curves}
+    assert labels >= PAPER_AR.keys()
+    methods = Path(__file__).parents[2] / "docs" / "methods.md"
+    numbers = methods.read_text(encoding="utf-8").partition("### 8.3")[2].partition("### 8.4")[0]
+    for text in PAPER_AR.values():
+        assert all(number == "-" or number in numbers for number in text.split(" / "))
+
+
+def test_an_estimators_first_pose_is_a_row_of_its_own() -> None:
+    for own in (False, True):
+        labels = [curve.label for curve in tables(own_initial_poses=own).panels[0].curves]
+        assert ("first initial pose" in labels) == own

@@ -25,6 +25,8 @@ FEWEST = 6
 """Pairs that a verdict needs: five of pure chance all have the same sign once in 16 times, and a bootstrap of them
 would then be sure."""
 WIDTH_IN, HEIGHT_IN = 6.4, 5.6
+BAR_IN = 0.17
+"""Of a table's row [in]."""
 DPI = 150
 BELOW_PT = -42
 """Where the text below a diagram begins, under the label of its x axis [pt]."""
@@ -174,7 +176,9 @@ def draw(study: Study, points: Points, about: str, notes: Sequence[str] = ()) ->
     methods = list(dict.fromkeys(_method(curve.label) for panel in panels for curve in panel.curves))
     columns = min(len(panels), 2)
     n_rows = -(-len(panels) // columns)
-    figure = Figure(figsize=(WIDTH_IN * columns * (1.4 if len(panels) == 1 else 1), HEIGHT_IN * n_rows), dpi=DPI)
+    n_bars = len(panels[0].curves) if len(panels) == len(panels[0].xs) == 1 else 0
+    height_in = max(HEIGHT_IN * n_rows, 0.75 * HEIGHT_IN + BAR_IN * n_bars)
+    figure = Figure(figsize=(WIDTH_IN * columns * (1.4 if len(panels) == 1 else 1), height_in), dpi=DPI)
     figure.suptitle(f"{study.title}\n{about}", fontsize=12)
     for k, panel in enumerate(panels, start=1):
         axes = figure.add_subplot(n_rows, columns, k)

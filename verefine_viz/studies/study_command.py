@@ -17,7 +17,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.session.files import load_session
 from verefine_viz.studies.figure import Points, draw, points_of, rows, save, verdicts
 from verefine_viz.studies.grasp_table import report_grasps
-from verefine_viz.studies.paper_tables import missing_rows
+from verefine_viz.studies.paper_tables import PAPER_AR, missing_rows
 from verefine_viz.studies.run_study import StudyRequest, run_study
 from verefine_viz.studies.solve_unit import Outcome
 from verefine_viz.studies.study_plan import Study
@@ -152,12 +152,14 @@ def _print_results(study: Study, points: Points, notes: Sequence[str], figures: 
 def _table(study: Study, points: Points) -> Table:
     table = Table(title=study.title)
     table.add_column("", no_wrap=True)
-    for heading in ("AR", "VSD", "MSSD", "MSPD", "ADD(-S) mm", "< 10 % d", "ms/object", "refiner calls"):
+    for heading in ("AR", "paper", "VSD", "MSSD", "MSPD", "ADD(-S) mm", "< 10 % d", "ms/object", "refiner calls"):
         table.add_column(heading, justify="right")
     for r in rows(study, points):
-        shares = [f"{100 * float(r[k]):.1f}" for k in ("ar", "ar_vsd", "ar_mssd", "ar_mspd")]
+        ar, *shares = (f"{100 * float(r[k]):.1f}" for k in ("ar", "ar_vsd", "ar_mssd", "ar_mspd"))
         table.add_row(
             str(r["curve"]),
+            ar,
+            PAPER_AR.get(str(r["curve"]), ""),
             *shares,
             f"{float(r['median_add_s_mm']):.1f}",
             f"{100 * float(r['below_10_percent']):.0f}",
