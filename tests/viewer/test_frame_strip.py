@@ -68,6 +68,11 @@ def test_rows_are_there_where_their_numbers_are_known() -> None:
     assert frame_strip(full[:1], "0/0") == ""
 
 
+def test_what_happened_on_the_table_is_said_where_it_is_known() -> None:
+    one = TrackFrame(Motion("0/1", "moved", moved_mm=3.0, turned_deg=1.0, lifted_mm=-0.4, tilted_deg=0.2))
+    assert "frame 0/1: 3.0 mm, 1.0°; on the table -0.4 mm, 0.2°" in frame_strip([one, one], "0/1")
+
+
 @pytest.mark.parametrize("n", [2, 145, 146, 1000])
 def test_nothing_is_drawn_outside(n: int) -> None:
     strip = frame_strip(track(n, score=0.5, missing_depth=1.0, undetermined_mm=99.0, undetermined_deg=180.0), "0/1")

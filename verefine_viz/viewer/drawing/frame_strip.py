@@ -141,6 +141,8 @@ def _words(one: TrackFrame) -> str:
     motion = one.motion
     parts = ["no pose" if motion.kind == "no pose" else f"{motion.moved_mm:.1f} mm, {motion.turned_deg:.1f}°"]
     parts[0] += f" ({motion.kind})" if motion.kind in ("flip", "jump") else ""
+    if motion.lifted_mm is not None and motion.tilted_deg is not None:
+        parts.append(f"on the table {motion.lifted_mm:+.1f} mm, {motion.tilted_deg:.1f}°")
     parts += [f"score {one.score:.2f}"] if one.score is not None else []
     parts += [f"theirs {one.recorded_score:.3g}"] if one.recorded_score is not None else []
     if one.undetermined_mm is not None and one.undetermined_deg is not None:

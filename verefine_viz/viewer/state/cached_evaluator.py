@@ -6,6 +6,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -33,6 +34,8 @@ Key = tuple[Any, ...]
 """What was asked: its kind first."""
 _CACHED_MAPS = 12
 _CACHED_NUMBERS = 20_000
+_near_symmetries: WeakKeyDictionary[ObjectModel, tuple[NearSymmetry, ...]] = WeakKeyDictionary()
+"""Of the models of all frames, which share them."""
 NEAR_M = 0.01
 """Objects further apart than this have nothing to do with each other [m]."""
 
@@ -141,11 +144,13 @@ class CachedEvaluator:
 
     def near_symmetries(self, model: ObjectModel) -> tuple[NearSymmetry, ...]:
         """The turns after which a model's shape nearly looks the same; a second's work where they are not cached."""
-        return self._remember(("near-symmetries", model.mesh_hash), lambda: near_symmetries(model))
+        if model not in _near_symmetries:
+            _near_symmetries[model] = near_symmetries(model)
+        return _near_symmetries[model]
 
     def known_near_symmetries(self, model: ObjectModel) -> tuple[NearSymmetry, ...] | None:
         """What :meth:`near_symmetries` returned if it was called before, else None."""
-        return self._numbers.get(("near-symmetries", model.mesh_hash))
+        return _near_symmetries.get(model)
 
     def plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
         """Gap, penetration, support polygon and stability among ``others``; None where no support is known."""
