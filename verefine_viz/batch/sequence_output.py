@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from verefine_viz.evaluation.pose_motion import NO_SYMMETRY
 from verefine_viz.recording.entities import SEQUENCE_FILE
 from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.source import SceneSource
+
+if TYPE_CHECKING:  # Rerun takes a second to load.
+    from verefine_viz.recording.sequence_recording import SequenceFrame
 
 
 @dataclass
@@ -47,7 +51,7 @@ class SequenceOutput:
         Raises:
             InputError: the disk refuses.
         """
-        from verefine_viz.recording.sequence_recording import SequenceTrack, write_sequence  # Rerun takes a second.
+        from verefine_viz.recording.sequence_recording import SequenceTrack, write_sequence
 
         tracks = read_tracks(self.folder)
         frames = dict.fromkeys(row.frame for track in tracks for row in track.rows)
@@ -58,7 +62,7 @@ class SequenceOutput:
         ]
         write_sequence(self.folder / SEQUENCE_FILE, title, drawn)
 
-    def _frames_of(self, track: Track, results: dict[str, FrameResult]):
+    def _frames_of(self, track: Track, results: Mapping[str, FrameResult]) -> tuple[SequenceFrame, ...]:
         from verefine_viz.recording.sequence_recording import CURVES, SequenceFrame
 
         return tuple(
