@@ -12,10 +12,11 @@ from tests.batch.frames import batch_here
 from tests.batch.killed_batches import without_times
 from tests.scenes.test_pose_sequence import write_sequence
 from tests.scenes.test_trace import picture, pose
-from verefine_viz.batch.run_batch import _after
+from verefine_viz.batch.run_batch import Backend, Progress, _after, run_batch
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.verify import verify
 from verefine_viz.session.data_folder import open_session
+from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 
 pytestmark = pytest.mark.usefixtures("processes")
@@ -63,8 +64,12 @@ def test_two_workers_and_a_batch_that_goes_on_give_the_same(sequence: Path, whol
     assert without_times(tmp_path / "two") == without_times(whole)
     # As a kill leaves it, and worse: a frame in the middle is gone, and those after it began with its answer.
     (tmp_path / "two" / "frames" / "000000_000002.json").unlink()
-    again = batch_here(sequence, tmp_path / "two", "--workers", 1, *OPTIONS)
-    assert "4 frames (1 done before)" in again.stdout
+    reports: list[Progress] = []
+    session = load_session(tmp_path / "two" / "session.toml")
+    outcome = run_batch(session, tmp_path / "two", Backend(1), reports.append, task="explain")
+    assert (outcome.n_resumed, outcome.totals["frames_done"]) == (1, N)
+    assert reports[0].counts.frames_done <= N
+    assert reports[-1].counts.frames_done == N
     assert without_times(tmp_path / "two") == without_times(whole)
 
 

@@ -219,7 +219,8 @@ class _Batch:
         in_order = sorted(self.frames, key=parse_frame) if self.session.method.track else self.frames
         missing = [frame for frame in in_order if frame in again]
         self.n_resumed = len(self.frames) - len(missing)
-        self.counts = self._counts_without(missing) if retry_failed else files.totals.counts
+        is_again = retry_failed or self.session.method.track
+        self.counts = self._counts_without(missing) if is_again else files.totals.counts
         was_finished = before.status == "finished" and before.totals.frames == len(self.frames) and not files.missing
         if was_finished and not missing and not files.other_tables:
             return self._outcome(files, was_finished=True)
