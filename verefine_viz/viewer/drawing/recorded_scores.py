@@ -16,7 +16,7 @@ from verefine_viz.viewer.text.display_names import arm_color
 
 GOES_ON = "rir"
 """The method that continues a trace."""
-WIDTH, HEIGHT, LEFT, BOTTOM, MARGIN = 272, 130, 30, 26, 8
+WIDTH, HEIGHT, LEFT, BOTTOM, MARGIN = 272, 108, 30, 26, 8
 FEWEST = 4
 """Poses below which a correlation has no meaning."""
 
