@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.batch.frames import batch_here, make_frames, write_session
@@ -11,9 +12,12 @@ from tests.report.pages import GONE, figures
 from tests.report.runs import row, write_run
 from verefine_viz.batch.rows import read_frames_csv
 from verefine_viz.batch.session_check import check
+from verefine_viz.batch.solve_frame import solve_frame
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.geometry import transform
 from verefine_viz.report.build_report import write_report
 from verefine_viz.session.files import load_session
+from verefine_viz.session.toolbox import Toolbox
 
 
 @pytest.mark.usefixtures("processes", "long_run")
@@ -38,6 +42,36 @@ def test_a_folder_without_grasps_is_refused_before_the_first_frame(tmp_path: Pat
     session = load_session(write_session(tmp_path, make_frames(tmp_path / "data", 1), grasp=grasp))
     with pytest.raises(InputError, match=r"none is no folder; expected one with a \.npy file per object"):
         check(session)
+
+
+@pytest.mark.usefixtures("processes")
+@pytest.mark.parametrize(
+    ("poses", "said"),
+    [
+        (
+            transform(np.eye(3), [0.0, 0.0, 0.4])[None],
+            "they belong to another object, or are not in metres in its frame",
+        ),
+        (np.diag([1.0, 1.0, 2.0, 1.0])[None], "expected 4×4 transforms in metres, row by row"),
+    ],
+)
+def test_a_file_that_holds_no_grasps_of_an_object_is_noted_and_the_answer_stays(
+    tmp_path: Path, poses: np.ndarray, said: str
+) -> None:
+    made = make_frames(tmp_path / "data", 1)
+    np.save(tmp_path / "obj_000005.npy", poses)
+    session = write_session(
+        tmp_path, made, method={"name": "refine", "refiner": "identity", "iterations": 1},
+        grasp={"answers": True, "folder": str(tmp_path)},
+    )  # fmt: skip
+    result = solve_frame(Toolbox(load_session(session)), "7/0", tmp_path)
+    assert {row.status for row in result.objects} == {"ok"}
+    refused = [row for row in result.objects if row.obj_id == 5]
+    assert refused
+    assert {row.grasp for row in refused} == {""}
+    notes = [note for note in result.notes if said in note]
+    assert notes
+    assert all("\n" not in note and note.startswith("no grasp of ") for note in notes)
 
 
 def test_the_report_counts_how_grasps_end(tmp_path: Path) -> None:
