@@ -129,3 +129,18 @@ def test_data_in_doubt_are_reported_above_all_with_a_run_that_says_so(tmp_path: 
     said = "Look at the data first: in frame 1/1 of sir-0, objects look small: check cam_K."
     plain = without_plotly((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert f'<p class="bad">{said}</p>' in plain
+
+
+def test_groups_have_the_share_of_grasps_that_succeed(tmp_path: Path) -> None:
+    for method, n_lifted in (("rir", 3), ("sir", 1)):
+        ends = ["success"] * n_lifted + ["slipped"] * (4 - n_lifted)
+        rows = [row(k, method=method, grasp=end, grasp_ground_truth="success") for k, end in enumerate(ends)]
+        write_run(tmp_path / "runs" / method, [*rows, row(9, method=method)], {**GONE, "method": {"name": method}})
+    assert cli.main(["report", str(tmp_path / "runs")]) == 0
+    html = without_plotly((tmp_path / "runs" / "report.html").read_text(encoding="utf-8"))
+    assert "lifted [%]" in html
+    shown = {method: re.search(rf">{method}<.*?</tr>", html, re.DOTALL) for method in ("rir", "sir")}
+    assert shown["rir"] is not None
+    assert "<b>75</b>" in shown["rir"][0]
+    assert shown["sir"] is not None
+    assert ">25<" in shown["sir"][0]

@@ -49,6 +49,8 @@ class Line:
     """Computing time of the iterations for all objects of a frame, median: the first frame of a worker may compile."""
     calls: Spread | None
     """Refiner calls for an object."""
+    lifted: Spread | None
+    """Share of answers by which a simulated grasp succeeds, where that was tried."""
     curve: RecallCurve | None
     causes: dict[str, int]
     """Failures by cause."""
@@ -121,6 +123,7 @@ def _line(group: Group, mine: Outcomes, drawn: Draws, best: Cells | None, ar: Ce
         score=drawn.mean(mine.cells(mine.score)),
         ms_per_frame=drawn.median(*mine.frame_times),
         calls=None if method_of(group.method).has_tree else drawn.mean(mine.cells(mine.calls)),
+        lifted=drawn.mean(mine.cells(mine.lifted)),
         curve=RecallCurve(hits.sum(axis=(0, 1)) / n, drawn.band(hits, recall.n)) if n else None,
         causes=dict(Counter(row.cause for run in group.runs if run.with_truth for row in run.failures)),
         stages_ms=_stages(group),

@@ -63,6 +63,8 @@ COLUMNS = (
     Column("mean [mm]", "mean ADD(-S) of the objects with an answer", lambda line: line.mean_mm, 1, 1, False),
     Column("rotation [°]", "mean rotation error", lambda line: line.rotation_deg, 1, 1, False),
     Column("transl. [mm]", "mean translation error", lambda line: line.translation_mm, 1, 1, False),
+    Column("lifted [%]", "share of answers by which a simulated grasp succeeds", lambda line: line.lifted,
+           100, 0, True),
     Column("score", "mean score of the answers", lambda line: line.score, 1, 2, None),
     Column("iterations [ms]", "computing time of the iterations for all objects of a frame, without first scores; "
            "median",

@@ -75,6 +75,8 @@ class Outcomes:
     """(N,) unknown in failed frames."""
     calls: Float
     """(N,) refiner calls of an answer."""
+    lifted: Float
+    """(N,) 1 where a simulated grasp by the answer succeeds, 0 where it does not."""
 
     @property
     def recall(self) -> Cells:
@@ -140,6 +142,7 @@ def outcomes_of(group: Group, axes: Axes) -> Outcomes:
         _known([row.score if ok else None for row, ok in zip(rows, solved, strict=True)]),
         _known([None if row.status == "failed" else row.ms_total for row in rows]),
         _known(calls),
+        _known([float(row.grasp == "success") if row.grasp else None for row in rows]),
     )
 
 
