@@ -150,10 +150,11 @@ def _print_results(study: Study, points: Points, notes: Sequence[str], figures: 
 
 
 def _table(study: Study, points: Points) -> Table:
-    table = Table(title=study.title)
+    about = "AR in %; median ADD(-S) in mm; share below 10 % of the diameter; ms and refiner calls per object"
+    table = Table(title=study.title, caption=about)
     table.add_column("", no_wrap=True)
     # VSD, MSSD and MSPD are in the CSV file: 80 columns hold no more than this.
-    for heading in ("AR", "paper", "ADD(-S) mm", "< 10 % d", "ms/object", "calls"):
+    for heading in ("AR", "paper", "mm", "< 10 %", "ms", "calls"):
         table.add_column(heading, justify="right", no_wrap=True)
     for r in rows(study, points):
         table.add_row(
