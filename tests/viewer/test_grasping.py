@@ -46,6 +46,9 @@ def test_both_outcomes_are_shown_side_by_side() -> None:
     assert (shown.by, shown.stage) == ("pose", "hold")
     assert "<svg" in grasp_picture(shown)
     assert ">150</span>" in moment_table(shown, view)
+    objects = tuple(replace(o, label="a_box_with_a_long_name") for o in view.scene.objects)
+    table = moment_table(shown, replace(view, scene=replace(view.scene, objects=objects)))
+    assert 'style="max-width:72px" title="a_box_with_a_long_name"' in table
 
 
 def test_a_pose_that_is_off_is_grasped_while_it_is_edited() -> None:

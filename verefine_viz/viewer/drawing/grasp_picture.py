@@ -8,10 +8,12 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import RGB, STAGE_COLORS
-from verefine_viz.viewer.drawing.markup import Row, small, table, text
+from verefine_viz.viewer.drawing.markup import NONE, Row, cut, small, table, text
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.grasp_trials import ShownGrasp
 
+TOUCHED_PX = 72
+"""Of the names of what is touched, which may be long."""
 WIDTH_PX, HEIGHT_PX, STRIP_PX = 300, 64, 14
 SHADES = ("#3a3f47", "#4a505a")
 LEAST_MM, LEAST_N = 20.0, 5.0
@@ -77,7 +79,7 @@ def _touched(shown: ShownGrasp, snapshot: Snapshot) -> str:
     assert path is not None
     labels = {o.instance_id: o.label for o in snapshot.scene.objects}
     names = {"plane" if c.instance_id is None else labels[c.instance_id] for c in path.contacts[shown.moment]}
-    return text(", ".join(sorted(names)) or "–")
+    return cut(", ".join(sorted(names)) or NONE, TOUCHED_PX)
 
 
 def _rise_mm(shown: ShownGrasp) -> Float:
