@@ -124,7 +124,7 @@ def test_without_named_weights_the_packages_are_used_and_know_the_built_in_objec
 def test_weights_know_other_objects_of_the_same_id() -> None:
     """Those of the package are of the built-in objects; object 1 of another data set is another one."""
     estimator = make_estimator("densefusion", Session())
-    with pytest.raises(InputError, match=r"were trained with an object 1 of 82 × 122 × 100 mm, the model .* measures"):
+    with pytest.raises(InputError, match=r"slim\.onnx do not know .*: their object 1 measures 82 × 122 × 100 mm, the"):
         estimator.hypotheses(TARGET, 5)
 
 

@@ -202,8 +202,9 @@ def index_of(classes: Classes, model: ObjectModel, network: OnnxNetwork) -> np.n
     if trained and not np.allclose(trained, given, rtol=0.02, atol=1.0):
         sizes = [" × ".join(f"{length:.0f}" for length in lengths) for lengths in (trained, given)]
         raise InputError(
-            f"weights {network.path} were trained with an object {model.obj_id} of {sizes[0]} mm, the model "
-            f"{model.name} measures {sizes[1]} mm; train others: verefine-viz train densefusion --dataset DIR"
+            f"weights {network.path} do not know {model.name}: their object {model.obj_id} measures {sizes[0]} mm, "
+            f"the model {sizes[1]} mm; name weights of these objects in densefusion.weights and .refiner_weights, "
+            "official ones or of verefine-viz train densefusion --dataset DIR"
         )
     return np.array([classes.obj_ids.index(model.obj_id)], np.int64)
 

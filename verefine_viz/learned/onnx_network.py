@@ -73,12 +73,15 @@ class OnnxNetwork:
         except Exception as error:  # onnxruntime has a class of its own for each of its codes.
             raise InputError(
                 f"weights {path} are no ONNX file that onnxruntime reads ({_first_line(error)}); "
-                f"verefine-viz train {name} writes one"
+                f"verefine-viz train {_command(name)} writes one"
             ) from None
         card = _card_of(self._session)
         if card is None or (card.network, card.format) != (name, format):
-            what = "a network without a model card" if card is None else f"{card.network} {card.format}"
-            raise InputError(f"weights {path} hold {what}, expected {name} {format}; see verefine-viz train {name}")
+            what = "a network without a model card" if card is None else f"{card.network}, format {card.format}"
+            raise InputError(
+                f"weights {path} hold {what}, expected {name}, format {format}; "
+                f"verefine-viz train {_command(name)} writes it"
+            )
         self.card = card
         self._inputs = [given.name for given in self._session.get_inputs()]
 
@@ -101,6 +104,11 @@ class OnnxNetwork:
         if not all(np.isfinite(answer).all() for answer in answers):
             raise InputError(f"weights {self.path} give NaN or infinity; train them again, or use others")
         return answers
+
+
+def _command(network: str) -> str:
+    """Which ``verefine-viz train`` writes a network: DenseFusion's two are trained together."""
+    return "densefusion" if network.startswith("densefusion") else network
 
 
 def read_weights(path: Path) -> bytes:
