@@ -40,7 +40,10 @@ def test_its_hash_is_that_of_the_file(tmp_path: Path) -> None:
         (constant_network(ANSWER)[:-200], "are no ONNX file that onnxruntime reads"),
         (constant_network(ANSWER, None), "hold a network without a model card, expected depth_net, format 1"),
         (constant_network(ANSWER, {"network": 3}), "hold a network without a model card, expected depth_net, format 1"),
-        (constant_network(ANSWER, CARD | {"network": "densefusion"}), "hold densefusion, format 1, expected depth_net, format 1"),
+        (
+            constant_network(ANSWER, CARD | {"network": "densefusion"}),
+            "hold densefusion, format 1, expected depth_net, format 1",
+        ),
         (constant_network(ANSWER, CARD | {"format": 2}), "hold depth_net, format 2, expected depth_net, format 1"),
     ],
     ids=["empty", "other file", "damaged", "no card", "odd card", "other network", "other format"],
