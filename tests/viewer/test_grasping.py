@@ -96,7 +96,7 @@ def test_a_gripper_that_does_not_open_far_enough_has_no_grasp() -> None:
     assert shown is not None
     assert (shown.n_moments, shown.stage) == (1, "")
     assert "✗ no collision-free grasp" in ends_html(view)
-    assert "No grasp was carried out" in moment_table(shown, view)
+    assert "No grasp exists: wider than the gripper opens." in moment_table(shown, view)
 
 
 @pytest.mark.parametrize("command", [ShowGrasp(3), PlayGrasp(), ShowGrasp(by="ground truth")])

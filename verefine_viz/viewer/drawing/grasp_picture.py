@@ -54,7 +54,8 @@ def moment_table(shown: ShownGrasp, snapshot: Snapshot) -> str:
     """The moment that is shown, in numbers."""
     path = shown.attempt.path
     if path is None:
-        return small("No grasp was carried out: the gripper would meet what the sensor saw, or the plane.")
+        blocked = "No grasp was carried out: the gripper would meet what the sensor saw, or the plane."
+        return small(blocked if len(shown.attempt.is_free) else "No grasp exists: wider than the gripper opens.")
     k = shown.moment
     left, right = path.forces_n[k]
     cells = [

@@ -31,7 +31,8 @@ class GraspPanel:
         """What is known by now of the pose in focus."""
         self._ends.show(ends_html(snapshot))
         shown = snapshot.shown_grasp
-        self.play.visible = snapshot.grasp is not None
+        pair = snapshot.grasp
+        self.play.visible = pair is not None and any((pair.answer.path, pair.ground_truth.path))
         self.moment.visible = shown is not None and shown.n_moments > 1
         if shown is not None and self.moment.visible:
             self.moment.max = shown.n_moments - 1
