@@ -81,7 +81,8 @@ def test_every_failure_ends_wrong_and_neither_title_nor_notes_say_why(name: str)
 
 
 def test_every_failure_has_its_session() -> None:
-    assert {p.stem for p in SESSIONS.glob("failure_*.toml")} == set(FAILURES)
+    # Out of range is a session of its own: the scene is the duck, and a learned refiner starts too far away.
+    assert {p.stem for p in SESSIONS.glob("failure_*.toml")} == {*FAILURES, "failure_out_of_range"}
 
 
 @pytest.mark.parametrize("path", sorted(SESSIONS.glob("*.toml")), ids=lambda p: p.stem)

@@ -191,7 +191,17 @@ def said(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 @pytest.mark.usefixtures("processes")
-def test_the_page_says_that_kernels_are_compiled_and_on_what_for(tmp_path: Path, said: list[str]) -> None:
+def test_the_page_says_that_kernels_are_compiled_and_on_what_for(
+    tmp_path: Path, said: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go_on, later = session_page.Page.go_on, list[str]()
+
+    def compiling(page: session_page.Page) -> None:
+        go_on(page)
+        njit(lambda: 3)()  # As the score around the answer, which redraws no words.
+        later.append(page.layout.run._words._handle.content)
+
+    monkeypatch.setattr(session_page.Page, "go_on", compiling)
     app = App(SESSION, port=0, make_tools=Fresh, folder=tmp_path).start()
     try:
         app.wait_until_idle()
@@ -200,7 +210,9 @@ def test_the_page_says_that_kernels_are_compiled_and_on_what_for(tmp_path: Path,
         app.send(c.Restart((("method.exploration", 1.0),)))
         app.wait_until_idle()
         assert any(f">{COMPILING}<" in words for words in said), "the scene was read long ago"
-        assert COMPILING not in app.page.layout.run._words._handle.content, "it is over"
+        until(app, lambda: later)
+        assert COMPILING in later[-1]
+        until(app, lambda: COMPILING not in app.page.layout.run._words._handle.content)
     finally:
         app.stop()
 

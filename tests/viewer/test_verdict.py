@@ -15,7 +15,7 @@ from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import transform
-from verefine_viz.core.problem import Instance, Placed, Problem, Target
+from verefine_viz.core.problem import ANSWER, Instance, Placed, Problem, RecordedStep, Target
 from verefine_viz.core.records import Best
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, Session
@@ -139,6 +139,20 @@ def test_a_wrong_answer_is_compared_with_ground_truth_until_the_user_chooses() -
     assert (d.view().options.a, d.view().options.b) == ("initial", "best")
     d.carry_out([c.Restart(), END])
     assert (d.view().options.a, d.view().options.b) == ("best", "ground truth")
+
+
+def test_a_recorded_pose_that_was_no_answer_is_not_blamed_on_the_search() -> None:
+    """A program was killed before it answered; its last pose is off, whatever its steps were."""
+    view = debugger(Astray).carry_out([END]).view()
+    (own,) = view.finished
+    recorded = view.session.model_copy(update={"method": MethodSettings(name="trace")})
+    for names, is_unanswered in ((("refined", "refined"), True), (("refined", ANSWER), False), ((), False)):
+        steps = tuple(RecordedStep(0, np.eye(4), name) for name in names)
+        target = replace(own.target, instance=replace(own.target.instance, recorded=steps))
+        it = verdict(replace(with_finished(view, target=target), session=recorded))
+        assert it.mark == "✗"
+        assert (it.cause == "no answer was recorded: this is the last pose") == is_unanswered
+    assert verdict(view).cause != "no answer was recorded: this is the last pose"
 
 
 def test_without_ground_truth_the_answer_is_compared_with_the_runner_up() -> None:

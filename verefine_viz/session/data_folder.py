@@ -83,9 +83,14 @@ def open_session(path: Path, overrides: Mapping[str, Any]) -> Session:
         VerefineError: it is neither, or is damaged.
     """
     known = data_folder(path, overrides) if path.is_dir() else None
-    if known is None and ((path / DEPTH).is_dir() or (path / CAMERA).is_file()):
+    if known is None and is_begun(path):
         raise InputError(f"{path} {why_unknown(path)}")
     return load_session(path, overrides) if known is None else known.session
+
+
+def is_begun(folder: Path) -> bool:
+    """Whether a folder that is none of data has parts of a sequence."""
+    return (folder / DEPTH).is_dir() or (folder / CAMERA).is_file()
 
 
 def why_unknown(folder: Path) -> str:

@@ -38,6 +38,8 @@ class BusyStatus:
         self._told_at = 0.0
         self.has_compiled = False
         """Whether kernels were not there yet."""
+        self.is_said = False
+        """Whether it stands where the panel's own words belong."""
 
     def tell(self, doing: str, share: float | None = None) -> None:
         """Before something that may take seconds, and on the way; see :class:`core.progress.ProgressToken`."""
@@ -62,7 +64,7 @@ class BusyStatus:
 
     def shown(self) -> None:
         """What was being done is shown."""
-        self._doing = ""
+        self._doing, self.is_said = "", False
 
     def move_to(self, panel: RunPanel) -> None:
         """The panels are there."""
@@ -84,6 +86,7 @@ class BusyStatus:
             self._loading.content = block(opening(doing))
             self._hulls.visible = offers_hulls
         else:
+            self.is_said = True
             self._panel.tell(doing, share, can_cancel, offers_hulls)
         self._server.flush()
 

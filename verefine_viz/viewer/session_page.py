@@ -151,6 +151,12 @@ class Page:
             self._later = None
             self._show_physics()
 
+    def show_run(self) -> None:
+        """The words of the Run panel again, in whose place something else was said."""
+        assert self._snapshot is not None
+        self.layout.run.show(self._snapshot)
+        self._server.flush()
+
     def leave_off(self) -> None:
         """Something else is to be shown: what is left of animation and physics is of no use."""
         self._animation = self._later = None
@@ -274,6 +280,9 @@ class Worker:
         else:
             with suppress(Cancelled), self._requests.aside():  # Whatever comes next shows all of it again.
                 self._page.go_on()
+                if self._busy.is_said:  # As that kernels were compiled for the landscape.
+                    self._page.show_run()
+                    self._busy.shown()
 
     def _apply(self, command: c.Command) -> None:
         if not isinstance(command, c.OpenFrame | c.OpenDemo | c.OpenSession) or command.hulls:

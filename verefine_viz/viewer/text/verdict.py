@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.problem import Target
+from verefine_viz.core.problem import ANSWER, Target
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.diagnosis.ambiguity import in_short
@@ -33,6 +33,7 @@ from verefine_viz.viewer.text.pose_words import start_errors
 Mark = Literal["✓", "✗", "?", "…"]
 MOST_WORDS = 12
 """Of the cause."""
+UNANSWERED = "no answer was recorded: this is the last pose"
 DATA_DOUBTED = "the data do not fit together: look at them first"
 APART = 0.1
 """Poses further apart than this share of the diameter are two answers."""
@@ -179,11 +180,19 @@ def _lead(o: FinishedObject) -> str:
     return f"level with {who}" if lead < NO_LEAD else f"{lead:.{distinguishing_digits(lead)}f} ahead of {who}"
 
 
+def _is_unanswered(snapshot: Snapshot, o: FinishedObject) -> bool:
+    """Whether another program recorded steps and no answer, as one that was killed."""
+    steps = o.target.instance.recorded
+    return method_of(snapshot.session.method.name).repeats and bool(steps) and all(s.name != ANSWER for s in steps)
+
+
 def cause_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
     """Why a wrong answer is wrong: as the batch says, which made re-runs, or else by the signs that a run shows."""
     entry = _batch_entry(snapshot)
     if snapshot.data_doubts:
         return Reason(DATA_DOUBTED)
+    if _is_unanswered(snapshot, o):
+        return Reason(UNANSWERED)
     if entry is not None and entry.row.cause and _is_answer_of(entry, o):
         return Reason(cause_title(entry.row.cause), entry.row.worst_iteration)
     if o.undeclared is not None:
