@@ -327,7 +327,9 @@ def _numbers(values: Any, name: str, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _intrinsics(K: Any) -> np.ndarray:
-    matrix = np.full((1,), np.nan) if K is None else _numbers(K, "K", (3, 3))
+    if K is None:
+        raise ValueError("K is missing, expected the camera matrix, (3, 3) [px]")
+    matrix = _numbers(K, "K", (3, 3))
     if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
         raise ValueError(f"K has shape {matrix.shape}, expected (3, 3) finite numbers with focal lengths > 0 [px]")
     if matrix[1, 0] or matrix[2].tolist() != [0, 0, 1]:
@@ -336,6 +338,8 @@ def _intrinsics(K: Any) -> np.ndarray:
 
 
 def _depth(depth_m: Any) -> np.ndarray:
+    if depth_m is None:
+        raise ValueError("depth_m is missing, expected an image (H, W) [m]")
     depth = _array(depth_m)
     if depth.ndim != 2 or depth.size == 0 or depth.dtype.kind not in "fiu":
         raise ValueError(f"depth_m is {depth.dtype} of shape {depth.shape}, expected numbers of shape (H, W)")

@@ -225,7 +225,8 @@ def test_calls_after_the_end_are_counted(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"K": None}, "K has shape"),
+        ({"K": None}, "K is missing"),
+        ({"depth_m": None}, "depth_m is missing"),
         ({"K": np.eye(4)}, "K has shape"),
         ({"K": [["a"] * 3] * 3}, "K is no array of numbers"),
         ({"K": K.T}, "is it transposed"),
