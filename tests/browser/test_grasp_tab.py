@@ -11,6 +11,8 @@ def test_a_grasp_is_carried_out_and_scrubbed(look: Look) -> None:
     screen.app.send(c.RunTo(2))
     screen.app.wait_until_idle(120)
     screen.tab("Grasp")
+    (client,) = screen.app.server.get_clients().values()
+    before_m = float(client.camera.look_at[2])
     screen.text("^Grasp mug by the answer so far$").click(timeout=SLOW_MS)
     screen.until(lambda: screen.app.debugger.options.grasp_moment is not None)
     chips = screen.page.locator(".vz .end")
@@ -19,6 +21,8 @@ def test_a_grasp_is_carried_out_and_scrubbed(look: Look) -> None:
     assert [chip.inner_text().split("\n")[0] for chip in chips.all()] == ["answer", "ground truth"]
     assert is_seen(screen, chips.last)
     assert is_seen(screen, screen.page.locator('.vz svg[aria-label="grasp over time"]'))
+    # The view goes to where the lifted object is.
+    screen.until(lambda: client.camera.look_at[2] > before_m + 0.03)
     screen.shot("grasp_end")
 
     chips.last.click(timeout=SLOW_MS)

@@ -130,6 +130,8 @@ class Page:
         elif isinstance(command, c.PlayPath):
             self._animation = self.scene.path_animation(snapshot)
         elif isinstance(command, TryGrasp | PlayGrasp):
+            if isinstance(command, TryGrasp):
+                self.scene.look_at_grasp(snapshot)
             self._animation = self.scene.grasp_animation(snapshot)
 
     def move_camera(self, command: c.Command) -> None:

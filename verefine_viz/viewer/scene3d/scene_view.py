@@ -209,6 +209,17 @@ class SceneView:
             self._points.visible = "cloud" in snapshot.options.layers and now.stage in CHOOSING
             yield
 
+    def look_at_grasp(self, snapshot: Snapshot) -> None:
+        """Takes the camera of every browser to where the gripper and the object are, from the start to the end."""
+        attempt = snapshot.shown_grasp.attempt if snapshot.shown_grasp is not None else None
+        if attempt is None or attempt.path is None:
+            return
+        points = snapshot.problem.target(attempt.instance_id).model.points
+        Ts = attempt.path.Ts_world_obj[attempt.instance_id]
+        places = [apply(Ts[0], points), apply(Ts[-1], points), attempt.path.Ts_world_gripper[:, :3, 3]]
+        for client in self._server.get_clients().values():
+            look_at_object(client, np.concatenate(places))
+
     def move_camera(self, client: viser.ClientHandle, to: Literal["sensor", "object"], snapshot: Snapshot) -> None:
         """The view of one browser, to the sensor or close to the object in focus."""
         if to == "sensor":
