@@ -22,12 +22,12 @@ from rich.console import Console
 from bench.__main__ import table
 from verefine_viz.core.algorithm_settings import GraspSettings
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.settings import Session
 from verefine_viz.grasping.grasp_answer import GraspScene
 from verefine_viz.grasping.grasp_check import are_free
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.studies.disturbance import disturbed
+from verefine_viz.studies.study_command import scenes
 
 OFF_MM, SEEDS = 10.0, 5
 """Error of the poses that are off, and how many there are per object and frame."""
@@ -43,13 +43,9 @@ CHANGES: tuple[tuple[str, float], ...] = (
 """One at a time; the defaults besides."""
 
 
-def frames(session: Session) -> list[Problem]:
+def frames(path: Path) -> list[Problem]:
     """The first frame as it is, and turned where that can be."""
-    sessions = [session]
-    if session.scene.source in ("demo", "layout"):
-        scene = session.scene.model_copy(update={"turned": True})
-        sessions.append(session.model_copy(update={"scene": scene}))
-    boxes = [Toolbox(one) for one in sessions]
+    boxes = [Toolbox(one) for one in scenes("grasping", path, {}, quick=False).values()]
     return [box.problem(box.frames[0]) for box in boxes]
 
 
@@ -109,11 +105,10 @@ def main() -> None:
     parser.add_argument("sessions", nargs="+", type=Path)
     console = Console()
     for path in parser.parse_args().sessions:
-        session = load_session(path)
-        problems = frames(session)
+        settings, problems = load_session(path).grasp, frames(path)
         for what, measured in (("free grasps at ground truth", free_grasps), ("other settings", sensitivity)):
             began = perf_counter()
-            rows = measured(problems, session.grasp)
+            rows = measured(problems, settings)
             console.print(table(f"{path.stem}: {what}", rows, perf_counter() - began))
 
 

@@ -132,7 +132,7 @@ def measured(folder: Path) -> list[dict[str, object]]:
     rows = [
         {"what": "opening the folder", "ms": opening},
         {"what": f"first picture, with {len(frames)} poses read", "ms": first},
-        {"what": "the strip", "ms": _median(strips)},
+        {"what": "the strip", "ms": statistics.median(strips)},
     ]
     clicks = []
     for frame in frames[1 :: max(len(frames) // N_CLICKS, 1)]:
@@ -140,16 +140,12 @@ def measured(folder: Path) -> list[dict[str, object]]:
         clicks.append(opened + _timed(debugger.view)[1])
     marked = [one.frame for one in debugger.view().track if one.motion.kind in ("flip", "jump")]
     Console().print(f"marked: {', '.join(marked)}")
-    return [*rows, {"what": "a click: the frame open, with its words and maps", "ms": _median(clicks)}]
+    return [*rows, {"what": "a click: the frame open, with its words and maps", "ms": statistics.median(clicks)}]
 
 
 def _timed(call: Callable[[], T]) -> tuple[T, float]:
     started = time.perf_counter()
     return call(), 1e3 * (time.perf_counter() - started)
-
-
-def _median(times: list[float]) -> float:
-    return statistics.median(times)
 
 
 if __name__ == "__main__":

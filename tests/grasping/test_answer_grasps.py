@@ -12,7 +12,7 @@ from verefine_viz.core.algorithm_settings import GraspSettings
 from verefine_viz.core.errors import Cancelled
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.progress_token import ProgressToken
-from verefine_viz.grasping.answer_grasps import answer_grasps
+from verefine_viz.grasping.grasp_answer import answer_grasps
 from verefine_viz.session.files import load_session
 from verefine_viz.session.toolbox import Toolbox
 

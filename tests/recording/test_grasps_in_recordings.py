@@ -9,7 +9,7 @@ import pytest
 
 from tests.fakes import FakeVerifier, box_problem
 from tests.recording.runs import new_run, session
-from verefine_viz.grasping.answer_grasps import AnswerGrasps, answer_grasps
+from verefine_viz.grasping.grasp_answer import AnswerGrasps, answer_grasps
 from verefine_viz.recording import entities
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder

@@ -75,12 +75,12 @@ def test_a_frame_without_an_answer_leaves_the_one_before() -> None:
 
 
 def test_solving_earlier_frames_can_be_cancelled() -> None:
-    solve, told = Solved(), list[str]()
-    progress = ProgressToken(report=lambda doing, share: told.append(doing), is_wanted=lambda: len(solve.frames) < 2)
+    solve, said = Solved(), list[str]()
+    progress = ProgressToken(report=lambda doing, share: said.append(doing), is_wanted=lambda: len(solve.frames) < 2)
     with pytest.raises(Cancelled):
         Track(FRAMES, solve, progress).before("1/4")
     assert solve.frames == ["1/1", "1/2"]
-    assert told[0] == "Tracking: frame 1/4 begins with earlier answers; solving 1/1."
+    assert said[0] == "Tracking: frame 1/4 begins with earlier answers; solving 1/1."
 
 
 def test_the_tracked_pose_comes_first_and_says_where_it_is_from() -> None:

@@ -148,8 +148,8 @@ def _track_rows(
             own = (e for e in result.estimates if e.obj_id == obj_id and instance_id in (None, e.instance_id))
             estimate = next(own, None)
             middle_m = middle_m if estimate is None else np.array(estimate.middle_m)
-            T = None if estimate is None else _matrix(estimate.T_cam_obj)
-            poses.append(PosedFrame(result.frame, T, _matrix(result.T_map_cam), _matrix(result.T_table_cam)))
+            T = None if estimate is None else matrix(estimate.T_cam_obj)
+            poses.append(PosedFrame(result.frame, T, matrix(result.T_map_cam), matrix(result.T_table_cam)))
     first = next(iter(rows))
     symmetries = shapes.symmetries_of(obj_id, first)
     changes = motions(poses, middle_m, NO_TURNS, symmetries)
@@ -174,7 +174,8 @@ OF_OBJECT = {"score", "recorded_score", "missing_depth", "undetermined_mm", "und
 """Columns that frames.csv has too."""
 
 
-def _matrix(T: Sequence[float] | None) -> Float | None:
+def matrix(T: Sequence[float] | None) -> Float | None:
+    """(4, 4) of its numbers row by row."""
     return None if T is None else np.reshape(T, (4, 4))
 
 

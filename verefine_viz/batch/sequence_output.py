@@ -8,10 +8,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from verefine_viz.batch.journal import Journal
-from verefine_viz.batch.motion_table import MOTION, NO_TURNS, MotionRow, Track, motion_rows, read_tracks, write_motion
+from verefine_viz.batch.motion_table import (
+    MOTION,
+    NO_TURNS,
+    MotionRow,
+    Track,
+    matrix,
+    motion_rows,
+    read_tracks,
+    write_motion,
+)
 from verefine_viz.batch.rows import FrameResult
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
@@ -69,7 +76,7 @@ class SequenceOutput:
             SequenceFrame(
                 row.im_id,
                 _answer(row, results.get(row.frame)),
-                _matrix(results[row.frame].T_map_cam) if row.frame in results else None,
+                matrix(results[row.frame].T_map_cam) if row.frame in results else None,
                 row.kind,
                 {} if row.kind == "no pose" else row.model_dump(include={*CURVES}),
             )
@@ -106,8 +113,4 @@ def _answer(row: MotionRow, result: FrameResult | None) -> Float | None:
         return None
     own = (e for e in result.estimates if (e.obj_id, e.instance_id) == (row.obj_id, row.instance_id))
     estimate = next(own, None)
-    return None if estimate is None else _matrix(estimate.T_cam_obj)
-
-
-def _matrix(T: Sequence[float] | None) -> Float | None:
-    return None if T is None else np.reshape(T, (4, 4))
+    return None if estimate is None else matrix(estimate.T_cam_obj)

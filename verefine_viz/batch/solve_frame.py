@@ -22,7 +22,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Iteration
 from verefine_viz.diagnosis.diagnose import diagnose
-from verefine_viz.grasping.answer_grasps import AnswerGrasps, answer_grasps
+from verefine_viz.grasping.grasp_answer import AnswerGrasps, answer_grasps
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.session.engine import Run
 from verefine_viz.session.toolbox import Toolbox

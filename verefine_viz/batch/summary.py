@@ -22,7 +22,7 @@ from verefine_viz.diagnosis.signs import discarded
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.landscape import Landscape, undetermined
 from verefine_viz.evaluation.pose_errors import add_s_mm, add_where_add_s_is_below, pose_errors
-from verefine_viz.grasping.answer_grasps import AnswerGrasps
+from verefine_viz.grasping.grasp_answer import AnswerGrasps
 from verefine_viz.methods.registry import method_of
 from verefine_viz.session.edits import never_reached
 from verefine_viz.session.engine import Run

@@ -59,7 +59,7 @@ class Start:
 def start_of(model: ObjectModel, T_cam_obj: Float, T_gt: Float) -> Start:
     """How far a pose (4, 4) is from the ground truth (4, 4), over the model's declared symmetries."""
     T_alike = T_gt @ model.symmetries[int(np.argmin(symmetric_angles_rad(model, T_cam_obj, T_gt)))]
-    middle = (model.vertices.min(axis=0) + model.vertices.max(axis=0)) / 2
+    middle = model.middle_m
     turn = rotation_vector(T_cam_obj[:3, :3] @ T_alike[:3, :3].T)
     shift_m = (T_cam_obj - T_alike)[:3, :3] @ middle + (T_cam_obj - T_alike)[:3, 3]
     return Start(T_alike, turn, shift_m, middle, model.diameter_m / 2)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
@@ -15,14 +16,15 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, transform
 from verefine_viz.core.palette import GRASP_COLORS, OBJECT_COLORS
 from verefine_viz.core.problem import Problem
-from verefine_viz.grasping.answer_grasps import AnswerGrasps
-from verefine_viz.grasping.grasp_answer import GraspAttempt, GraspPair
-from verefine_viz.grasping.grasp_trial import GraspPath
 from verefine_viz.grasping.gripper import Box, finger, fork, palm
 from verefine_viz.recording import entities
 from verefine_viz.recording.background import DRAWN_FACES_IN_SCENE, drawn_mesh
 from verefine_viz.recording.recorded_layout import Layout, world_from_camera
 from verefine_viz.recording.recording_file import RecordingFile
+
+if TYPE_CHECKING:  # Bullet and open3d are for what carries grasps out.
+    from verefine_viz.grasping.grasp_answer import AnswerGrasps, GraspAttempt, GraspPair
+    from verefine_viz.grasping.grasp_trial import GraspPath
 
 SIDES = {"answer": "By the answer", "ground_truth": "By the ground truth"}
 """Name of the entity, title of the view."""

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
@@ -22,7 +23,6 @@ from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.landscape import Landscape, landscape
 from verefine_viz.evaluation.pose_errors import add_s_mm
-from verefine_viz.grasping.answer_grasps import AnswerGrasps
 from verefine_viz.recording.background import log_background
 from verefine_viz.recording.drawn_iterations import Drawing
 from verefine_viz.recording.entities import branch
@@ -36,6 +36,9 @@ from verefine_viz.recording.recording_file import RecordingFile, journal_path, p
 from verefine_viz.recording.views import blueprint_of
 from verefine_viz.session.files import session_toml
 from verefine_viz.session.session_refiners import weights_of
+
+if TYPE_CHECKING:
+    from verefine_viz.grasping.grasp_answer import AnswerGrasps
 
 SCHEMA = 4
 """Of the recording; a reader refuses others. 4: written by rerun's own SDK, iterations with their checksums."""

@@ -76,7 +76,7 @@ def _angle(one: NearSymmetry) -> str:
 
 def _picture(model: ObjectModel, axes: Sequence[Sequence[NearSymmetry]]) -> str:
     image, camera, T_cam_obj = _seen(model)
-    middle_cam = apply(T_cam_obj, _middle(model)[None])[0]
+    middle_cam = apply(T_cam_obj, model.middle_m[None])[0]
     lines = ""
     for axis in axes:
         one = axis[0]
@@ -107,12 +107,8 @@ def _seen(model: ObjectModel) -> tuple[Image, Camera, Float]:
     right = np.array([-np.sin(AZIMUTH_RAD), np.cos(AZIMUTH_RAD), 0.0])
     R = np.array([right, np.cross(-towards, right), -towards])
     away_m, side = FAR * model.diameter_m, SIZE_PX * FINER
-    T = transform(R, np.array([0.0, 0.0, away_m]) - R @ _middle(model))
+    T = transform(R, np.array([0.0, 0.0, away_m]) - R @ model.middle_m)
     focal_px = 0.95 * side * FAR / (2 * REACH)
     camera = Camera(np.array([[focal_px, 0, side / 2], [0, focal_px, side / 2], [0, 0, 1]]), side, side)
     drawn = render_scene([Placed(0, model, T)], camera)
     return np.where(drawn.labels[..., None] < 0, np.uint8(BACKGROUND), drawn.rgb), camera, T
-
-
-def _middle(model: ObjectModel) -> Float:
-    return model.middle_m

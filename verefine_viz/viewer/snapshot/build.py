@@ -69,7 +69,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
     poses = _poses(evaluator, target, rescored, own_state, arm, options, shown is run.iteration, best, rival)
     # Of an answer is shown what the refiner saw in the iteration that made it.
     made = run.iterations[best.iteration - 1] if best is not None and best.iteration else None
-    wants_crops, of = deep and options.refiner_crops, f"iteration {made.index}: " if made is not None else ""
+    wants_crops, of = deep and options.refiner_crops, f"iteration {made.index}" if made is not None else ""
     own = [i for i in iterations if i.instance_id == target.instance.instance_id]
     in_passes = answer and any(i.scene_pass is not None for i in own)
     if "best" in poses and (method.has_tree or in_passes):
@@ -179,7 +179,7 @@ def _refiner(branch: Branch, target: Target, iteration: Iteration | None, is_wan
     return {
         "refiner": refiner,
         "refiner_steps": branch.evaluator.refiner_steps(refiner, target, start.T_cam_obj),
-        "refiner_start": of + start_words(refiner, target, start.T_cam_obj),
+        "refiner_start": ": ".join(filter(None, (of, start_words(refiner, target, start.T_cam_obj)))),
     }
 
 

@@ -195,7 +195,8 @@ class Snapshot:
     refiner_steps: Sequence[RefinerStep] | None = None
     """What it saw in that iteration; None where that is not asked for, or not known."""
     refiner_start: str = ""
-    """How far from the ground truth it began there, and how far it was trained for; "" where either is unknown."""
+    """Which iteration that is, of an answer, and how far from the ground truth it began and how far it was trained
+    for, where both are known."""
     deep: bool = True
     """Whether score maps, the probed pixel and plausibility were worked out; else panels keep theirs. While a
     pose is edited plausibility always is: it has to follow the pose."""

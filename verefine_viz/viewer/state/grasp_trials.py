@@ -17,8 +17,7 @@ from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.viewer.grasp_commands import GraspedBy
 
 if TYPE_CHECKING:
-    from verefine_viz.grasping.answer_grasps import AnswerGrasps
-    from verefine_viz.grasping.grasp_answer import GraspAttempt, GraspPair, GraspScene
+    from verefine_viz.grasping.grasp_answer import AnswerGrasps, GraspAttempt, GraspPair, GraspScene
 
 _CACHED = 60
 """Grasps; each is some 100 kB per object of the frame."""
@@ -79,19 +78,21 @@ class GraspTrials:
         Raises:
             Cancelled: it is no longer wanted.
         """
-        from verefine_viz.grasping.answer_grasps import AnswerGrasps
+        from verefine_viz.grasping.grasp_answer import AnswerGrasps
 
         pairs: dict[int, GraspPair] = {}
+        notes: dict[str, None] = {}
         ask = self.carry_out if settings.answers else self.known
         for instance, T_cam_obj in zip(problem.instances, poses, strict=True):
             if T_cam_obj is not None:
                 try:
                     pair = ask(problem, settings, instance.instance_id, T_cam_obj)
-                except InputError as error:
-                    return AnswerGrasps(notes=(f"no grasps: {error}",))
+                except InputError as error:  # Of the frame, or of this object's file.
+                    notes[f"no grasp: {error}"] = None
+                    continue
                 if pair is not None:
                     pairs[instance.instance_id] = pair
-        return AnswerGrasps(pairs)
+        return AnswerGrasps(pairs, tuple(notes))
 
     def _is_of(self, problem: Problem, settings: GraspSettings) -> bool:
         return self._scene is not None and self._scene[0] is problem and self._scene[1] == settings
