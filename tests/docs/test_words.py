@@ -9,8 +9,6 @@ import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 from verefine_viz.session.files import CAPTURE_HEAD
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -44,13 +42,14 @@ def texts_in(source: str) -> Iterator[tuple[int, str]]:
             yield token.start[0], token.string.replace(CAPTURE_HEAD.removesuffix("\n"), "")
 
 
-@pytest.mark.parametrize("path", PRODUCT, ids=lambda p: str(p.relative_to(ROOT / "verefine_viz")))
-def test_names_and_texts_of_the_product_use_the_fields_words(path: Path) -> None:
-    source = path.read_text(encoding="utf-8")
-    names = [f"{line}: {name}" for line, name in names_in(ast.parse(source)) if NAMES & set(name.lower().split("_"))]
-    texts = [f"{line}: {hit.group()}" for line, text in texts_in(source) for hit in TEXTS.finditer(text)]
-    assert names == []
-    assert texts == []
+def test_names_and_texts_of_the_product_use_the_fields_words() -> None:
+    found: list[str] = []
+    for path in PRODUCT:
+        source = path.read_text(encoding="utf-8")
+        names = [(line, name) for line, name in names_in(ast.parse(source)) if NAMES & set(name.lower().split("_"))]
+        texts = [(line, hit.group()) for line, text in texts_in(source) for hit in TEXTS.finditer(text)]
+        found += [f"{path.relative_to(ROOT)}:{line}: {words}" for line, words in names + texts]
+    assert found == []
 
 
 def test_module_names_are_unique() -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -15,13 +16,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from tests.physics.bodies import angle, ring, soup
+from tests.physics.bodies import angle, ball, ring, soup
 from tests.progress import ending_after
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import Cancelled, ShapeError
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.core.side_by_side import side_by_side
-from verefine_viz.physics import decomposition
+from verefine_viz.physics import colliders, decomposition
 from verefine_viz.physics.colliders import build, collider, signed_distance
 from verefine_viz.physics.decomposition import decomposed
 from verefine_viz.physics.simulator import BulletSimulator
@@ -73,24 +75,35 @@ def test_a_process_that_fails_is_reported_in_one_line_with_the_way_out(monkeypat
     )
 
 
-@pytest.mark.parametrize("unit_m", [1.0, 30.0])
-def test_parts_in_units_of_their_own_are_made_again(monkeypatch: pytest.MonkeyPatch, unit_m: float) -> None:
-    vertices, faces = unit_m * ring().vertices, ring().faces
-    right = decomposed("ring", vertices, faces)
-    elsewhere = [vertices[:20] / np.abs(vertices).max()]
-    answers = iter([elsewhere, elsewhere, right])
-    monkeypatch.setattr(decomposition, "_by_coacd", lambda *_: next(answers))
-    assert decomposed("ring", vertices, faces) is right
+ELSEWHERE = [
+    lambda v: v + 0.2,
+    lambda v: 10 * v,
+    lambda v: 0.5 * v,
+    lambda v: v / np.abs(v).max(),
+    lambda v: v[:, ::-1],
+]
+"""Not where the mesh is: beside it, in another unit, smaller, in units of the simplifier, with other axes."""
 
 
-def test_parts_that_stay_beside_the_mesh_are_refused_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(decomposition, "_by_coacd", lambda *_: [ring().vertices + 1.0])
-    with pytest.raises(ShapeError) as caught:
-        decomposed("object 7 (ring)", ring().vertices, ring().faces)
-    assert str(caught.value) == (
-        "object 7 (ring) cannot be taken apart into convex parts (those of CoACD lie beside the mesh, 3 times); "
-        'set physics.collider = "hull"'
-    )
+@pytest.mark.parametrize("moved", ELSEWHERE)
+def test_parts_that_do_not_lie_on_the_mesh_are_refused_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, moved: Callable[[Float], Float]
+) -> None:
+    monkeypatch.setattr(colliders, "decomposed", lambda *_: [moved(ring().vertices)])
+    with pytest.raises(ShapeError, match=r'they do not lie on its mesh\); set physics.collider = "hull"$'):
+        build(ring(), "decomposition")
+
+
+def test_a_cached_collider_that_does_not_lie_on_the_mesh_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    large = build(ball(1.0), "hull")
+    monkeypatch.setattr(colliders, "build", lambda *_: large)
+    assert collider(ball(), "hull", tmp_path) is large  # As a writer with a defect would leave it.
+    monkeypatch.undo()
+    assert collider(ball(), "hull", tmp_path).parts[0].max() < 0.03
+    assert "made again" in caplog.text
+    assert collider(ball(), "hull", tmp_path).parts[0].max() < 0.03
 
 
 def test_what_lies_in_the_working_folder_is_not_imported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -37,6 +37,7 @@ def cached(
     report: Callable[[str], object],
     preparing: str,
     waiting: str,
+    is_sound: Callable[[T], bool] = lambda _: True,
 ) -> T:
     """What a file holds, or what is made now and written to it; by one process or thread at a time.
 
@@ -50,11 +51,20 @@ def cached(
             with "" ten times a second; may raise.
         preparing: what is made, in words.
         waiting: what it waits for, in words.
+        is_sound: whether what was read can be what is asked for; if not, it is made again.
     """
-    known = read(file, unpack)
+
+    def read_sound() -> T | None:
+        known = read(file, unpack)
+        if known is None or is_sound(known):
+            return known
+        log.warning("the cached file %s does not hold what its name says and is made again", file)
+        return None
+
+    known = read_sound()
     if known is None:
         with one_at_a_time(file.with_suffix(".lock"), report, waiting):
-            known = read(file, unpack)
+            known = read_sound()
             if known is None:
                 report(preparing)
                 known = make()

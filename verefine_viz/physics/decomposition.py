@@ -27,10 +27,6 @@ scenes take up to 10 s; what takes a minute is a soup of triangles, whose parts 
 time on the clock: what comes out must not depend on how busy the machine is."""
 PARTS_OF = "the convex parts of"
 """Words of every message about a decomposition that is waited for."""
-ATTEMPTS, BESIDE = 3, 0.1
-"""CoACD 1.0.14 seldom (three of 479 cached results, of open meshes; none of 140 calls in a row) ends early with a few
-parts in its own units, and says nothing: they reach beyond the bounds of the mesh by more than ``BESIDE`` of its
-diagonal. The same call again gives the right ones, always the same."""
 CHECKPOINT_S = 0.1
 """Time between two checkpoints [s]."""
 
@@ -55,27 +51,6 @@ def decomposed(
         ShapeError: CoACD fails on the mesh.
         Cancelled: through ``progress``.
     """
-    for _ in range(ATTEMPTS):
-        parts = _by_coacd(name, vertices, faces, progress)
-        if not parts or _lie_on(parts, vertices):
-            return parts
-    raise ShapeError(
-        f"{name} cannot be taken apart into convex parts (those of CoACD lie beside the mesh, {ATTEMPTS} times); "
-        'set physics.collider = "hull"'
-    )
-
-
-def _lie_on(parts: list[Float], vertices: Float) -> bool:
-    """Whether parts are where the mesh is: not beyond its bounds, and not much smaller."""
-    points = np.vstack(parts)
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    diagonal = np.linalg.norm(high - low)
-    beyond = max((low - points.min(axis=0)).max(), (points.max(axis=0) - high).max())
-    return bool(beyond < BESIDE * diagonal and np.linalg.norm(np.ptp(points, axis=0)) > 0.5 * diagonal)
-
-
-def _by_coacd(name: str, vertices: Float, faces: NDArray[np.int32], progress: ProgressToken) -> list[Float]:
-    """One call, in a process of its own."""
     paths = (str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH"))
     # Waiting threads would spend processor time as well.
     settings = {"PYTHONPATH": os.pathsep.join(filter(None, paths)), "OMP_WAIT_POLICY": "passive"}

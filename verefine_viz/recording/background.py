@@ -9,12 +9,12 @@ import math
 from functools import lru_cache
 from typing import Any
 
-import fast_simplification
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.decimation import decimated
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import TILT_SHOWN_DEG, Observation, Support
 from verefine_viz.core.palette import ARM_COLORS, OBJECT_COLORS, RGB, STAGE_COLORS
@@ -151,8 +151,7 @@ def _simplified(
     vertices: Any = model.vertices.astype(np.float32)
     faces: Any = np.array(model.faces)
     if len(faces) > n_faces:
-        simpler: Any = fast_simplification.simplify(vertices, faces, target_count=n_faces)
-        vertices, faces = simpler
+        vertices, faces = decimated(vertices, faces, n_faces)
     corners = vertices[faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros_like(vertices)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import fast_simplification
 import numpy as np
 import platformdirs
 import trimesh
@@ -15,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from verefine_viz.core.array_cache import Arrays, cached
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.decimation import decimated
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
@@ -24,7 +24,7 @@ Faces = NDArray[np.int32]
 MOST_FACES = 30_000
 """Parts with more count as open: whether they cut themselves takes a look at all pairs, some seconds for so many."""
 
-ALGORITHM = 2
+ALGORITHM = 3
 """Part of the cached file's name; raised when the same input would give another mesh."""
 
 SMALL_PART_FACES = 64
@@ -32,9 +32,6 @@ SMALL_PART_FACES = 64
 
 N_SAMPLES = 30_000
 """Random surface points, beside all vertices, at which the deviation is measured."""
-
-AGGRESSIVENESS = 7.0
-"""How fast the simplifier raises its error threshold; lower values stop short of the wanted count."""
 
 
 def cache_folder() -> Path:
@@ -93,10 +90,8 @@ def simplified(
     while enough > 1.05 * too_few + 1:
         progress.checkpoint()
         target = max(too_few + 1, int(np.sqrt(too_few * enough)))
-        # The library's thresholds are absolute: it is given a mesh of size 1.
-        coarse = fast_simplification.simplify(vertices / scale, large, target_count=target, agg=AGGRESSIVENESS)
-        coarse_vertices, coarse_faces = coarse[0] * scale, coarse[1].astype(np.int32)
-        candidate = _joined(coarse_vertices, coarse_faces, vertices, small)
+        coarse_vertices, coarse_faces = decimated(vertices / scale, large, target)
+        candidate = _joined(coarse_vertices * scale, coarse_faces, vertices, small)
         if _deviation(reference, reference_points, *candidate) <= tolerance_m:
             enough = min(target, len(coarse_faces))
             if len(candidate[1]) < len(best[1]):

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from functools import lru_cache
 from itertools import pairwise
 
-import fast_simplification
 import numpy as np
 import trimesh
 import viser
@@ -16,6 +15,7 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.decimation import decimated
 from verefine_viz.core.geometry import quat_wxyz, rotation_of_quat_wxyz, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.palette import RGB, STAGE_COLORS
@@ -273,8 +273,5 @@ def coarse_mesh(vertices: Float, faces: NDArray[np.int32]) -> Mesh:
     if len(faces) <= _OUTLINE_FACES:
         return vertices, faces
     scale = float(np.abs(vertices).max())
-    # It takes no read-only arrays.
-    coarse = fast_simplification.simplify(
-        vertices / scale, faces.astype(np.int32), target_count=_OUTLINE_FACES, agg=7.0
-    )
-    return coarse[0] * scale, coarse[1].astype(np.int32)
+    coarse_vertices, coarse_faces = decimated(vertices / scale, faces, _OUTLINE_FACES)
+    return coarse_vertices * scale, coarse_faces
