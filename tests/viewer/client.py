@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import contextmanager
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import msgpack
@@ -14,6 +15,19 @@ if TYPE_CHECKING:
     from verefine_viz.viewer.app import App
 
 SUBPROTOCOL = f"viser-v{viser.__version__}"
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": (1.0, 0.0, 0.0, 0.0),
+    "position": (0.0, 0.0, 1.0),
+    "fov": 1.0,
+    "near": 0.01,
+    "far": 100.0,
+    "image_height": 600,
+    "image_width": 800,
+    "look_at": (0.0, 0.0, 0.0),
+    "up_direction": (0.0, 0.0, 1.0),
+}
+"""What a browser sends as soon as it is connected."""
 
 
 class FakeClient:
@@ -21,20 +35,7 @@ class FakeClient:
 
     def __init__(self, socket: ClientConnection) -> None:
         self._socket = socket
-        self.send(
-            {
-                "type": "ViewerCameraMessage",
-                "wxyz": (1.0, 0.0, 0.0, 0.0),
-                "position": (0.0, 0.0, 1.0),
-                "fov": 1.0,
-                "near": 0.01,
-                "far": 100.0,
-                "image_height": 600,
-                "image_width": 800,
-                "look_at": (0.0, 0.0, 0.0),
-                "up_direction": (0.0, 0.0, 1.0),
-            }
-        )
+        self.send(CAMERA)
 
     def send(self, message: dict[str, Any]) -> None:
         packed = msgpack.packb(message)
@@ -61,6 +62,8 @@ def client(url: str, origin: str | None = None):
 
 def until(app: App, condition: Callable[[], object]) -> None:
     """Waits for the worker until ``condition()`` holds; the browser's message takes a moment to arrive."""
-    requests = app._requests
+    requests, end = app._requests, monotonic() + 20
     with requests._wake:
-        assert requests._wake.wait_for(lambda: condition() and requests._idle, 20), "it never happened"
+        while not (condition() and requests._idle):
+            assert monotonic() < end, "it never happened"
+            requests._wake.wait(0.02)  # Not everything that a browser changes is a request of the worker's.

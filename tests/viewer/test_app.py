@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from numba import njit
 
 from tests.fakes import FakeRefiner, FakeVerifier
 from tests.viewer.client import client, until
+from tests.viewer.conftest import SESSION, OpenPage
 from tests.viewer.fake_tools import DRAGGED, FakeTools
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.problem import Problem
@@ -26,16 +27,6 @@ from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.page_layout import KEYS
 
-SESSION = Session(title="test", method=MethodSettings(iterations=2))
-
-
-@pytest.fixture
-def app(tmp_path: Path, processes: None) -> Iterator[App]:
-    running = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path).start()
-    running.wait_until_idle()
-    yield running
-    running.stop()
-
 
 def command_of(app: App, label: str) -> Any:
     return app.page.layout.commands[[k[0] for k in KEYS].index(label)]
@@ -45,43 +36,18 @@ def cursor(app: App) -> int:
     return app.debugger.workspace.run.cursor
 
 
-def test_buttons_and_hotkeys_move_the_run(app: App) -> None:
-    with client(app.url) as browser:
+def test_buttons_and_hotkeys_of_every_browser_move_the_run(app: App) -> None:
+    with client(app.url) as browser, client(app.url) as other:
         browser.set(app.page.layout.run.moves, "Step ▶")
         until(app, lambda: cursor(app) == 1)
-        browser.trigger(command_of(app, "Step one iteration"))
+        other.trigger(command_of(app, "Step one iteration"))
         until(app, lambda: cursor(app) == 2)
-        browser.trigger(command_of(app, "Back one iteration"))
+        other.trigger(command_of(app, "Back one iteration"))
         until(app, lambda: cursor(app) == 1)
         browser.trigger(command_of(app, "Run / pause"))
         until(app, lambda: cursor(app) == 6)
         browser.trigger(command_of(app, "First"))
         until(app, lambda: cursor(app) == 0)
-
-
-def test_words_and_maps_come_before_the_picture_unless_somebody_hurries(
-    app: App, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    came: list[str] = []
-    draw, write = app.page.scene.show, app.page.layout.show
-    monkeypatch.setattr(app.page.scene, "show", lambda view: (came.append("picture"), draw(view)))
-    monkeypatch.setattr(
-        app.page.layout,
-        "show",
-        lambda view, hand: (came.append("words and maps" if view.deep else "words"), write(view, hand)),
-    )
-
-    def shown(command: c.Command, calm_s: float) -> list[str]:
-        came.clear()
-        monkeypatch.setattr(session_page, "CALM_S", calm_s)
-        app.send(command)
-        app.wait_until_idle()
-        return list(came)
-
-    assert shown(c.Step(), 0) == ["words and maps", "picture"]
-    assert shown(c.Seek(0), 1e9) == ["picture", "words"]
-    assert shown(c.Back(), 0) == ["words and maps", "picture"]
-    assert shown(c.OpenFrame("0/2"), 0) == ["picture", "words"]
 
 
 def test_slider_seeks_and_follows(app: App) -> None:
@@ -94,7 +60,6 @@ def test_slider_seeks_and_follows(app: App) -> None:
     app.send(c.SeekEnd())
     app.wait_until_idle()
     assert app.page.layout.timeline.slider.value == 6
-    assert [type(x) for x in app.debugger.log][-1] is c.SeekEnd
 
 
 def test_links_carry_commands_and_nothing_else(app: App) -> None:
@@ -107,25 +72,11 @@ def test_links_carry_commands_and_nothing_else(app: App) -> None:
         until(app, lambda: cursor(app) == 3)
 
 
-@pytest.mark.usefixtures("processes")
-def test_settings_show_a_refiner_that_only_another_program_has(tmp_path: Path) -> None:
-    session = Session(method=MethodSettings(refiner="nudge", iterations=1))
-    running = App(session, port=0, make_tools=FakeTools, folder=tmp_path).start()
-    try:
-        running.wait_until_idle()
-        shown = running.page.layout.settings._fields["method.refiner"]
-        assert shown.value == "nudge"
-        assert {"nudge", "icp"} <= set(shown.options)
-    finally:
-        running.stop()
-
-
-def test_two_browsers_show_the_same_run(app: App) -> None:
-    with client(app.url) as one, client(app.url) as other:
-        one.set(app.page.layout.run.moves, "Step ▶")
-        until(app, lambda: cursor(app) == 1)
-        other.set(app.page.layout.run.moves, "Step ▶")
-        until(app, lambda: cursor(app) == 2)
+def test_settings_show_a_refiner_that_only_another_program_has(open_page: OpenPage) -> None:
+    app = open_page(Session(method=MethodSettings(refiner="nudge", iterations=1)))
+    shown = app.page.layout.settings._fields["method.refiner"]
+    assert shown.value == "nudge"
+    assert {"nudge", "icp"} <= set(shown.options)
 
 
 def test_what_was_clicked_can_be_repeated_without_a_page(app: App) -> None:
@@ -152,12 +103,10 @@ def test_a_command_that_fails_is_reported_and_the_page_lives_on(app: App) -> Non
     app.send(c.OpenFrame("9/9"))
     app.wait_until_idle()
     assert app.debugger.message == "unknown frame '9/9'; available: 0/1, 0/2"
-    assert 'class="warn">unknown frame' in app.page.layout.run._words._handle.content
+    assert app.debugger.refused
     app.send(c.Fork())
     app.wait_until_idle()
-    assert 'class="note">A new branch from iteration 0' in app.page.layout.run._words._handle.content, (
-        "nothing went wrong"
-    )
+    assert not app.debugger.refused
     app.send(c.Step())
     app.wait_until_idle()
     assert cursor(app) == 1
@@ -233,18 +182,11 @@ def test_after_installing_a_step_is_tried_before_the_page_is_ready(
         app.stop()
 
 
-@pytest.mark.usefixtures("processes")
-def test_nothing_is_said_of_kernels_that_are_there(tmp_path: Path, said: list[str]) -> None:
-    app = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path).start()
-    try:
-        app.wait_until_idle()
-        said.clear()  # What the viewer itself uses may be compiled here for the first time.
-        app.send(c.Restart((("method.exploration", 1.0),)))
-        app.wait_until_idle()
-        assert said, "what is prepared is said"
-        assert not any(COMPILING in words for words in said)
-    finally:
-        app.stop()
+def test_nothing_is_said_of_kernels_that_are_there(app: App, said: list[str]) -> None:
+    app.send(c.Restart((("method.exploration", 1.0),)))
+    app.wait_until_idle()
+    assert said, "what is prepared is said"
+    assert not any(COMPILING in words for words in said)
 
 
 def test_a_bug_is_reported_too(app: App, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -255,9 +197,8 @@ def test_a_bug_is_reported_too(app: App, monkeypatch: pytest.MonkeyPatch) -> Non
     assert app.debugger.running.goal is None
 
 
-@pytest.mark.parametrize("calm_s", [0.0, 60.0])
 def test_maps_that_cannot_be_made_are_named_and_not_tried_until_something_is_done(
-    app: App, monkeypatch: pytest.MonkeyPatch, calm_s: float
+    app: App, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tried: list[int] = []
 
@@ -265,9 +206,9 @@ def test_maps_that_cannot_be_made_are_named_and_not_tried_until_something_is_don
         tried.append(cursor(app))
         raise ValueError("no maps")
 
-    monkeypatch.setattr(session_page, "CALM_S", calm_s)
     monkeypatch.setattr(FakeVerifier, "maps", fail)
-    for k in (1, 2):
+    for k, calm_s in ((1, 0.0), (2, 0.0), (3, 60.0), (4, 60.0)):
+        monkeypatch.setattr(session_page, "CALM_S", calm_s)
         app.send(c.Step())
         app.wait_until_idle()
         assert app.debugger.message == "ValueError: no maps (a bug: please report it with the log)"
@@ -327,41 +268,34 @@ def test_session_and_exports_are_written_inside_the_folder(app: App, tmp_path: P
     assert "RunTo" in (tmp_path / f"{stem}_commands.jsonl").read_text()
 
 
-@pytest.mark.parametrize("name", ["../evil", "/tmp/evil", "a/b", "", " ", "..", "a\\b", "x\ny"])
-def test_a_session_cannot_be_written_elsewhere(app: App, tmp_path: Path, name: str) -> None:
-    app.send(c.SaveSession(name))
-    app.wait_until_idle()
-    assert "is no name for a session" in app.debugger.message
+def test_a_session_cannot_be_written_elsewhere(app: App, tmp_path: Path) -> None:
+    for name in ("../evil", "/tmp/evil", "a/b", "", " ", "..", "a\\b", "x\ny"):
+        app.send(c.SaveSession(name))
+        app.wait_until_idle()
+        assert "is no name for a session" in app.debugger.message, repr(name)
     assert list(tmp_path.rglob("*.toml")) == []
 
 
-@pytest.mark.usefixtures("processes")
-def test_hostile_names_are_shown_as_text(tmp_path: Path) -> None:
+def test_hostile_names_are_shown_as_text(open_page: OpenPage) -> None:
     evil = "<img src=x onerror=alert(1)>\"'&"
 
     class Evil(FakeTools):
         def problem(self, frame: str) -> Problem:
-            from dataclasses import replace
-
             problem = super().problem(frame)
             models = {k: replace(m, name=evil) for k, m in problem.models.items()}
             hypotheses = tuple(replace(h, source=evil) for h in problem.instances[0].hypotheses)
             instances = (replace(problem.instances[0], hypotheses=hypotheses), *problem.instances[1:])
             return replace(problem, models=models, instances=instances, notes=(evil,), title=evil)
 
-    running = App(Session(title=evil), port=0, make_tools=Evil, folder=tmp_path).start()
-    try:
-        running.wait_until_idle()
-        for command in (c.OpenFrame("0/2"), c.RunUntil("end"), c.SeekEvent(-1), c.Fork()):
-            running.send(command)
-        running.wait_until_idle()
-        pages = [str(getattr(m, "props", "")) + str(getattr(m, "updates", "")) for m in messages(running)]
-        html = [p for p in pages if "content" in p]
-        assert html
-        assert not any("<img src=x" in p for p in html)
-        assert any("&lt;img src=x" in p for p in html)
-    finally:
-        running.stop()
+    app = open_page(Session(title=evil), Evil)
+    for command in (c.OpenFrame("0/2"), c.RunUntil("end"), c.SeekEvent(-1), c.Fork()):
+        app.send(command)
+    app.wait_until_idle()
+    pages = [str(getattr(m, "props", "")) + str(getattr(m, "updates", "")) for m in messages(app)]
+    html = [p for p in pages if "content" in p]
+    assert html
+    assert not any("<img src=x" in p for p in html)
+    assert any("&lt;img src=x" in p for p in html)
 
 
 def messages(app: App) -> list[Any]:
@@ -376,31 +310,16 @@ def test_a_session_that_cannot_be_opened_says_why(tmp_path: Path) -> None:
         def problem(self, frame: str) -> Problem:
             raise InputError("scene_gt.json is missing")
 
-    running = App(SESSION, port=0, make_tools=Broken, folder=tmp_path).start()
-    try:
-        with pytest.raises(VerefineError, match=r"scene_gt\.json is missing"):
-            running.wait_until_ready(20)
-    finally:
-        running.stop()
-
-
-@pytest.mark.usefixtures("processes")
-def test_an_empty_session_says_what_to_do(tmp_path: Path) -> None:
     class Empty(FakeTools):
         frames = ()
 
-    running = App(SESSION, port=0, make_tools=Empty, folder=tmp_path).start()
-    try:
-        with pytest.raises(VerefineError, match="names no frame"):
-            running.wait_until_ready(20)
-    finally:
-        running.stop()
-
-
-def test_what_a_person_acts_with_stands_above_texts_of_any_length(app: App) -> None:
-    run, physics = app.page.layout.run, app.page.layout.physics
-    assert run.frame.order < run.demo.order < run.moves.order < run.runs.order < run._words._handle.order
-    assert physics.edit.order < physics.go_on.order < physics._words._handle.order < physics._plausibility._handle.order
+    for tools, said in ((Broken, r"scene_gt\.json is missing"), (Empty, "names no frame")):
+        running = App(SESSION, port=0, make_tools=tools, folder=tmp_path).start()
+        try:
+            with pytest.raises(VerefineError, match=said):
+                running.wait_until_ready(20)
+        finally:
+            running.stop()
 
 
 def test_only_what_can_be_done_with_a_pose_can_be_pressed(app: App) -> None:

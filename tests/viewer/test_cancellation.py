@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from time import sleep
 
 import pytest
 
 from tests.viewer.client import client, until
+from tests.viewer.conftest import SESSION, OpenPage
 from tests.viewer.fake_tools import FakeTools
-from tests.viewer.test_app import command_of, cursor, messages
+from tests.viewer.test_app import command_of, cursor
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.progress_token import ProgressToken
-from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.physics.decomposition import PARTS_OF
 from verefine_viz.session.files import save_session
 from verefine_viz.viewer import commands as c
@@ -24,7 +24,6 @@ from verefine_viz.viewer.debugger import Debugger, RequestQueue
 from verefine_viz.viewer.panels.run_panel import USE_HULLS
 from verefine_viz.viewer.session_page import CANCELLED
 
-SESSION = Session(title="test", method=MethodSettings(iterations=2))
 SLOW = "0/2"
 
 
@@ -44,15 +43,13 @@ class Slow(FakeTools):
 
 
 @pytest.fixture
-def app(tmp_path: Path, processes: None) -> Iterator[App]:
+def app(open_page: OpenPage) -> App:
     class Tools(Slow):
         reading = threading.Event()
 
-    running = App(SESSION, port=0, make_tools=Tools, folder=tmp_path)
-    Tools.progress = running._progress
-    running.start().wait_until_idle()
-    yield running
-    running.stop()
+    app = open_page(SESSION, Tools)
+    Tools.progress = app._progress
+    return app
 
 
 def begin(app: App, command: c.Command) -> None:
@@ -75,10 +72,6 @@ def words(app: App) -> str:
     return app.page.layout.run._words._handle.content
 
 
-def restarting(app: App) -> c.Command:
-    return c.Restart((("hypotheses.seed", 1),))
-
-
 def opening(app: App) -> c.Command:
     hypotheses = SESSION.hypotheses.model_copy(update={"seed": 1})
     path = app._folder / "other.toml"
@@ -88,78 +81,54 @@ def opening(app: App) -> c.Command:
 
 LONG = {
     "another frame": lambda app: c.OpenFrame(SLOW),
-    "new initial poses": restarting,
+    "new initial poses": lambda app: c.Restart((("hypotheses.seed", 1),)),
     "another session": opening,
     "B of a comparison": lambda app: c.CompareRun((("hypotheses.seed", 1),)),
 }
 
 
-@pytest.mark.parametrize("what", LONG)
-def test_what_is_cancelled_leaves_everything_as_it_was_and_a_step_works(app: App, what: str) -> None:
+def state_of(app: App) -> tuple[object, ...]:
+    space = app.debugger.workspace
+    run, work = space.run, space.work
+    return space.session, space.path, space.frame, run, run.length, work.comparison, work.branches
+
+
+def test_what_is_cancelled_leaves_everything_as_it_was_and_a_step_works(app: App) -> None:
     for command in (c.Step(), c.Step(), c.Back()):
         app.send(command)
     app.wait_until_idle()
-    space, log = app.debugger.workspace, list(app.debugger.log)
-    before = (
-        space.session,
-        space.path,
-        space.frame,
-        space.run,
-        space.run.length,
-        space.work.comparison,
-        space.work.branches,
-    )
-    begin(app, LONG[what](app))
-    app.send(c.Cancel())
-    app.wait_until_idle()
-    after = (
-        space.session,
-        space.path,
-        space.frame,
-        space.run,
-        space.run.length,
-        space.work.comparison,
-        space.work.branches,
-    )
-    assert after == before
-    assert app.debugger.log == log, "what was not done is not repeated"
-    assert (app.debugger.message, app.debugger.refused) == (CANCELLED, False)
-    assert f'class="note">{CANCELLED}' in words(app)
-    assert cursor(app) == 1
-    app.send(c.Step())
-    app.send(c.Step())
-    app.wait_until_idle()
-    assert cursor(app) == 3
-    assert CANCELLED not in words(app)
+    for what in LONG:
+        before, log = state_of(app), list(app.debugger.log)
+        begin(app, LONG[what](app))
+        app.send(c.Cancel())
+        app.wait_until_idle()
+        assert state_of(app) == before, what
+        assert app.debugger.log == log, f"{what}: what was not done is not repeated"
+        assert (app.debugger.message, app.debugger.refused) == (CANCELLED, False), what
+        assert CANCELLED in words(app), what
+        at = cursor(app)
+        app.send(c.Step())
+        app.wait_until_idle()
+        assert cursor(app) == at + 1, what
+        assert CANCELLED not in words(app), what
 
 
-def test_progress_says_what_is_done_how_much_of_it_and_how_to_cancel(app: App) -> None:
-    panel = app.page.layout.run
-    begin(app, c.OpenFrame(SLOW))
-    assert "Reading for ever." in words(app)
-    assert "&quot;Cancel&quot;" in words(app)
-    assert (panel._progress.visible, panel._progress.value) == (True, 25.0)
-    app.send(c.Cancel())
-    app.wait_until_idle()
-    assert not panel._progress.visible
-    assert "&quot;Cancel&quot;" not in words(app)
-
-
-@pytest.mark.parametrize("how", ["link", "key or palette"])
-def test_cancel_does_not_wait_for_its_turn_and_what_waited_goes_with_it(app: App, how: str) -> None:
-    with client(app.url) as one, client(app.url):
-        begin(app, c.OpenFrame(SLOW))
-        for _ in range(3):
-            app.send(c.Step())
-        if how == "link":
-            one.set(app.page.layout.link, f"{to_json(c.Cancel())} 1")
-        else:
-            one.trigger(command_of(app, "Cancel what is being done"))
-        until(app, lambda: app.debugger.message == CANCELLED)
-        assert cursor(app) == 0, "the steps were meant for the other frame"
-        assert app.page.layout.run.frame.value == "0/1"
-    shown = "".join(str(getattr(m, "props", "")) + str(getattr(m, "updates", "")) for m in messages(app))
-    assert CANCELLED in shown, "a browser that comes later is told as well"
+def test_cancel_does_not_wait_for_its_turn_and_what_waited_goes_with_it(app: App) -> None:
+    for how in ("link", "key or palette"):
+        with client(app.url) as one, client(app.url):
+            begin(app, c.OpenFrame(SLOW))
+            for _ in range(3):
+                app.send(c.Step())
+            if how == "link":
+                one.set(app.page.layout.link, f"{to_json(c.Cancel())} 1")
+            else:
+                one.trigger(command_of(app, "Cancel what is being done"))
+            until(app, lambda: app.debugger.message == CANCELLED)
+            assert cursor(app) == 0, "the steps were meant for the other frame"
+            assert app.page.layout.run.frame.value == "0/1", how
+        app.send(c.ColorCloud())
+        app.wait_until_idle()
+        assert app.debugger.message == "", how
 
 
 def test_people_look_around_while_something_else_is_read(app: App) -> None:
@@ -176,8 +145,12 @@ def test_people_look_around_while_something_else_is_read(app: App) -> None:
     assert app.debugger.options.arm == 2
     wait_for(lambda: app.page.layout.timeline.slider.value == 1)
     wait_for(lambda: "Reading for ever." in words(app) and "&quot;Cancel&quot;" in words(app))
+    progress = app.page.layout.run._progress
+    wait_for(lambda: (progress.visible, progress.value) == (True, 25.0))
     app.send(c.Cancel())
     app.wait_until_idle()
+    assert not progress.visible
+    assert "&quot;Cancel&quot;" not in words(app)
     assert (cursor(app), app.debugger.options.cloud) == (1, "class")
     assert app.debugger.message == CANCELLED
 
@@ -256,7 +229,6 @@ def test_what_is_worked_out_aside_gives_way_to_whatever_is_asked_for(app: App, m
 def test_the_program_ends_though_something_takes_for_ever(app: App) -> None:
     begin(app, c.OpenFrame(SLOW))
     app.stop()
-    assert app._worker is not None
     assert not app._worker.is_alive()
 
 
@@ -272,7 +244,6 @@ def test_the_program_ends_though_its_session_takes_for_ever_to_open(tmp_path: Pa
     assert Tools.reading.wait(20)
     running.send(c.Cancel())  # There is nothing to go back to.
     running.stop()
-    assert running._worker is not None
     assert not running._worker.is_alive()
 
 
@@ -286,11 +257,8 @@ def test_that_it_has_to_end_first_is_said_before_it_is_cancelled() -> None:
         requests.send(c.Cancel())
         assert (said, requests.is_wanted()) == ([True], False)
     assert requests.is_wanted()
-
-
-def test_a_list_of_commands_may_hold_cancel() -> None:
     debugger = Debugger(SESSION, None, FakeTools).carry_out([c.Step(), c.Cancel(), c.Step()])
-    assert debugger.workspace.run.cursor == 2
+    assert debugger.workspace.run.cursor == 2, "a list of commands may hold it"
 
 
 class Decomposing(FakeTools):

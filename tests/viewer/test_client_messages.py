@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import msgpack
@@ -12,22 +13,9 @@ import pytest
 from websockets.exceptions import ConnectionClosedError
 from websockets.sync.client import ClientConnection, connect
 
-from tests.viewer.client import SUBPROTOCOL, FakeClient
+from tests.viewer.client import CAMERA, SUBPROTOCOL, FakeClient
 from verefine_viz.viewer.web.client_messages import MOST_MALFORMED
 from verefine_viz.viewer.web.server import Server
-
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": (1.0, 0.0, 0.0, 0.0),
-    "position": (0.0, 0.0, 1.0),
-    "fov": 1.0,
-    "near": 0.01,
-    "far": 100.0,
-    "image_height": 600,
-    "image_width": 800,
-    "look_at": (0.0, 0.0, 0.0),
-    "up_direction": (0.0, 0.0, 1.0),
-}
 
 
 class Widgets:
@@ -50,7 +38,6 @@ class Widgets:
         for name, widget in self.kinds.items():
             change = widget.on_click if name == "group" else widget.on_update
             change(lambda _, name=name: self.changes.append(name))
-        self.values = {name: widget.value for name, widget in self.kinds.items()}
         self._last = gui.add_button("last")
         self._through = threading.Event()
         self._last.on_click(lambda _: self._through.set())
@@ -66,15 +53,15 @@ class Widgets:
         assert self._through.wait(20)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def widgets(processes: None) -> Iterator[Widgets]:
     made = Widgets()
     yield made
     made.server.stop()
 
 
-@pytest.fixture
-def browser(widgets: Widgets) -> Iterator[tuple[ClientConnection, FakeClient]]:
+@contextmanager
+def connected(widgets: Widgets) -> Iterator[tuple[ClientConnection, FakeClient]]:
     url = widgets.server.url.replace("http", "ws")
     with connect(url, subprotocols=[SUBPROTOCOL], max_size=None, max_queue=None) as socket:  # type: ignore[arg-type, list-item]
         yield socket, FakeClient(socket)
@@ -125,52 +112,59 @@ MALFORMED: dict[str, Message] = {
 }
 
 
-@pytest.mark.parametrize("kind", MALFORMED)
 def test_a_malformed_message_is_left_out_and_said_in_one_line(
-    kind: str,
-    widgets: Widgets,
-    browser: tuple[ClientConnection, FakeClient],
-    caplog: pytest.LogCaptureFixture,
-    capfd: pytest.CaptureFixture[str],
+    widgets: Widgets, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    socket, client = browser
-    with caplog.at_level(logging.WARNING):
-        for _ in range(2):
-            socket.send(MALFORMED[kind](widgets))
-        widgets.until_through(client)
-    assert [record.levelname for record in caplog.records] == ["WARNING"]
-    said = caplog.messages[0]
-    assert said.startswith("a browser at 127.0.0.1 sent a message that cannot be read (")
-    assert "\n" not in said
-    assert caplog.records[0].exc_info is None
+    widgets.changes.clear()
+    values = {name: widget.value for name, widget in widgets.kinds.items()}
+    for kind, message in MALFORMED.items():
+        caplog.clear()
+        with connected(widgets) as (socket, client), caplog.at_level(logging.WARNING):
+            for _ in range(2):
+                socket.send(message(widgets))
+            widgets.until_through(client)
+        assert [record.levelname for record in caplog.records] == ["WARNING"], kind
+        said = caplog.messages[0]
+        assert said.startswith("a browser at 127.0.0.1 sent a message that cannot be read ("), kind
+        assert "\n" not in said, kind
+        assert caplog.records[0].exc_info is None, kind
+        assert widgets.changes == [], kind
+        assert {name: widget.value for name, widget in widgets.kinds.items()} == values, kind
     assert capfd.readouterr() == ("", "")
-    assert widgets.changes == []
-    assert {name: widget.value for name, widget in widgets.kinds.items()} == widgets.values
 
 
-@pytest.mark.parametrize("kind", ["no msgpack", "number: nan"])
 def test_after_ten_the_browser_is_disconnected_and_others_are_not(
-    kind: str, widgets: Widgets, browser: tuple[ClientConnection, FakeClient], caplog: pytest.LogCaptureFixture
+    widgets: Widgets, caplog: pytest.LogCaptureFixture
 ) -> None:
-    socket, _ = browser
-    url = widgets.server.url.replace("http", "ws")
-    with connect(url, subprotocols=[SUBPROTOCOL], max_size=None, max_queue=None) as other:  # type: ignore[arg-type, list-item]
-        client = FakeClient(other)
-        with pytest.raises(ConnectionClosedError) as end:
-            for _ in range(MOST_MALFORMED):  # The server may close before the last call returns.
-                socket.send(MALFORMED[kind](widgets))
-            while True:
-                socket.recv(timeout=20)
-        assert end.value.rcvd is not None
-        assert (end.value.rcvd.code, end.value.rcvd.reason) == (1008, "10 malformed messages")
-        other.send(MALFORMED[kind](widgets))  # Counted for itself.
+    for kind in ("no msgpack", "number: nan"):
+        caplog.clear()
+        with connected(widgets) as (socket, _), connected(widgets) as (other, client):
+            with pytest.raises(ConnectionClosedError) as end:
+                for _ in range(MOST_MALFORMED):  # The server may close before the last call returns.
+                    socket.send(MALFORMED[kind](widgets))
+                while True:
+                    socket.recv(timeout=20)
+            assert (end.value.rcvd.code, end.value.rcvd.reason) == (1008, "10 malformed messages"), kind
+            other.send(MALFORMED[kind](widgets))  # Counted for itself.
+            widgets.until_through(client)
+        assert len(caplog.records) == 2, kind
+
+
+def test_a_choice_that_is_no_longer_there_is_left_out_without_a_word(
+    widgets: Widgets, caplog: pytest.LogCaptureFixture
+) -> None:
+    widgets.changes.clear()
+    with connected(widgets) as (_, client):
+        for _ in range(MOST_MALFORMED + 1):
+            client.send(widgets.change("dropdown", "three"))
+            client.send(widgets.change("group", "three"))
         widgets.until_through(client)
-    assert len(caplog.records) == 2
+    assert widgets.changes == []
+    assert caplog.records == []
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "becomes"),
-    [
+def test_what_a_page_sends_arrives(widgets: Widgets, caplog: pytest.LogCaptureFixture) -> None:
+    sent: tuple[tuple[str, object, object], ...] = (
         ("number", 2, 2),
         ("number", 2.5, 2),
         ("fraction", 2, 2.0),
@@ -180,30 +174,10 @@ def test_after_ten_the_browser_is_disconnected_and_others_are_not(
         ("checkbox", True, True),
         ("dropdown", "two", "two"),
         ("group", "two", "two"),
-    ],
-)
-def test_what_a_page_sends_arrives(
-    name: str,
-    value: object,
-    becomes: object,
-    widgets: Widgets,
-    browser: tuple[ClientConnection, FakeClient],
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    _, client = browser
-    client.send(widgets.change(name, value))
-    widgets.until_through(client)
-    assert widgets.kinds[name].value == becomes
-    assert caplog.records == []
-
-
-def test_a_choice_that_is_no_longer_there_is_left_out_without_a_word(
-    widgets: Widgets, browser: tuple[ClientConnection, FakeClient], caplog: pytest.LogCaptureFixture
-) -> None:
-    _, client = browser
-    for _ in range(MOST_MALFORMED + 1):
-        client.send(widgets.change("dropdown", "three"))
-        client.send(widgets.change("group", "three"))
-    widgets.until_through(client)
-    assert widgets.changes == []
+    )
+    with connected(widgets) as (_, client):
+        for name, value, becomes in sent:
+            client.send(widgets.change(name, value))
+            widgets.until_through(client)
+            assert widgets.kinds[name].value == becomes, (name, value)
     assert caplog.records == []

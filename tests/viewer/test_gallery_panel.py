@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.viewer.client import until
+from tests.viewer.conftest import SESSION
 from tests.viewer.fake_tools import FakeTools
-from tests.viewer.test_app import SESSION, cursor, until
+from tests.viewer.test_app import cursor
 from verefine_viz.batch.answer_cards import WRONG
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import RunFile
@@ -45,21 +47,20 @@ def test_tiles_lead_to_the_worst_iteration_and_names_are_text(tmp_path: Path) ->
 
 def test_what_a_tile_has_no_room_for_is_in_its_tooltip(tmp_path: Path) -> None:
     name = "a_model_with_a_name_that_no_card_has_room_for"
-    wrong = row(2, add_s_mm=42.0).model_copy(
-        update={"name": name, "method": "rir", "cause": "score", "evidence": "No."}
-    )
+    wrong = row(2, add_s_mm=42.0).model_copy(update={"name": name, "method": "rir", "cause": "score"})
     failed = row(1, "failed").model_copy(update={"name": name, "method": "rir"})
     tips = [tip(entry) for entry in gallery(tmp_path, wrong, failed).entries]
-    cause = "score ranks a wrong pose above the ground truth"
-    assert tips[0].startswith(f"{name} · 0/2 · rir, 42% of the diameter: {cause}. No. Opens ")
-    assert tips[1] == f"{name} · 0/1 · rir: no depth <i>."
+    assert all(words.startswith(name) for words in tips)
+    assert "42% of the diameter: score ranks a wrong pose above the ground truth" in tips[0]
+    assert "no depth <i>" in tips[1]
 
 
 def test_objects_of_failed_frames_and_those_left_out_count_as_missed(tmp_path: Path) -> None:
     lost = [row(2, status).model_copy(update={"has_truth": True}) for status in ("failed", "left_out")]
     unknown = row(3, "failed").model_copy(update={"obj_id": None, "instance_id": None, "name": ""})
     found = gallery(tmp_path, row(1, add_s_mm=5.0), *lost, unknown)
-    assert found.outcome == "1 of 3 objects in 3 frames are right; 2 have no answer; 1 frame failed"
+    for count in ("1 of 3 objects", "2 have no answer", "1 frame failed"):
+        assert count in found.outcome
     assert found.outcome in gallery_html(found)
     for entry, said in zip(found.entries[1:], ("frame failed", "left out", "frame failed"), strict=True):
         tile = entry_of(found, entry, 1)
@@ -68,39 +69,24 @@ def test_objects_of_failed_frames_and_those_left_out_count_as_missed(tmp_path: P
 
 
 def test_data_in_doubt_are_reported_on_the_card_and_above_all_cards(tmp_path: Path) -> None:
-    doubted = row(1, add_s_mm=42.0).model_copy(
-        update={
-            "cause": "score",
-            "evidence": "The score misleads. Look at the data first: objects appear larger: check cam_K.",
-        }
-    )
+    evidence = "The score misleads. Look at the data first: objects appear larger: check cam_K."
+    doubted = row(1, add_s_mm=42.0).model_copy(update={"cause": "score", "evidence": evidence})
     found = gallery(tmp_path, doubted, row(2, add_s_mm=42.0).model_copy(update={"cause": "score"}))
-    assert found.doubt == "Look at the data first: in frame 0/1, objects appear larger: check cam_K."
+    assert "in frame 0/1, objects appear larger: check cam_K" in found.doubt
     told, plain = (entry_of(found, entry, 0) for entry in found.entries)
-    assert "data in doubt</b>" in told
+    assert "data in doubt" in told
     assert "data in doubt" not in plain
     assert gallery(tmp_path, row(2, add_s_mm=42.0)).doubt == ""
     twice = gallery(tmp_path, doubted, doubted.model_copy(update={"im_id": 3}), row(2, add_s_mm=42.0))
-    assert twice.doubt.startswith(
-        "Look at the data first: in 2 of 3 frames, such as 0/1, objects appear larger: check cam_K."
-    )
+    assert "in 2 of 3 frames, such as 0/1, objects" in twice.doubt
     runs = [BatchIndex(tmp_path / name, SESSION, RunFile(), found.runs[tmp_path.name].rows) for name in ("rir", "sir")]
-    assert Gallery(runs).doubt.startswith(
-        "Look at the data first: in 2 of 4 frames of 2 runs, such as 0/1 of rir, objects appear larger: check cam_K."
-    )
+    assert "in 2 of 4 frames of 2 runs, such as 0/1 of rir, objects" in Gallery(runs).doubt
 
 
-@pytest.mark.parametrize(
-    ("worst", "best", "said"),
-    [
-        (3, 5, "Opens at iteration 3, which made it worse than any other."),
-        (None, 5, "Opens at iteration 5, where the answer comes from: no iteration made it much worse."),
-        (None, 0, "Opens before iteration 1, where the answer comes from: no iteration made it much worse."),
-    ],
-)
-def test_a_card_says_where_it_leads_and_why(tmp_path: Path, worst: int | None, best: int, said: str) -> None:
-    found = gallery(tmp_path, row(2, add_s_mm=42.0, worst=worst).model_copy(update={"best_iteration": best}))
-    assert said in tip(found.entries[0])
+def test_a_card_says_where_it_leads(tmp_path: Path) -> None:
+    for worst, best, said in ((3, 5, "at iteration 3"), (None, 5, "at iteration 5"), (None, 0, "before iteration 1")):
+        found = gallery(tmp_path, row(2, add_s_mm=42.0, worst=worst).model_copy(update={"best_iteration": best}))
+        assert said in tip(found.entries[0]), (worst, best)
 
 
 def test_filters_can_be_chosen_where_there_is_a_choice(tmp_path: Path) -> None:
@@ -120,7 +106,6 @@ def test_the_page_holds_all_tiles_and_says_what_is_open(tmp_path: Path) -> None:
     try:
         app.wait_until_ready(60)
         assert cursor(app) == 0, "nothing is computed before an answer is opened"
-        assert app.page.layout.gallery is not None
         state = app.page.layout.gallery._state
         assert '"only": {"result": "wrong or no answer"}' in html.unescape(state._handle.content)
         app.send(batch.opens(batch.entries[1]))

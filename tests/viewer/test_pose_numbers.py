@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.viewer.client import client, until
-from tests.viewer.fake_tools import FakeTools
+from tests.viewer.conftest import OpenPage
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle, rotation_of_quat_wxyz, transform
-from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.state.edited_pose import displaced, displacement
 
-SESSION = Session(title="boxes", method=MethodSettings(iterations=2))
-
 
 @pytest.fixture
-def app(tmp_path: Path, processes: None) -> Iterator[App]:
-    running = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path).start()
-    running.wait_until_idle()
-    running.send(c.EditPose())
-    running.wait_until_idle()
-    yield running
-    running.stop()
+def app(open_page: OpenPage) -> App:
+    app = open_page()
+    app.send(c.EditPose())
+    app.wait_until_idle()
+    return app
 
 
 def numbers(app: App) -> Any:
@@ -43,7 +36,6 @@ def edited(app: App) -> Float:
 
 def gizmo(app: App) -> Float:
     handle = app.page.scene._gizmo
-    assert handle is not None
     return transform(rotation_of_quat_wxyz(handle.wxyz), handle.position)
 
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -15,19 +13,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.viewer.client import client, until
+from tests.viewer.conftest import OpenPage
 from tests.viewer.fake_tools import FakeTools
-from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import DependencyGraph, Edge, Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.app import App
 from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.commands import CutDependency, MoveInOrder, ResetOrder
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.handlers.open_handlers import entries, moved
-from verefine_viz.viewer.panels.order_panel import Node, order_html, picture, short
+from verefine_viz.viewer.panels.order_panel import Node, order_html, picture
 
 SESSION = Session(title="order", method=MethodSettings(iterations=1, name="vf_breadth"))
 EDGES = (
@@ -66,7 +63,6 @@ def debugger() -> Debugger:
 
 def order(debugger: Debugger) -> tuple[int, ...]:
     graph = debugger.workspace.work.problem.dependencies
-    assert graph is not None
     return graph.order
 
 
@@ -82,13 +78,6 @@ def test_moving_gives_an_order_that_the_session_keeps(debugger: Debugger) -> Non
     # The run follows it.
     debugger.carry_out([c.RunUntil("end")])
     assert debugger.workspace.run.iterations[0].instance_id == second
-
-
-def test_back_to_the_rule(debugger: Debugger) -> None:
-    before = order(debugger)
-    debugger.carry_out([MoveInOrder(before[0], 1), ResetOrder()])
-    assert order(debugger) == before
-    assert debugger.workspace.session.dependency == DependencySettings()
 
 
 def test_cutting_and_restoring(debugger: Debugger) -> None:
@@ -112,28 +101,19 @@ def test_what_was_done_can_be_repeated(debugger: Debugger) -> None:
     assert first_difference(again.workspace.run.iterations, debugger.workspace.run.iterations) is None
 
 
-@pytest.mark.parametrize(
-    ("command", "said"),
-    [
+def test_what_cannot_be_done_is_said_and_changes_nothing(debugger: Debugger) -> None:
+    before, ids = debugger.workspace.run, order(debugger)
+    for command, said in (
         (CutDependency(0, 2), "unknown pair of instances '#0 and #2'; available: #0 and #1, #1 and #2"),
         (MoveInOrder(9, 1), "unknown instance 9"),
         (MoveInOrder(0, 2), "one place at a time"),
-    ],
-)
-def test_what_cannot_be_done_is_said_and_changes_nothing(debugger: Debugger, command: c.Command, said: str) -> None:
-    before = debugger.workspace.run
-    with pytest.raises(InputError, match=re.escape(said)):
-        debugger.apply(command)
-    assert debugger.workspace.run is before
-    assert debugger.log == []
-
-
-def test_the_first_cannot_come_earlier(debugger: Debugger) -> None:
-    ids = order(debugger)
-    with pytest.raises(InputError, match="is first in the order already"):
-        debugger.apply(MoveInOrder(ids[0], -1))
-    with pytest.raises(InputError, match="is last in the order already"):
-        debugger.apply(MoveInOrder(ids[-1], 1))
+        (MoveInOrder(ids[0], -1), "is first in the order already"),
+        (MoveInOrder(ids[-1], 1), "is last in the order already"),
+    ):
+        with pytest.raises(InputError, match=re.escape(said)):
+            debugger.apply(command)
+        assert debugger.workspace.run is before, said
+        assert debugger.log == [], said
 
 
 def test_a_frame_whose_order_nobody_looked_at() -> None:
@@ -181,9 +161,7 @@ def test_the_picture_names_every_object_and_labels_every_edge() -> None:
     root = ElementTree.fromstring(svg)
     said = ["".join(e.itertext()) for e in root.iter("text")]
     assert [t for t in said if t in NAMES.values()] == ["cereal", "can", "duck", "mug"]
-    assert {t for t in said if "carries" in t or "hides" in t} == {"carries 64%", "hides 22 mm", "carries ⟲"}
-    titles = ["".join(e.itertext()) for e in root.iter("title")]
-    assert "cereal carries can: 64% of its footprint, 2 mm above" in titles
+    assert {"carries 64%", "hides 22 mm"} <= set(said)
     commands = [from_json(e.attrib["data-cmd"]) for e in root.iter() if "data-cmd" in e.attrib]
     assert [x.instance_id for x in commands if isinstance(x, c.Focus)] == [3, 1, 2, 4]
     moves = [(x.instance_id, x.by) for x in commands if isinstance(x, MoveInOrder)]
@@ -206,25 +184,18 @@ def test_any_graph_can_be_drawn_without_labels_that_overlap(n: int, data: st.Dat
     assert all(0 < y < float(root.attrib["viewBox"].split()[3]) for y in ys)
 
 
-def test_an_edge_that_is_cut_says_so() -> None:
-    assert short(replace(EDGES[0], state="cut")) == "carries 64% ✂"
-
-
-@pytest.mark.parametrize("method", ["rir", "sir", "refine", "vf_breadth", "vf_depth"])
-def test_the_order_that_is_reported_is_the_one_of_the_run(method: str) -> None:
-    session = Session(title="order", method=MethodSettings(iterations=2, name=method))
-    d = Debugger(session, None, ThreeBoxes).carry_out([c.Focus(0)])
-    first, second, third = order(d)
-    d.carry_out([MoveInOrder(first, 1), c.RunUntil("end")])
-    view = d.view(deep=False)
-    run = list(dict.fromkeys(i.instance_id for i in view.iterations))
-    alone = method not in ("vf_breadth", "vf_depth")
-    assert run == ([0, 1, 2] if alone else [second, first, third])
-    html = order_html(view)
-    assert ("Solved in the order of the frame: box #0, box #1, box #2" in html) == alone
-    follow = "VF_b, VF_d and PHYSIM-MCTS follow this order."
-    assert (f"{method.upper()} solves each object alone; {follow}" in html) == alone
-    assert [int(i) for i in re.findall(r"<title>box #(\d): click", html)] == [second, first, third]
+def test_the_order_that_is_reported_is_the_one_of_the_run() -> None:
+    for method, alone in (("rir", True), ("sir", True), ("refine", True), ("vf_breadth", False), ("vf_depth", False)):
+        session = Session(title="order", method=MethodSettings(iterations=2, name=method))
+        d = Debugger(session, None, ThreeBoxes).carry_out([c.Focus(0)])
+        first, second, third = order(d)
+        d.carry_out([MoveInOrder(first, 1), c.RunUntil("end")])
+        view = d.view(deep=False)
+        run = list(dict.fromkeys(i.instance_id for i in view.iterations))
+        assert run == ([0, 1, 2] if alone else [second, first, third]), method
+        html = order_html(view)
+        assert ("Solved in the order of the frame: box #0, box #1, box #2" in html) == alone, method
+        assert [int(i) for i in re.findall(r"<title>box #(\d): click", html)] == [second, first, third], method
 
 
 def test_names_from_data_cannot_break_the_page() -> None:
@@ -241,20 +212,12 @@ def test_names_from_data_cannot_break_the_page() -> None:
     assert "&lt;script" in html
 
 
-@pytest.fixture
-def app(tmp_path: Path, processes: None) -> Iterator[App]:
-    running = App(SESSION, port=0, make_tools=ThreeBoxes, folder=tmp_path).start()
-    running.wait_until_idle()
-    yield running
-    running.stop()
-
-
-def test_links_of_the_panel_change_the_order(app: App) -> None:
+def test_links_of_the_panel_change_the_order(open_page: OpenPage) -> None:
+    app = open_page(SESSION, ThreeBoxes)
     ids = order(app.debugger)
     with client(app.url) as browser:
         browser.set(app.page.layout.link, to_json(MoveInOrder(ids[0], 1)) + " 1")
         until(app, lambda: order(app.debugger)[0] == ids[1])
-    assert "The order is given by the session." in order_html(app.debugger.view(deep=False))
     assert app.debugger.message == ""
     for command in (CutDependency(0, 1), ResetOrder(), MoveInOrder(7, 1)):
         app.send(command)

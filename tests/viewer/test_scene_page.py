@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
+from tests.viewer.conftest import OpenPage
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
 from verefine_viz.core.settings import Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.scene_page import scene_page
 
@@ -42,6 +40,7 @@ def test_it_says_which_moment_it_is(debugger: Debugger) -> None:
     assert f"Why did it fall? Frame {view.frame}, RIR, iteration 1 of {view.progress.total}." in words(html)
     assert "the answer after" in words(page(debugger, c.RunUntil("end")))
     assert "before iteration 1" in words(page(debugger, c.Seek(0)))
+    assert html.index("</script>") < html.index('id="legend"') < html.rindex("</body>"), "whatever the script says"
 
 
 def test_it_names_every_colour_that_is_drawn_with_the_score_of_the_pose(debugger: Debugger) -> None:
@@ -49,7 +48,6 @@ def test_it_names_every_colour_that_is_drawn_with_the_score_of_the_pose(debugger
     poses = debugger.view().poses
     for name in ("current", "simulated", "accepted", "best"):
         score = poses[name].score
-        assert score is not None
         assert f"rgb{STAGE_COLORS[name]}" in html
         assert f"{poses[name].label} {score.score:.2f}" in words(html)
     assert f"rgb{STAGE_COLORS['refined']}" not in html
@@ -61,13 +59,7 @@ def test_colours_of_the_cloud_and_of_two_runs_are_named(debugger: Debugger) -> N
     assert all(f"rgb{color}" in html and name in words(html) for name, color in CLASS_COLORS.items())
     compared = words(page(debugger, c.CompareRun((("method.name", "pir"),)), c.RunB()))
     sides = debugger.view().comparison
-    assert sides is not None
     assert f"A {sides.name_a}, solid B {sides.name_b}, as an outline" in compared
-
-
-def test_the_legend_lies_in_the_body_whatever_the_script_says(debugger: Debugger) -> None:
-    html = page(debugger)
-    assert html.index("</script>") < html.index('id="legend"') < html.rindex("</body>")
 
 
 class Evil(FakeTools):
@@ -82,14 +74,8 @@ class Evil(FakeTools):
         return replace(problem, models=models, instances=tuple(instances))
 
 
-@pytest.fixture
-def evil(tmp_path: Path, processes: None) -> Iterator[App]:
-    app = App(Session(title=EVIL), port=0, make_tools=Evil, folder=tmp_path).start()
-    yield app
-    app.stop()
-
-
-def test_hostile_names_are_text(evil: App) -> None:
+def test_hostile_names_are_text(open_page: OpenPage) -> None:
+    evil = open_page(Session(title=EVIL), Evil)
     evil.send(c.Step())
     evil.send(c.Export("scene"))
     evil.wait_until_idle()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.viewer.test_app import SESSION
+from tests.viewer.conftest import SESSION
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import Journal, RunFile
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow
