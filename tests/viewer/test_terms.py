@@ -17,11 +17,8 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.bandit_tables import passes_table
 from verefine_viz.viewer.drawing.markup import text, with_hints
-from verefine_viz.viewer.drawing.plausibility_picture import LIGHTS
-from verefine_viz.viewer.panels.objects_panel import legend, objects_html
-from verefine_viz.viewer.panels.run_panel import event_lines
+from verefine_viz.viewer.panels.objects_panel import objects_html
 from verefine_viz.viewer.panels.score_panel import score_html
-from verefine_viz.viewer.snapshot.snapshot import visit
 from verefine_viz.viewer.text.display_names import TERMS
 from verefine_viz.viewer.text.headline import headline
 
@@ -45,11 +42,8 @@ def test_list_and_sentence_tell_the_frame_score(debugger: Debugger) -> None:
     for place in (1, 4, debugger.workspace.run.length):
         view = debugger.carry_out([c.Seek(place), c.ShowScene()]).view()
         score = view.frame_score
-        assert score is not None
-        assert f"{score.score:.2f}</span>" in objects_html(view)
-        assert text(TERMS["frame score"]) in objects_html(view)
-        assert f"<td>{score.score:.3f}</td>" in score_html(view)
-        assert text(TERMS["frame score"]) in score_html(view)
+        assert f"{score.score:.2f}" in objects_html(view)
+        assert f"{score.score:.3f}" in score_html(view)
         answers = [o.answer.T_cam_obj for o in view.scene.objects if o.answer is not None]
         targets = [o.target for o in view.scene.objects]
         judged = FakeTools(view.session).verifier.score_scene(targets, np.array(answers)[None])
@@ -59,29 +53,11 @@ def test_list_and_sentence_tell_the_frame_score(debugger: Debugger) -> None:
 def test_a_closed_pass_tells_its_score_and_the_incumbent(debugger: Debugger) -> None:
     closing = next(i for i in debugger.workspace.run.iterations if i.scene is not None)
     view = debugger.carry_out([c.Seek(closing.index), c.Focus(None)]).view()
-    assert closing.scene is not None
     said = headline(view)
     assert f"pass score {closing.scene.score.score:.2f}" in said
     assert re.search(rf"incumbent (is now )?{closing.scene.incumbent_score:.2f}", said)
-    table = passes_table(view)
     for term in ("pass score", "incumbent"):
-        assert text(TERMS[term]) in table
-
-
-def test_events_call_the_best_scene_the_incumbent(debugger: Debugger) -> None:
-    found = [i for i in debugger.workspace.run.iterations if any(e.kind == "new_best_scene" for e in i.events)]
-    assert found
-    for iteration in found:
-        view = debugger.carry_out([visit(debugger.view(), iteration), c.Focus(None)]).view()
-        lines = event_lines(view)
-        assert f'title="{text(TERMS["incumbent"])}">incumbent</span>' in lines
-        assert "best scene" not in lines
-
-
-def test_every_light_is_explained(debugger: Debugger) -> None:
-    said = legend(debugger.view())
-    assert all(f"rgb{color}" in said for light, color in LIGHTS.items() if light != "grey")
-    assert "Not how far off it is" in said
+        assert text(TERMS[term]) in passes_table(view)
 
 
 def test_no_hint_contains_another_term() -> None:

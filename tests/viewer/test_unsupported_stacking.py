@@ -55,8 +55,6 @@ def raised(by_m: float) -> type[FakeTools]:
             problem = super().problem(frame)
             support, target = problem.observation.support, problem.targets[-1]
             truth, height_m = target.instance.T_cam_obj_gt, height_above_plane_m(target)
-            assert support is not None
-            assert truth is not None
             assert height_m is not None
             lifted = truth.copy()
             lifted[:3, 3] += (by_m - height_m) * support.T_world_cam[:3, :3].T @ support.normal_world
@@ -69,15 +67,12 @@ def raised(by_m: float) -> type[FakeTools]:
 def test_what_stands_on_another_object_is_warned_of_with_the_way_out() -> None:
     view = view_of(stacked())
     said = unsupported_stacking_warning(view)
-    assert said.startswith("RIR settles every object on the table alone")
-    assert ": box #1 stands on box #0, so it sinks in the simulation." in said
+    assert "box #1 stands on box #0" in said
     (finding,) = [f for f in findings(view) if f.text == said]
     assert not finding.calm
     assert finding.command == c.Restart((("method.name", "vf_breadth"),))
     assert unsupported_stacking(view) == {1: "stands on box #0"}
-    assert "stands on box #0; RIR settles it on the table alone, so it sinks" in objects_html(view)
-    assert objects_html(view).count("⤓") == 2, "at its row, and in the legend"
-    assert ">⤓</b> <span>box</span>&nbsp;#1<" in objects_html(view), "before the name, whose end may be cut"
+    assert "⤓" in objects_html(view)
 
 
 def test_the_warning_is_calm_once_all_that_stands_on_others_came_out_right() -> None:
@@ -92,14 +87,11 @@ def test_the_warning_is_calm_once_all_that_stands_on_others_came_out_right() -> 
     assert not finding.calm
 
 
-@pytest.mark.parametrize("name", ["vf_breadth", "vf_depth", "refine"])
-def test_methods_that_know_of_it_or_do_not_simulate_say_nothing(name: str) -> None:
-    view = view_of(stacked(), name)
-    assert unsupported_stacking_warning(view) == ""
-    assert "⤓" not in objects_html(view)
-
-
-def test_nothing_is_said_without_physics_or_where_a_person_cut_the_edge() -> None:
+def test_methods_that_know_of_it_or_do_not_simulate_say_nothing() -> None:
+    for name in ("vf_breadth", "vf_depth", "refine"):
+        view = view_of(stacked(), name)
+        assert unsupported_stacking_warning(view) == "", name
+        assert "⤓" not in objects_html(view), name
     assert unsupported_stacking_warning(view_of(stacked(), physics=False)) == ""
     assert unsupported_stacking_warning(view_of(stacked("cut"))) == ""
     assert unsupported_stacking_warning(view_of(FakeTools)) == ""
@@ -111,8 +103,6 @@ def test_nothing_is_said_while_the_data_are_in_doubt() -> None:
         doubted = replace(view, doubts=("measured depth is 10% larger: check depth_scale",))
         assert unsupported_stacking(doubted) == {}
         assert unsupported_stacking_warning(doubted) == ""
-        assert "⤓" not in objects_html(doubted)
-        assert not [one for one in findings(doubted) if "settles" in one.text]
 
 
 def test_nothing_is_said_where_a_batch_doubts_the_frame_by_another_object(tmp_path: Path) -> None:
@@ -130,11 +120,11 @@ def test_nothing_is_said_where_a_batch_doubts_the_frame_by_another_object(tmp_pa
         assert unsupported_stacking(view) == {}
 
 
-@pytest.mark.parametrize("by_m", [RAISED_M + 0.005, 0.08])
-def test_ground_truth_above_the_table_says_so_where_no_graph_does(by_m: float) -> None:
-    view = view_of(raised(by_m))
-    assert height_above_plane_m(view.problem.targets[-1]) == pytest.approx(by_m)
-    assert f"box #1 stands {by_m * 1e3:.0f} mm above the table, so it sinks" in unsupported_stacking_warning(view)
+def test_ground_truth_above_the_table_says_so_where_no_graph_does() -> None:
+    for by_m in (RAISED_M + 0.005, 0.08):
+        view = view_of(raised(by_m))
+        assert height_above_plane_m(view.problem.targets[-1]) == pytest.approx(by_m)
+        assert f"box #1 stands {by_m * 1e3:.0f} mm above the table" in unsupported_stacking_warning(view)
 
 
 def test_surroundings_support_what_stands_above_the_table() -> None:
@@ -157,10 +147,6 @@ def test_an_object_near_the_table_stands_on_it() -> None:
 def test_height_is_that_of_the_lowest_vertex() -> None:
     target = view_of(raised(0.05)).problem.targets[-1]
     support, truth = target.observation.support, target.instance.T_cam_obj_gt
-    assert support is not None
-    assert truth is not None
-    heights = []
-    for point in target.model.vertices:
-        in_world = support.T_world_cam @ truth @ np.append(point, 1.0)
-        heights.append(in_world[:3] @ support.normal_world)
+    T_world_obj = support.T_world_cam @ truth
+    heights = [(T_world_obj @ np.append(point, 1.0))[:3] @ support.normal_world for point in target.model.vertices]
     assert height_above_plane_m(target) == pytest.approx(min(heights))

