@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -17,19 +18,37 @@ from verefine_viz.viewer.drawing.comparison_tables import parting
 pytestmark = pytest.mark.usefixtures("processes")
 
 
-def test_a_recording_beside_the_run_it_was_made_of(tmp_path: Path) -> None:
-    path = record(tmp_path / "rir.rrd", SESSION)
+@dataclass(frozen=True)
+class Recordings:
+    """Files of two methods, and of another frame."""
+
+    rir: Path
+    sir: Path
+    elsewhere: Path
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Recordings:
+    folder = tmp_path_factory.mktemp("recordings")
+    return Recordings(
+        record(folder / "rir.rrd", SESSION),
+        record(folder / "sir.rrd", Session(method=MethodSettings(name="sir", iterations=2))),
+        record(folder / "elsewhere.rrd", SESSION, frame="0/1"),
+    )
+
+
+def test_a_recording_beside_the_run_it_was_made_of(recordings: Recordings) -> None:
+    path = recordings.rir
     d = page().carry_out([TWO, c.RunUntil("end"), c.CompareRecording(str(path))])
     v = sides(d)
-    assert "did the same in all 12 iterations that both have made, bit for bit" in parting(v)
+    assert "the same in all 12 iterations" in parting(v)
     assert {o.winner for o in v.outcomes} == {"even"}
     again = page().carry_out(d.log)
     same(d, again)
 
 
-def test_two_recordings_from_disk(tmp_path: Path) -> None:
-    one = record(tmp_path / "rir.rrd", SESSION)
-    other = record(tmp_path / "sir.rrd", Session(method=MethodSettings(name="sir", iterations=2)))
+def test_two_recordings_from_disk(recordings: Recordings) -> None:
+    one, other = recordings.rir, recordings.sir
     d = page().carry_out([c.OpenRecording(str(one)), c.CompareRecording(str(other))])
     assert d.workspace.frame == "0/2"
     v = sides(d)
@@ -46,8 +65,8 @@ def test_two_recordings_from_disk(tmp_path: Path) -> None:
     assert [o.winner for o in ours.outcomes] == [o.winner for o in theirs.outcomes]
 
 
-def test_a_recording_is_not_continued_but_can_be_run_again(tmp_path: Path) -> None:
-    path = record(tmp_path / "rir.rrd", SESSION)
+def test_a_recording_is_not_continued_but_can_be_run_again(recordings: Recordings) -> None:
+    path = recordings.rir
     d = page().carry_out([c.OpenRecording(str(path)), c.Seek(3)])
     with pytest.raises(InputError, match=r"rir\.rrd was read from a file and cannot be continued"):
         d.carry_out([c.Fork((("method.exploration", 5.0),))])
@@ -59,20 +78,17 @@ def test_a_recording_is_not_continued_but_can_be_run_again(tmp_path: Path) -> No
     assert sides(d).differences.first is None
 
 
-def test_a_pose_in_a_recording_can_be_moved_to_see_its_score_and_is_not_gone_on_from(tmp_path: Path) -> None:
-    path = record(tmp_path / "rir.rrd", SESSION)
-    d = page().carry_out([c.OpenRecording(str(path)), c.Seek(3), c.EditPose()])
-    assert "This run was read from a file, and cannot go on from one" in d.message
-    assert "Continue from here" not in d.message
+def test_a_pose_in_a_recording_can_be_moved_to_see_its_score_and_is_not_gone_on_from(recordings: Recordings) -> None:
+    d = page().carry_out([c.OpenRecording(str(recordings.rir)), c.Seek(3), c.EditPose()])
+    assert "was read from a file" in d.message
     with pytest.raises(InputError, match=r"rir\.rrd was read from a file and cannot be continued; .*press Restart"):
         d.apply(c.ForkFromPose())
     d.carry_out([c.EditPose(on=False), c.Restart(), c.EditPose(), DRAGGED, c.ForkFromPose()])
-    assert d.message.startswith("Hypothesis ")
+    assert len(d.workspace.run.edits) == 1
 
 
-def test_recordings_that_do_not_fit_are_refused_in_one_line(tmp_path: Path) -> None:
-    one = record(tmp_path / "one.rrd", SESSION)
-    elsewhere = record(tmp_path / "elsewhere.rrd", SESSION, frame="0/1")
+def test_recordings_that_do_not_fit_are_refused_in_one_line(recordings: Recordings, tmp_path: Path) -> None:
+    one, elsewhere = recordings.rir, recordings.elsewhere
     tower = SESSION.model_copy(update={"scene": SceneSettings(demo="tower")})
     other_scene = record(tmp_path / "tower.rrd", tower)
     damaged = tmp_path / "damaged.rrd"
@@ -98,23 +114,19 @@ def test_recordings_that_do_not_fit_are_refused_in_one_line(tmp_path: Path) -> N
     same(d, before)
 
 
-def test_a_page_opens_with_two_recordings_or_says_why_not(tmp_path: Path) -> None:
-    one = record(tmp_path / "rir.rrd", SESSION)
-    other = record(tmp_path / "sir.rrd", Session(method=MethodSettings(name="sir", iterations=2)))
-    elsewhere = record(tmp_path / "elsewhere.rrd", SESSION, frame="0/1")
-    app = App(SESSION, None, port=0, make_tools=Numbered, first=(c.OpenRecording(str(one)),)).start()
+def test_a_page_opens_with_two_recordings_or_says_why_not(recordings: Recordings) -> None:
+    one, other = c.OpenRecording(str(recordings.rir)), c.CompareRecording(str(recordings.sir))
+    elsewhere = c.CompareRecording(str(recordings.elsewhere))
+    app = App(SESSION, None, port=0, make_tools=Numbered, first=(one, other)).start()
     try:
         app.wait_until_idle()
-        app.send(c.CompareRecording(str(other)))
-        app.wait_until_idle()
-        assert "A (rir, rir.rrd) and B (sir, sir.rrd) do the same" in app.page.layout.compare._words._handle.content
-        app.send(c.CompareRecording(str(elsewhere)))
+        assert sides(app.debugger).name_b == "sir, sir.rrd"
+        app.send(elsewhere)
         app.wait_until_idle()
         assert "two runs are compared on the same frame" in app.debugger.message
     finally:
         app.stop()
-    bad = (c.OpenRecording(str(one)), c.CompareRecording(str(elsewhere)))
-    app = App(SESSION, None, port=0, make_tools=Numbered, first=bad).start()
+    app = App(SESSION, None, port=0, make_tools=Numbered, first=(one, elsewhere)).start()
     try:
         with pytest.raises(VerefineError, match="two runs are compared on the same frame"):
             app.wait_until_ready(30)

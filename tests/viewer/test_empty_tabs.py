@@ -26,13 +26,10 @@ def after(*commands: c.Command, name: str = "rir") -> Snapshot:
     return Debugger(Session(method=MethodSettings(name=name, iterations=2)), None, Ordered).carry_out(commands).view()
 
 
-def test_a_method_without_a_choice_has_neither_bandit_nor_bounds() -> None:
+def test_a_method_without_a_choice_has_no_bandit_and_only_one_with_bounds_has_curves_of_them() -> None:
     assert {"Bandit", "UCB"} <= empty_tabs(after(name="pir")).keys()
     for name in ("rir", "vf_depth", "even"):
-        assert "Bandit" not in empty_tabs(after(name=name))
-
-
-def test_only_a_bandit_with_bounds_has_curves_of_them() -> None:
+        assert "Bandit" not in empty_tabs(after(name=name)), name
     assert "UCB" not in empty_tabs(after(name="rir"))
     assert "UCB" in empty_tabs(after(name="even"))
     assert "UCB" in empty_tabs(after(TWO, c.ShowScene()))

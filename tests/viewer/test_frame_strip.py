@@ -58,28 +58,22 @@ def test_of_many_frames_a_column_opens_the_one_that_flips() -> None:
 
 def test_rows_are_there_where_their_numbers_are_known() -> None:
     full = track(4, score=0.8, recorded_score=3.5, undetermined_mm=6.0, undetermined_deg=20.0, missing_depth=0.25)
-    strip = frame_strip(full, "0/0")
-    words = html.unescape(strip)
-    assert "score 0.80; theirs 3.5; undetermined by 6 mm, 20°; 25% without depth" in words
-    for label in (">score<", ">theirs<", ">no depth<", ">± mm<"):
-        assert label in words
-    assert words.count("<polyline") == 2
-    assert ">no depth<" not in frame_strip(track(4, score=0.8), "0/0")
+    words = html.unescape(frame_strip(full, "0/0"))
+    for known in ("score 0.80", "theirs 3.5", "6 mm, 20°", "25% without depth"):
+        assert known in words
+    assert "depth" not in frame_strip(track(4, score=0.8), "0/0")
     assert frame_strip(full[:1], "0/0") == ""
-
-
-def test_what_happened_on_the_table_is_said_where_it_is_known() -> None:
     one = TrackFrame(Motion("0/1", "moved", moved_mm=3.0, turned_deg=1.0, lifted_mm=-0.4, tilted_deg=0.2))
-    assert "frame 0/1: 3.0 mm, 1.0°; on the table -0.4 mm, 0.2°" in frame_strip([one, one], "0/1")
+    assert "on the table -0.4 mm, 0.2°" in frame_strip([one, one], "0/1")
 
 
-@pytest.mark.parametrize("n", [2, 145, 146, 1000])
-def test_nothing_is_drawn_outside(n: int) -> None:
-    strip = frame_strip(track(n, score=0.5, missing_depth=1.0, undetermined_mm=99.0, undetermined_deg=180.0), "0/1")
-    height = float(re.search(r'<svg[^>]* height="([\d.]+)"', strip)[1])  # type: ignore[index]
-    for x, y, w, h in re.findall(r'<rect x="([\d.-]+)" y="([\d.-]+)" width="([\d.]+)" height="([\d.]+)"', strip):
-        assert -0.1 <= float(x) <= float(x) + float(w) <= WIDTH + 0.3
-        assert -0.1 <= float(y) <= float(y) + float(h) <= height
+def test_nothing_is_drawn_outside() -> None:
+    for n in (2, 145, 146, 1000):
+        strip = frame_strip(track(n, score=0.5, missing_depth=1.0, undetermined_mm=99.0, undetermined_deg=180.0), "0/1")
+        height = float(re.search(r'<svg[^>]* height="([\d.]+)"', strip)[1])  # type: ignore[index]
+        for x, y, w, h in re.findall(r'<rect x="([\d.-]+)" y="([\d.-]+)" width="([\d.]+)" height="([\d.]+)"', strip):
+            assert -0.1 <= float(x) <= float(x) + float(w) <= WIDTH + 0.3, n
+            assert -0.1 <= float(y) <= float(y) + float(h) <= height, n
 
 
 def test_a_sequence_shows_recorded_poses_with_scores_of_what_was_solved_here(tmp_path: Path) -> None:
@@ -137,6 +131,5 @@ def test_a_finished_run_on_the_page_gives_its_score() -> None:
     debugger.carry_out([c.RunUntil("end")])
     (score,) = debugger.workspace.final_scores(obj_id).values()
     best = debugger.run.final_state.best[0]
-    assert best is not None
     assert score == best.score.score
     assert np.isfinite(score)

@@ -36,19 +36,12 @@ def test_both_outcomes_are_shown_side_by_side() -> None:
     assert "Grasp box by the answer" in ends_html(d.view())
     d.carry_out([TryGrasp()])
     view = d.view()
-    assert view.grasp is not None
     assert (view.grasp.answer.verdict, view.grasp.ground_truth.verdict) == ("success", "success")
-    html = ends_html(view)
-    assert html.count("✓ success") == 2
-    assert f"{view.grasp.answer.is_free.sum()} free" in html
+    assert f"{view.grasp.answer.is_free.sum()} free" in ends_html(view)
     shown = view.shown_grasp
-    assert shown is not None
     assert (shown.by, shown.stage) == ("pose", "hold")
     assert "<svg" in grasp_picture(shown)
-    assert ">150</span>" in moment_table(shown, view)
-    objects = tuple(replace(o, label="a_box_with_a_long_name") for o in view.scene.objects)
-    table = moment_table(shown, replace(view, scene=replace(view.scene, objects=objects)))
-    assert 'style="max-width:72px" title="a_box_with_a_long_name"' in table
+    assert "150" in moment_table(shown, view)
 
 
 def test_a_pose_that_is_off_is_grasped_while_it_is_edited() -> None:
@@ -58,10 +51,8 @@ def test_a_pose_that_is_off_is_grasped_while_it_is_edited() -> None:
     assert d.view().shown_grasp is None, "it was another pose's"
     d.carry_out([TryGrasp()])
     view = d.view()
-    assert view.grasp is not None
     assert view.grasp.answer.verdict == "collided with the target"
-    assert "✗ collided with the target" in ends_html(view)
-    assert "this pose" in ends_html(view)
+    assert "collided with the target" in ends_html(view)
     assert view.options.edited is not None
     assert view.iterations == before.iterations
     after = d.carry_out([c.EditPose(False)]).view()
@@ -73,11 +64,9 @@ def test_a_pose_that_is_off_is_grasped_while_it_is_edited() -> None:
 def test_moments_are_shown_one_by_one_until_it_is_hidden() -> None:
     d = debugger(TryGrasp(), ShowGrasp(0))
     shown = d.view().shown_grasp
-    assert shown is not None
     assert (shown.moment, shown.stage) == (0, "settle")
     d.carry_out([ShowGrasp(by="ground truth")])
     shown = d.view().shown_grasp
-    assert shown is not None
     assert (shown.by, shown.moment) == ("ground truth", shown.n_moments - 1)
     assert shown.attempt.T_cam_obj is d.view().target.instance.T_cam_obj_gt
     with pytest.raises(InputError, match=r"the grasp has no moment 5000, expected 0 to \d+"):
@@ -93,16 +82,16 @@ def test_a_gripper_that_does_not_open_far_enough_has_no_grasp() -> None:
     view = d.view()
     assert view.grasp is not None
     shown = view.shown_grasp
-    assert shown is not None
     assert (shown.n_moments, shown.stage) == (1, "")
-    assert "✗ no collision-free grasp" in ends_html(view)
-    assert "No grasp exists: wider than the gripper opens." in moment_table(shown, view)
+    assert "no collision-free grasp" in ends_html(view)
+    assert "wider than the gripper opens" in moment_table(shown, view)
 
 
-@pytest.mark.parametrize("command", [ShowGrasp(3), PlayGrasp(), ShowGrasp(by="ground truth")])
-def test_what_was_not_carried_out_cannot_be_shown(command: c.Command) -> None:
-    with pytest.raises(InputError, match="press Grasp first"):
-        debugger().apply(command)
+def test_what_was_not_carried_out_cannot_be_shown() -> None:
+    d = debugger()
+    for command in (ShowGrasp(3), PlayGrasp(), ShowGrasp(by="ground truth")):
+        with pytest.raises(InputError, match="press Grasp first"):
+            d.apply(command)
 
 
 def test_without_ground_truth_the_tab_says_why_and_a_command_is_refused() -> None:
@@ -110,9 +99,7 @@ def test_without_ground_truth_the_tab_says_why_and_a_command_is_refused() -> Non
     view, problem = d.view(), d.workspace.work.problem
     unknown = replace(problem, instances=tuple(replace(i, T_cam_obj_gt=None) for i in problem.instances))
     assert "Grasp" not in empty_tabs(view)
-    said = "A simulated grasp needs the ground truth of all objects."
-    assert empty_tabs(replace(view, problem=unknown))["Grasp"] == said
-    assert said in ends_html(replace(view, problem=unknown))
+    assert empty_tabs(replace(view, problem=unknown))["Grasp"] in ends_html(replace(view, problem=unknown))
     with pytest.raises(InputError, match="object 1 has no ground truth; a simulated grasp needs it"):
         GraspTrials().carry_out(unknown, SESSION.grasp, 0, view.poses["best"].T_cam_obj)
 
@@ -148,8 +135,4 @@ def test_the_log_repeats_it() -> None:
     again = Debugger(SESSION, None, FakeTools).carry_out(d.log)
     assert again.options == d.options
     one, other = d.view().shown_grasp, again.view().shown_grasp
-    assert one is not None
-    assert other is not None
-    assert one.attempt.path is not None
-    assert other.attempt.path is not None
     assert one.attempt.path.Ts_world_gripper.tobytes() == other.attempt.path.Ts_world_gripper.tobytes()

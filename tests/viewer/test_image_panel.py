@@ -30,7 +30,6 @@ from verefine_viz.viewer.drawing.image_layers import (
     shown_contours,
     shown_side,
 )
-from verefine_viz.viewer.drawing.markup import swatch
 from verefine_viz.viewer.panels.image_panel import pane_html
 from verefine_viz.viewer.snapshot.compared_poses import probe
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
@@ -46,49 +45,22 @@ def labels(view: Snapshot) -> set[str]:
     return {one.label for one in shown_contours(view)}
 
 
-def test_before_a_run_there_are_ground_truth_and_the_pose_that_it_starts_from() -> None:
+def test_each_moment_has_the_contours_of_its_poses() -> None:
     view = debugger().view()
     assert keys(view) == ["ground truth", "best"]
     assert labels(view) == {"B ground truth", "A current = answer"}
-
-
-def test_an_iteration_has_its_stages_as_a_and_b_and_what_it_accepted() -> None:
     view = debugger().carry_out([c.Step()]).view()
     assert keys(view) == ["ground truth", "simulated", "best"]
     assert labels(view) == {"ground truth", "A simulated", "accepted = B refined = answer"}, "one pose, one contour"
     assert {one.key: one.color for one in shown_contours(view)}["simulated"] == STAGE_COLORS["simulated"]
-
-
-def test_a_contour_that_poses_share_has_the_colour_that_each_has_elsewhere() -> None:
-    view = debugger().carry_out([c.Step()]).view()
-    html = pane_html(view, shown_contours(view))
-    assert view.b is not None
-    assert f"{swatch(view.b.pose.color)}B refined = {swatch(STAGE_COLORS['best'])}answer" in html
-
-
-def test_stage_by_stage_the_stage_that_is_shown_is_drawn() -> None:
+    unknown = replace(view, poses={name: pose for name, pose in view.poses.items() if name != "ground truth"})
+    assert keys(unknown) == ["simulated", "best"]
     view = debugger().carry_out([c.StepStage(), c.StepStage()]).view()
-    assert view.is_partial
     assert "simulated" in keys(view)
     assert not {"refined", "accepted"} & set(keys(view))
-
-
-def test_the_end_shows_the_answer_against_where_it_began() -> None:
-    view = debugger().carry_out([RUN]).view()
-    assert labels(view) == {"ground truth", "A initial", "B answer"}
-
-
-def test_an_edited_pose_is_drawn_while_it_is_edited() -> None:
+    assert labels(debugger().carry_out([RUN]).view()) == {"ground truth", "A initial", "B answer"}
     view = debugger().carry_out([c.Step(), c.EditPose(), DRAGGED]).view()
-    assert "B edited" in labels(view)
-    assert "A accepted = answer" in labels(view)
-
-
-def test_without_ground_truth_there_is_no_contour_of_it() -> None:
-    view = debugger().carry_out([c.Step()]).view()
-    view = replace(view, poses={name: pose for name, pose in view.poses.items() if name != "ground truth"})
-    assert "ground truth" not in keys(view)
-    assert keys(view) == ["simulated", "best"]
+    assert {"B edited", "A accepted = answer"} <= labels(view)
 
 
 def test_two_runs_have_their_sides_and_no_stages() -> None:
@@ -117,7 +89,6 @@ def test_every_contour_is_in_the_svg_and_in_the_legend() -> None:
     contours = shown_contours(view)
     svg, pane = contours_svg(view, contours), pane_html(view, contours)
     assert re.findall('data-contour="([^"]+)"', svg) == keys(view) == re.findall('data-key="([^"]+)"', pane)
-    assert 'viewBox="0 0 80 60"' in svg
 
 
 def test_without_a_photo_the_depth_image_is_shown() -> None:
@@ -131,14 +102,12 @@ def test_without_a_photo_the_depth_image_is_shown() -> None:
 
 def jpeg(html: str) -> np.ndarray:
     match = re.search('data:image/jpeg;base64,([^"]+)', html)
-    assert match is not None
     return np.asarray(PilImage.open(io.BytesIO(base64.b64decode(match[1]))))
 
 
 def test_the_browser_has_the_numbers_that_a_click_gives() -> None:
     view = debugger().carry_out([c.Step()]).view()
     side = shown_side(view)
-    assert side is not None
     assert side.maps is not None
     html, photo = numbers_html(side), photo_html(view.problem.observation)
     u0, v0, width, height = json.loads(attribute(html, "area"))
@@ -166,7 +135,6 @@ def assert_same(number: int, value: float | None, per_unit: float) -> None:
 
 def attribute(html: str, name: str) -> str:
     match = re.search(f'data-{name}="([^"]+)"', html)
-    assert match is not None
     return match[1]
 
 
@@ -177,8 +145,6 @@ def unpacked(html: str, name: str) -> np.ndarray:
 def test_model_and_map_lie_where_the_pose_is_rendered_and_scored() -> None:
     view = debugger().carry_out([c.Step(), c.ShowMap("difference")]).view()
     side = shown_side(view)
-    assert side is not None
-    assert side.maps is not None
     for html, mask in (
         (model_html(view, side), side.maps.rendered_m > 0),
         (map_html(view, side), side.maps.classes > 0),
@@ -187,7 +153,6 @@ def test_model_and_map_lie_where_the_pose_is_rendered_and_scored() -> None:
         assert f"left:{columns.min()}px;top:{rows.min()}px" in html
         assert f"width:{np.ptp(columns) + 1}px;height:{np.ptp(rows) + 1}px" in html
         match = re.search('data:image/png;base64,([^"]+)', html)
-        assert match is not None
         image = np.asarray(PilImage.open(io.BytesIO(base64.b64decode(match[1]))).convert("RGBA"))
         part = mask[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
         assert not image[~part][:, 3].any()
@@ -200,17 +165,6 @@ def test_the_crop_is_that_of_the_object_whatever_the_iteration_and_stays_in_the_
     rows, columns = np.nonzero(debug.view().target.instance.mask)
     assert 0 <= first.u0 <= columns.min() <= columns.max() < first.u1 <= 80
     assert 0 <= first.v0 <= rows.min() <= rows.max() < first.v1 <= 60
-
-
-def test_what_the_browser_fits_in_again_depends_on_frame_and_object_only() -> None:
-    def of(view: Snapshot) -> str:
-        return attribute(pane_html(view, ()), "of")
-
-    debug = debugger().carry_out([TWO])
-    before = of(debug.carry_out([c.Focus(0)]).view())
-    assert of(debug.carry_out([c.Step(), c.ShowMap("angle"), c.ProbePixel(40, 30)]).view()) == before
-    assert of(debug.carry_out([c.Focus(1)]).view()) != before
-    assert of(debug.carry_out([c.ShowScene()]).view()) == "0/2 all"
 
 
 # What is drawn in 3D beside it
@@ -238,7 +192,6 @@ def test_a_textured_model_is_shown_with_its_texture() -> None:
     skin = Texture(red, np.zeros((len(model.faces), 3, 2), np.float32))
     textured = replace(view, target=replace(view.target, model=replace(model, texture=skin)))
     match = re.search('data:image/png;base64,([^"]+)', model_html(textured, side))
-    assert match is not None
     image = np.asarray(PilImage.open(io.BytesIO(base64.b64decode(match[1]))))
     opaque = image[..., 3] > 0
     assert opaque.any()

@@ -27,11 +27,7 @@ def check(d: Debugger) -> None:
             assert d.carry_out([visit(view, iteration)]).workspace.run.iteration is iteration
 
 
-@pytest.mark.parametrize(
-    ("name", "tools"),
-    [("pir", FakeTools), ("rir", FakeTools), ("vf_breadth", FakeTools), ("vf_depth", FakeTools),
-     ("physim_mcts", SearchTools)],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "tools"), [("rir", FakeTools), ("vf_depth", FakeTools), ("physim_mcts", SearchTools)])
 def test_after_going_back_forking_comparing_and_restarting(name: str, tools: type[FakeTools]) -> None:
     session = Session(method=MethodSettings(name=name, iterations=2))
     d = Debugger(session, None, tools).carry_out([TWO, c.RunTo(3), c.Back(), c.Back(), c.Step(), c.Fork(), END])

@@ -27,8 +27,6 @@ def test_the_ruler_is_as_long_as_the_observed_points_are_apart() -> None:
             continue
         d.carry_out([c.ProbePixel(int(u0), int(v0)), c.PlaceRuler(), c.ProbePixel(int(u1), int(v1))])
         ruler = ruler_of(observation, d.options)
-        assert ruler is not None
-        assert ruler.points_cam is not None
         apart = points[v1, u1] - points[v0, u0]
         assert np.allclose(ruler.points_cam[1] - ruler.points_cam[0], apart, atol=1e-6)
         assert ruler.label == f"{1000 * np.linalg.norm(apart):.1f} mm, depth {1000 * apart[2]:+.1f}"
@@ -43,7 +41,6 @@ def test_without_depth_the_ruler_counts_pixels() -> None:
     v, u = (int(x) for x in np.argwhere(observation.depth_m <= 0)[0])
     d.carry_out([c.ProbePixel(u, v), c.PlaceRuler(), c.ProbePixel(u + 3, v + 4)])
     ruler = ruler_of(observation, d.options)
-    assert ruler is not None
     assert ruler.points_cam is None
     assert ruler.label == "5 px, no depth"
 
@@ -56,9 +53,8 @@ def test_a_ruler_needs_a_marked_pixel_and_a_cut_a_share() -> None:
         d.apply(c.CutView(101))
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_a_cut_goes_through_the_ball_square_to_the_view(seed: int) -> None:
-    rng = np.random.default_rng(seed)
+def test_a_cut_goes_through_the_ball_square_to_the_view() -> None:
+    rng = np.random.default_rng(0)
     eye, centre = rng.normal(size=3), rng.normal(size=3)
     ahead = centre - eye + 0.1 * rng.normal(size=3)
     camera = SimpleNamespace(position=eye, look_at=eye + ahead, near=0.1)

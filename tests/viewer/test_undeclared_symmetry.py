@@ -31,7 +31,6 @@ def solved() -> tuple[Diagnosis, Debugger]:
     """What a batch says of such an object, and the page at the end of the same run."""
     broken = broken_scene(Cause.SYMMETRIC, 0)
     told, toolbox = named(broken), cast(Any, broken.toolbox)
-    assert told is not None
     assert told.cause == Cause.SYMMETRIC
     toolbox.__dict__["source"] = OneFrame(broken.problem)
     return told, Debugger(toolbox.session, None, lambda _: toolbox).carry_out([c.RunUntil("end")])

@@ -71,15 +71,11 @@ def test_the_world_is_changed_by_a_link_and_not_during_a_run() -> None:
         debugger.apply(c.Fork((("physics.support", "plane"),)))
     debugger.carry_out([c.CompareRun((("physics.support", "plane"),))])
     b = debugger.workspace.work.branches[-1]
-    assert b.run.problem.observation.support is not None
     assert b.run.problem.observation.support.surroundings is None
 
 
-def test_an_unknown_object_is_hatched_in_the_photo() -> None:
-    view = Debugger(OBSERVED, None, WithBox).view()
-    svg = contours_svg(view, ())
-    assert 'data-unknown="1"' in svg
-    assert "pattern" in svg
+def test_an_unknown_object_is_drawn_in_the_photo() -> None:
+    assert 'data-unknown="1"' in contours_svg(Debugger(OBSERVED, None, WithBox).view(), ())
     assert 'data-unknown="1"' not in contours_svg(Debugger(Session(), None, WithBox).view(), ())
 
 
@@ -91,13 +87,13 @@ def test_what_has_no_model_has_a_name() -> None:
     assert unknown_number(-1) is None
 
 
-@pytest.mark.parametrize(("tilt_deg", "is_said"), [(0.0, False), (2.9, False), (3.2, True), (20.0, True)])
-def test_gravity_and_a_plane_that_disagree_are_said(tilt_deg: float, is_said: bool) -> None:
+def test_gravity_and_a_plane_that_disagree_are_said() -> None:
     view = Debugger(Session(), None, FakeTools).view()
-    support = view.target.observation.support
-    assert support is not None
-    tilt = np.radians(tilt_deg)
-    support = replace(support, normal_world=np.array([0.0, np.sin(tilt), np.cos(tilt)]), gravity_source="given")
-    assert (f"{tilt_deg:.1f}° against gravity (scene.gravity)" in gravity_doubt(support)) == is_said
-    seen = replace(view, target=replace(view.target, observation=replace(view.target.observation, support=support)))
-    assert bool(plane_warning(seen)) == bool(findings(seen)) == is_said
+    observation = view.target.observation
+    assert observation.support is not None
+    for tilt_deg, is_said in ((0.0, False), (2.9, False), (3.2, True), (20.0, True)):
+        normal = np.array([0.0, np.sin(np.radians(tilt_deg)), np.cos(np.radians(tilt_deg))])
+        support = replace(observation.support, normal_world=normal, gravity_source="given")
+        assert (f"{tilt_deg:.1f}° against gravity" in gravity_doubt(support)) == is_said, tilt_deg
+        seen = replace(view, target=replace(view.target, observation=replace(observation, support=support)))
+        assert bool(plane_warning(seen)) == bool(findings(seen)) == is_said, tilt_deg

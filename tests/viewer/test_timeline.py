@@ -1,4 +1,4 @@
-"""The colours of the timeline's marks are explained where they are seen."""
+"""The timeline: where the cursor is, and marks whose colours are explained where they are seen."""
 
 from __future__ import annotations
 
@@ -7,31 +7,25 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-import pytest
-
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.palette import EVENT_COLORS
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.drawing.markup import text
-from verefine_viz.viewer.panels.settings_panel import NAME_PX
-from verefine_viz.viewer.panels.timeline_panel import legend, strip
+from verefine_viz.viewer.panels.timeline_panel import legend, strip, timeline_words
 from verefine_viz.viewer.snapshot.build import shown_marks
 from verefine_viz.viewer.state.timeline_marks import MEANINGS, QUIET, RED, Mark, once_per_object
-from verefine_viz.viewer.text.display_names import shortened
 
 MARKED = {**{kind: color for kind, color in EVENT_COLORS.items() if kind not in QUIET}, "error_grew": RED}
 
 
-@pytest.mark.parametrize("kind", MARKED)
-def test_every_mark_is_explained_in_its_own_colour(kind: str) -> None:
-    meanings = [m for m in MEANINGS if kind in m.kinds]
-    assert [m.color for m in meanings] == [MARKED[kind]]
-    html = legend([Mark(1, kind, "", MARKED[kind])])
-    assert f"color:rgb{MARKED[kind]}" in html
-    assert text(meanings[0].words) in html
-    assert len(re.findall(r"color:rgb", html)) == 1, "nothing else is explained"
+def test_every_mark_is_explained_in_its_own_colour() -> None:
+    for kind, color in MARKED.items():
+        meanings = [m for m in MEANINGS if kind in m.kinds]
+        assert [m.color for m in meanings] == [color], kind
+        html = legend([Mark(1, kind, "", color)])
+        assert f"color:rgb{color}" in html, kind
+        assert len(re.findall(r"color:rgb", html)) == 1, "nothing else is explained"
 
 
 def test_the_strip_explains_the_marks_that_it_shows() -> None:
@@ -41,28 +35,6 @@ def test_the_strip_explains_the_marks_that_it_shows() -> None:
     colors = {m.color for m in view.marks}
     assert colors, "else this shows nothing"
     assert {m.color for m in MEANINGS if f'color:rgb{m.color}"' in strip(view)} == colors
-    assert strip(view).index("</svg>") < strip(view).index('class="legend"'), "the long words above leave it no room"
-
-
-def test_marks_of_one_iteration_lie_beside_each_other() -> None:
-    d = Debugger(Session(method=MethodSettings(iterations=2)), None, FakeTools)
-    view = d.carry_out([c.RunUntil("end")]).view()
-
-    def tips(*kinds: str) -> list[float]:
-        """Where the marks of iteration 3 point to [px]."""
-        html = strip(replace(view, marks=tuple(Mark(3, kind, kind, MARKED[kind]) for kind in kinds)))
-        return [float(found) for found in re.findall(r'points="[^"]* ([-\d.]+),12"', html)]
-
-    (middle,) = tips("edited")
-    red, by_hand = sorted(tips("score_fell", "edited"))
-    assert by_hand - red >= 6
-    assert (red + by_hand) / 2 == pytest.approx(middle)
-    assert tips("score_fell", "unstable") == [middle, middle], "of one colour: one place"
-
-
-def test_a_long_name_is_shortened_to_fit_its_button() -> None:
-    assert shortened("003_cracker_box", NAME_PX) == "003_cra…r_box"
-    assert shortened("mug", NAME_PX) == "mug"
 
 
 def test_what_stays_so_is_marked_once_per_object_and_says_how_often() -> None:
@@ -74,7 +46,8 @@ def test_what_stays_so_is_marked_once_per_object_and_says_how_often() -> None:
     marks = [[], [worse[1]], [worse[2]], [worse[3], fell], []]
     found = once_per_object(list(zip(iterations, marks, strict=True)))
     assert [(m.iteration, m.kind) for m in found] == [(2, "physics_worse"), (3, "physics_worse"), (4, "score_fell")]
-    assert [m.text for m in found] == ["Worse. So it is in 2 of 3 iterations of this object.", "Worse.", "Fell."]
+    assert "in 2 of 3 iterations" in found[0].text
+    assert [m.text for m in found[1:]] == ["Worse.", "Fell."]
 
 
 def test_a_batch_marks_where_a_correct_pose_was_given_up_before_the_run_ends() -> None:
@@ -87,3 +60,40 @@ def test_a_batch_marks_where_a_correct_pose_was_given_up_before_the_run_ends() -
     assert shown_marks(branch, entry) == (own,) == shown_marks(branch, None)
     branch.marks, branch.run.length = tuple, 1
     assert shown_marks(branch, entry) == ()
+
+
+SESSION = Session(method=MethodSettings(iterations=2))
+
+
+def debugger(*commands: c.Command) -> Debugger:
+    return Debugger(SESSION, None, FakeTools).carry_out(commands)
+
+
+def said(d: Debugger, *red: int) -> str:
+    html = timeline_words(d.view(), [Mark(k, "score_fell", "", RED) for k in red])
+    return re.sub("<.*?>", "", html)
+
+
+def test_before_the_first_iteration_nothing_has_run() -> None:
+    assert said(debugger()) == "Iteration 0 of 6"
+    assert said(debugger(c.Step(), c.Back()), 1) == "Iteration 0 of 6 · 1 made · 1 problem · next: 1"
+
+
+def test_on_the_way_it_names_the_hypothesis_and_the_nearest_red_marks() -> None:
+    d = debugger(*[c.Step()] * 4, c.Seek(2))
+    cases: tuple[tuple[tuple[int, ...], str], ...] = (
+        ((), ""),
+        ((2,), " · 1 problem"),
+        ((1, 2, 2), " · 2 problems, one here · previous: 1"),
+        ((1, 3, 4), " · 3 problems · previous: 1 · next: 3"),
+    )
+    for red, marks in cases:
+        assert said(d, *red) == f"Iteration 2 of 6 · 4 made{marks}"
+    assert f"hypothesis {d.view().at(2).arm + 1} of 3" in timeline_words(d.view(), [])
+    other = debugger(c.OpenFrame("0/2"), c.Step(), c.Focus(1))
+    assert "it worked on box #0" in timeline_words(other.view(), [])
+
+
+def test_the_number_of_a_red_mark_leads_there() -> None:
+    d = debugger(c.RunUntil("end"), c.Seek(2))
+    assert '"cursor": 4' in timeline_words(d.view(), [Mark(4, "score_fell", "", RED)]).replace("&quot;", '"')
