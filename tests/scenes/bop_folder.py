@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 
 from tests.fakes import box_problem
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
@@ -30,6 +31,11 @@ class Made:
     scene: Path
     problem: Problem = field(repr=False)
     frame: str
+
+    @property
+    def truth(self) -> list[Float]:
+        """Ground-truth poses of the instances."""
+        return [i.T_cam_obj_gt for i in self.problem.instances if i.T_cam_obj_gt is not None]
 
     def edit(self, path: str, change: Callable[[Any], None]) -> None:
         """Changes a JSON file, named relative to the scene's folder (or with ../.. to the data set's)."""

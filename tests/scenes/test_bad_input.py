@@ -16,13 +16,37 @@ from verefine_viz.core.errors import VerefineError
 Spoil = Callable[[Made], Any]
 
 
+def edited(file: str, change: Callable[[Any], Any]) -> Spoil:
+    return lambda made: made.edit(file, change)
+
+
+def camera(**fields: Any) -> Spoil:
+    """Other fields of the frame's camera."""
+    return edited("scene_camera.json", lambda c: c["3"].update(fields))
+
+
+def truth(**fields: Any) -> Spoil:
+    """Other fields of instance 1 in the ground truth."""
+    return edited("scene_gt.json", lambda c: c["3"][1].update(fields))
+
+
+def about_model(**fields: Any) -> Spoil:
+    """Other fields of object 5 in models_info.json."""
+    return edited("../../models/models_info.json", lambda c: c["5"].update(fields))
+
+
+def written(file: str, text: str) -> Spoil:
+    return lambda made: (made.scene / file).write_text(text)
+
+
+def ply(old: str, new: str) -> Spoil:
+    """Another number in the mesh of object 5."""
+    return lambda made: (made.root / "models/obj_000005.ply").write_text(box_ply(made.problem).replace(old, new, 1))
+
+
 FRAME_TROUBLE: dict[str, tuple[Spoil, list[str]]] = {
     "truncated depth": (lambda m: cut(m.scene / "depth/000003.png"), ["depth/000003.png is damaged", "fetch it again"]),
     "truncated rgb": (lambda m: cut(m.scene / "rgb/000003.png"), ["rgb/000003.png is damaged", "fetch it again"]),
-    "depth is text": (
-        lambda m: (m.scene / "depth/000003.png").write_text("hello"),
-        ["depth/000003.png is damaged or no image"],
-    ),
     "depth missing": (
         lambda m: (m.scene / "depth/000003.png").unlink(),
         ["depth/000003.png is missing", "a depth image is needed"],
@@ -39,74 +63,38 @@ FRAME_TROUBLE: dict[str, tuple[Spoil, list[str]]] = {
         lambda m: image(m, "rgb/000003.png", np.ones((48, 64, 3), np.uint8)),
         ["rgb/000003.png is 64×48 pixels", "depth image is 80×60"],
     ),
-    "camera file missing": (
-        lambda m: (m.scene / "scene_camera.json").unlink(),
-        ["scene_camera.json does not exist"],
-    ),
     "camera file not JSON": (
-        lambda m: (m.scene / "scene_camera.json").write_text('{"3": {"cam_K": [1, 2,,]}}'),
+        written("scene_camera.json", '{"3": {"cam_K": [1, 2,,]}}'),
         ["scene_camera.json is not JSON", "line 1, column"],
     ),
-    "camera file binary": (
-        lambda m: (m.scene / "scene_camera.json").write_bytes(b"\xff\xfe\x00\x81"),
-        ["scene_camera.json is not JSON"],
-    ),
-    "camera file is a list": (
-        lambda m: (m.scene / "scene_camera.json").write_text("[]"),
-        ["holds a JSON list, expected an object"],
-    ),
+    "camera file is a list": (written("scene_camera.json", "[]"), ["holds a JSON list, expected an object"]),
     "camera keys are words": (
-        lambda m: m.edit("scene_camera.json", lambda c: c.update(left=1)),
+        edited("scene_camera.json", lambda c: c.update(left=1)),
         ["scene_camera.json has 'left' for an image, expected its number"],
     ),
     "camera entry is a list": (
-        lambda m: m.edit("scene_camera.json", lambda c: c.update({"3": [1]})),
+        edited("scene_camera.json", lambda c: c.update({"3": [1]})),
         ["image 3 is a JSON list, expected an object with 'cam_K'"],
     ),
     "no cam_K": (
-        lambda m: m.edit("scene_camera.json", lambda c: c["3"].pop("cam_K")),
+        edited("scene_camera.json", lambda c: c["3"].pop("cam_K")),
         ["image 3 has no 'cam_K'; it has depth_scale"],
     ),
     "fisheye": (
-        lambda m: m.edit("scene_camera.json", lambda c: c.update({"3": {"cam_model": {}}})),
+        edited("scene_camera.json", lambda c: c.update({"3": {"cam_model": {}}})),
         ["'cam_model' (fisheye)", "only pinhole"],
     ),
-    "cam_K of 8": (
-        lambda m: m.edit("scene_camera.json", lambda c: c["3"]["cam_K"].pop()),
-        ["'cam_K' holds 8 numbers, expected 9"],
-    ),
-    "cam_K of words": (
-        lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(cam_K=["a"] * 9)),
-        ["'cam_K' does not hold numbers, expected 9"],
-    ),
+    "cam_K of 8": (camera(cam_K=[1] * 8), ["'cam_K' holds 8 numbers, expected 9"]),
+    "cam_K of words": (camera(cam_K=["a"] * 9), ["'cam_K' does not hold numbers, expected 9"]),
     "cam_K column by column": (
-        lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(cam_K=[90, 0, 0, 0, 90, 0, 40, 30, 1])),
+        camera(cam_K=[90, 0, 0, 0, 90, 0, 40, 30, 1]),
         ["the last row of 'cam_K' is 40 30 1, expected 0 0 1; it looks written column by column: write it row by row"],
     ),
     "cam_K with another last row": (
-        lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(cam_K=[90, 0, 40, 0, 90, 30, 0, 0, 0])),
+        camera(cam_K=[90, 0, 40, 0, 90, 30, 0, 0, 0]),
         ["the last row of 'cam_K' is 0 0 0, expected 0 0 1"],
     ),
-    "focal length 0": (
-        lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(cam_K=[0] * 8 + [1])),
-        ["focal lengths 0, 0; expected positive"],
-    ),
-    "no depth_scale": (
-        lambda m: m.edit("scene_camera.json", lambda c: c["3"].pop("depth_scale")),
-        ["has no 'depth_scale'; it has cam_K"],
-    ),
-    "depth_scale 0": (
-        lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(depth_scale=0)),
-        ["'depth_scale' is 0, expected"],
-    ),
-    "depth_scale too large": (
-        lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(depth_scale=1e37)),
-        ["'depth_scale' is 1e+37, expected millimetres per step > 0, 1e-06 to 10000"],
-    ),
-    "depth_scale too small": (
-        lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(depth_scale=1e-300)),
-        ["'depth_scale' is 1e-300, expected millimetres per step > 0, 1e-06 to 10000"],
-    ),
+    "depth_scale 0": (camera(depth_scale=0), ["'depth_scale' is 0, expected"]),
     "depth too deep": (
         lambda m: [
             (m.scene / "depth/000003.png").unlink(),
@@ -114,25 +102,18 @@ FRAME_TROUBLE: dict[str, tuple[Spoil, list[str]]] = {
         ],
         ["holds depth of 1e+26 m at 0.1 mm a step, expected at most 1e+06 m; check 'depth_scale'"],
     ),
-    "camera pose no rotation": (
-        lambda m: m.edit("scene_camera.json", lambda c: c["3"].update(cam_R_w2c=[2] * 9)),
-        ["'cam_R_w2c' is not rigid"],
-    ),
-    "gt not JSON": (lambda m: cut(m.scene / "scene_gt.json"), ["scene_gt.json is not JSON"]),
+    "camera pose no rotation": (camera(cam_R_w2c=[2] * 9), ["'cam_R_w2c' is not rigid"]),
     "gt entry without obj_id": (
-        lambda m: m.edit("scene_gt.json", lambda c: c["3"][1].pop("obj_id")),
+        edited("scene_gt.json", lambda c: c["3"][1].pop("obj_id")),
         ["image 3, entry 1 has no 'obj_id'"],
     ),
     "gt entry is a number": (
-        lambda m: m.edit("scene_gt.json", lambda c: c.update({"3": 4})),
+        edited("scene_gt.json", lambda c: c.update({"3": 4})),
         ["image 3 is a JSON int, expected a list of instances"],
     ),
-    "gt of no instance": (
-        lambda m: m.edit("scene_gt.json", lambda c: c.update({"3": []})),
-        ["no mask of object any"],
-    ),
+    "gt of no instance": (edited("scene_gt.json", lambda c: c.update({"3": []})), ["no mask of object any"]),
     "gt_info without visib_fract": (
-        lambda m: m.edit("scene_gt_info.json", lambda c: c["3"][2].pop("visib_fract")),
+        edited("scene_gt_info.json", lambda c: c["3"][2].pop("visib_fract")),
         ["entry 2 has no 'visib_fract'"],
     ),
     "all masks missing": (
@@ -144,20 +125,12 @@ FRAME_TROUBLE: dict[str, tuple[Spoil, list[str]]] = {
         ["mask_visib is missing; set scene.masks to 'mask'"],
     ),
     "targets entry incomplete": (
-        lambda m: (m.root / "test_targets_bop19.json").write_text('[{"scene_id": 7}]'),
+        written("../../test_targets_bop19.json", '[{"scene_id": 7}]'),
         ["test_targets_bop19.json, entry 0 has no 'im_id'; it has scene_id"],
     ),
-    "models_info not JSON": (
-        lambda m: (m.root / "models/models_info.json").write_text("{"),
-        ["models_info.json is not JSON"],
-    ),
     "names without ids": (
-        lambda m: (m.root / "models/obj_names.json").write_text('{"a": "b"}'),
+        written("../../models/obj_names.json", '{"a": "b"}'),
         ["obj_names.json", "does not name an object id"],
-    ),
-    "no models": (
-        lambda m: (m.root / "models").rename(m.root / "meshes"),
-        ["has no object models; expected models/obj_000001.ply"],
     ),
     "all models damaged": (
         lambda m: [cut(m.root / f"models/obj_00000{i}.ply") for i in (2, 5)],
@@ -166,143 +139,84 @@ FRAME_TROUBLE: dict[str, tuple[Spoil, list[str]]] = {
 }
 
 
-@pytest.mark.parametrize("case", FRAME_TROUBLE)
-def test_trouble_with_a_frame_is_one_clear_line(tmp_path: Path, case: str) -> None:
-    spoil, words = FRAME_TROUBLE[case]
-    made = make(tmp_path)
-    spoil(made)
-    text = refusal(made)
-    for word in words:
-        assert word in text
+def test_trouble_with_a_frame_is_one_clear_line(tmp_path: Path) -> None:
+    for case, (spoil, words) in FRAME_TROUBLE.items():
+        made = make(tmp_path / case)
+        spoil(made)
+        text = refusal(made)
+        assert all(word in text for word in words), (case, text)
 
 
-INSTANCE_TROUBLE: dict[str, tuple[Spoil, str, list[int]]] = {
-    "truncated mask": (
-        lambda m: cut(m.scene / "mask_visib/000003_000001.png"),
-        "obj_000005 (#1) is left out: ",
-        [0, 2],
-    ),
+MASK_TROUBLE: dict[str, tuple[Spoil, str]] = {
+    "truncated mask": (lambda m: cut(m.scene / "mask_visib/000003_000001.png"), "obj_000005 (#1) is left out: "),
     "mask of another size": (
         lambda m: image(m, "mask_visib/000003_000001.png", np.full((64, 48), 255, np.uint8)),
         "000003_000001.png is 48×64 pixels, expected 80×60 as the depth image",
-        [0, 2],
     ),
     "empty mask": (
         lambda m: image(m, "mask_visib/000003_000001.png", np.zeros((60, 80), np.uint8)),
         "obj_000005 (#1) is left out: its mask is empty",
-        [0, 2],
     ),
-    "pose with NaN": (
-        lambda m: m.edit("scene_gt.json", lambda c: c["3"][1].update(cam_t_m2c=[float("nan"), 0, 1])),
-        "obj_000005 (#1) has no ground truth: ",
-        [0, 1, 2],
-    ),
-    "pose no rotation": (
-        lambda m: m.edit("scene_gt.json", lambda c: c["3"][1].update(cam_R_m2c=[1, 0, 0, 0, 1, 0, 0, 0, -1])),
-        "the pose is not rigid: det(R) = -1.000",
-        [0, 1, 2],
-    ),
-    "pose behind the camera": (
-        lambda m: m.edit("scene_gt.json", lambda c: c["3"][1].update(cam_t_m2c=[0, 0, 0])),
-        "obj_000005 (#1): its ground truth lies behind the camera",
-        [0, 1, 2],
-    ),
-    "pose out of reach": (
-        lambda m: m.edit("scene_gt.json", lambda c: c["3"][1].update(cam_t_m2c=[0, 0, 1e30])),
-        "entry 1: 'cam_t_m2c' is 1e+27 m away, expected at most 100 m; is it in millimetres?",
-        [0, 1, 2],
-    ),
-    "pose incomplete": (
-        lambda m: m.edit("scene_gt.json", lambda c: c["3"][1].pop("cam_R_m2c")),
-        "entry 1 has no 'cam_R_m2c'",
-        [0, 1, 2],
-    ),
-    "model truncated": (
-        lambda m: cut(m.root / "models/obj_000005.ply"),
-        "object 5 is left out: ",
-        [0, 2],
-    ),
+}
+MODEL_TROUBLE: dict[str, tuple[Spoil, str]] = {
+    "model truncated": (lambda m: cut(m.root / "models/obj_000005.ply"), "object 5 is left out: "),
     "model cut off among its faces": (
         lambda m: cut(m.root / "models/obj_000005.ply", 0.9),
         "of 12 faces; fetch it again",
-        [0, 2],
     ),
     "model without triangles": (
-        lambda m: (m.root / "models/obj_000005.ply").write_text(
+        written(
+            "../../models/obj_000005.ply",
             "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
-            "end_header\n0 0 0\n"
+            "end_header\n0 0 0\n",
         ),
         "holds no triangles; a triangle mesh is expected, not a point cloud",
-        [0, 2],
     ),
-    "model with NaN": (
-        lambda m: (m.root / "models/obj_000005.ply").write_text(box_ply(m.problem).replace("-50 ", "nan ", 1)),
-        "obj_000005.ply holds vertices that are NaN or infinite",
-        [0, 2],
-    ),
-    "faces without vertices": (
-        lambda m: (m.root / "models/obj_000005.ply").write_text(box_ply(m.problem).replace("3 0 1 3", "3 0 1 99")),
-        "object 5 is left out: ",
-        [0, 2],
-    ),
-    "diameter negative": (
-        lambda m: m.edit("../../models/models_info.json", lambda c: c["5"].update(diameter=-3)),
-        "object 5: 'diameter' is -3, expected millimetres > 0",
-        [0, 2],
-    ),
+    "model with NaN": (ply("-50 ", "nan "), "obj_000005.ply holds vertices that are NaN or infinite"),
+    "vertex too far": (ply("-50 ", "1e30 "), "has a vertex at 1e+30, expected coordinates within ±1e+09"),
+    "faces without vertices": (ply("3 0 1 3", "3 0 1 99"), "object 5 is left out: "),
+    "diameter negative": (about_model(diameter=-3), "object 5: 'diameter' is -3, expected millimetres > 0"),
     "diameter too large": (
-        lambda m: m.edit("../../models/models_info.json", lambda c: c["5"].update(diameter=1e30)),
+        about_model(diameter=1e30),
         "object 5: 'diameter' is 1e+30, expected millimetres > 0, 0.001 to 1e+06",
-        [0, 2],
     ),
-    "vertex too far": (
-        lambda m: (m.root / "models/obj_000005.ply").write_text(box_ply(m.problem).replace("-50 ", "1e30 ", 1)),
-        "has a vertex at 1e+30, expected coordinates within ±1e+09",
-        [0, 2],
-    ),
+    "diameter a word": (about_model(diameter="big"), "object 5: 'diameter' is 'big', expected a finite number"),
     "symmetry out of reach": (
-        lambda m: m.edit(
-            "../../models/models_info.json",
-            lambda c: c["5"].update(symmetries_continuous=[{"axis": [0, 0, 1], "offset": [0, 0, 1e30]}]),
-        ),
+        about_model(symmetries_continuous=[{"axis": [0, 0, 1], "offset": [0, 0, 1e30]}]),
         "symmetries_continuous[0]: 'offset' is 1e+27 m away, expected at most 100 m",
-        [0, 2],
     ),
     "discrete symmetry out of reach": (
-        lambda m: m.edit(
-            "../../models/models_info.json",
-            lambda c: c["5"].update(symmetries_discrete=[[1, 0, 0, 1e30, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]]),
-        ),
+        about_model(symmetries_discrete=[[1, 0, 0, 1e30, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]]),
         "symmetries_discrete[0] is 1e+27 m away, expected at most 100 m",
-        [0, 2],
+    ),
+    "symmetry mirrors": (
+        about_model(symmetries_discrete=[np.diag([-1, 1, 1, 1]).ravel().tolist()]),
+        "object 5: symmetries_discrete[0] is not rigid",
+    ),
+    "symmetry of 15 numbers": (about_model(symmetries_discrete=[[1.0] * 15]), "holds 15 numbers, expected 16"),
+    "symmetry without axis": (about_model(symmetries_continuous=[{}]), "symmetries_continuous[0] has no 'axis'"),
+}
+NOTED: dict[str, tuple[Spoil, str]] = {
+    "pose with NaN": (truth(cam_t_m2c=[float("nan"), 0, 1]), "obj_000005 (#1) has no ground truth: "),
+    "pose no rotation": (
+        truth(cam_R_m2c=[1, 0, 0, 0, 1, 0, 0, 0, -1]),
+        "the pose is not rigid: det(R) = -1.000",
+    ),
+    "pose behind the camera": (
+        truth(cam_t_m2c=[0, 0, 0]),
+        "obj_000005 (#1): its ground truth lies behind the camera",
+    ),
+    "pose out of reach": (
+        truth(cam_t_m2c=[0, 0, 1e30]),
+        "entry 1: 'cam_t_m2c' is 1e+27 m away, expected at most 100 m; is it in millimetres?",
+    ),
+    "pose incomplete": (
+        edited("scene_gt.json", lambda c: c["3"][1].pop("cam_R_m2c")),
+        "entry 1 has no 'cam_R_m2c'",
     ),
     "mask of one pixel": (
         lambda m: image(m, "mask_visib/000003_000001.png", np.eye(1, 4800, 2000, dtype=np.uint8).reshape(60, 80)),
         "obj_000005 (#1): its mask covers 1 px, too few to find a pose; expected at least 10",
-        [0, 1, 2],
-    ),
-    "diameter a word": (
-        lambda m: m.edit("../../models/models_info.json", lambda c: c["5"].update(diameter="big")),
-        "object 5: 'diameter' is 'big', expected a finite number",
-        [0, 2],
-    ),
-    "symmetry mirrors": (
-        lambda m: m.edit(
-            "../../models/models_info.json",
-            lambda c: c["5"].update(symmetries_discrete=[np.diag([-1, 1, 1, 1]).ravel().tolist()]),
-        ),
-        "object 5: symmetries_discrete[0] is not rigid",
-        [0, 2],
-    ),
-    "symmetry of 15 numbers": (
-        lambda m: m.edit("../../models/models_info.json", lambda c: c["5"].update(symmetries_discrete=[[1.0] * 15])),
-        "holds 15 numbers, expected 16",
-        [0, 2],
-    ),
-    "symmetry without axis": (
-        lambda m: m.edit("../../models/models_info.json", lambda c: c["5"].update(symmetries_continuous=[{}])),
-        "symmetries_continuous[0] has no 'axis'",
-        [0, 2],
     ),
     "no depth in one mask": (
         lambda m: image(
@@ -311,43 +225,45 @@ INSTANCE_TROUBLE: dict[str, tuple[Spoil, str, list[int]]] = {
             np.where(m.problem.instances[1].mask, 0, m.problem.observation.depth_m * 1e4).astype(np.uint16),
         ),
         "obj_000005 (#1) has no depth inside its mask",
-        [0, 1, 2],
     ),
 }
 
 
-@pytest.mark.parametrize("case", INSTANCE_TROUBLE)
-def test_trouble_with_an_instance_is_a_note_and_the_others_go_on(tmp_path: Path, case: str) -> None:
-    spoil, words, left = INSTANCE_TROUBLE[case]
-    made = make(tmp_path)
-    spoil(made)
-    problem = made.read()
-    assert [i.instance_id for i in problem.instances] == left
-    assert any(words in note for note in problem.notes), problem.notes
-    assert all("\n" not in note for note in problem.notes)
-
-
 @pytest.mark.parametrize(
-    ("scene", "words"),
-    [
-        ({"split": "val"}, ["unknown split 'val'; available: test"]),
-        ({"split": "../test"}, ["unknown split '../test'; did you mean 'test'? available: test"]),
-        ({"frames": ("50",)}, ['frame \'50\' is not "scene/image", such as "50/1"']),
-        ({"frames": ("a/b",)}, ['is not "scene/image"']),
-        ({"frames": ("7/-3",)}, ['is not "scene/image"']),
-        ({"frames": ("9" * 5000 + "/3",)}, ['is not "scene/image"']),
-        ({"frames": ("7/3/1",)}, ['is not "scene/image"']),
-        ({"frames": ("50/1",)}, ["unknown scene 50; available: 7"]),
-        ({"frames": ("7/9",)}, ["unknown image 9 in scene 7", "available: 3"]),
-        ({"objects": (9,)}, ["unknown object 9 in scene.objects; available: 2 (obj_000002), 5 (obj_000005)"]),
-        ({"masks": "mask_pred"}, ["scene.masks is 'mask_pred', expected mask_visib, mask, or the path"]),
-        ({"masks": "/nowhere/det.json"}, ["/nowhere/det.json does not exist"]),
-    ],
+    ("cases", "left"), [(MASK_TROUBLE, [0, 2]), (MODEL_TROUBLE, [0, 2]), (NOTED, [0, 1, 2])],
+    ids=["mask", "model", "noted"],
+)  # fmt: skip
+def test_trouble_with_an_instance_is_a_note_and_the_others_go_on(
+    tmp_path: Path, cases: dict[str, tuple[Spoil, str]], left: list[int]
+) -> None:
+    for case, (spoil, words) in cases.items():
+        made = make(tmp_path / case)
+        spoil(made)
+        problem = made.read()
+        assert [i.instance_id for i in problem.instances] == left, case
+        assert any(words in note for note in problem.notes), (case, problem.notes)
+        assert all("\n" not in note for note in problem.notes)
+
+
+WRONG_SETTINGS: tuple[tuple[dict[str, Any], str], ...] = (
+    ({"split": "val"}, "unknown split 'val'; available: test"),
+    ({"split": "../test"}, "unknown split '../test'; did you mean 'test'? available: test"),
+    ({"frames": ("50",)}, 'frame \'50\' is not "scene/image", such as "50/1"'),
+    ({"frames": ("7/-3",)}, 'is not "scene/image"'),
+    ({"frames": ("9" * 5000 + "/3",)}, 'is not "scene/image"'),
+    ({"frames": ("7/3/1",)}, 'is not "scene/image"'),
+    ({"frames": ("50/1",)}, "unknown scene 50; available: 7"),
+    ({"frames": ("7/9",)}, "unknown image 9 in scene 7 of boxes/test; available: 3"),
+    ({"objects": (9,)}, "unknown object 9 in scene.objects; available: 2 (obj_000002), 5 (obj_000005)"),
+    ({"masks": "mask_pred"}, "scene.masks is 'mask_pred', expected mask_visib, mask, or the path"),
+    ({"masks": "/nowhere/det.json"}, "/nowhere/det.json does not exist"),
 )
-def test_wrong_settings_are_one_clear_line(tmp_path: Path, scene: dict[str, Any], words: list[str]) -> None:
-    text = refusal(make(tmp_path), **scene)
-    for word in words:
-        assert word in text
+
+
+def test_wrong_settings_are_one_clear_line(tmp_path: Path) -> None:
+    made = make(tmp_path / "boxes")
+    for scene, words in WRONG_SETTINGS:
+        assert words in refusal(made, **scene)
 
 
 def test_of_many_objects_the_ids_are_shown_as_ranges(tmp_path: Path) -> None:

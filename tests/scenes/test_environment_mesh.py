@@ -23,8 +23,7 @@ from verefine_viz.scenes.environment_mesh import mesh_surroundings
 from verefine_viz.session.files import resolve
 
 PROBLEM = box_problem()
-SUPPORT = PROBLEM.observation.support
-assert SUPPORT is not None
+SUPPORT: Any = PROBLEM.observation.support
 MIDDLE = (SUPPORT.T_world_cam @ PROBLEM.instances[0].T_cam_obj_gt)[:3, 3]
 """Of the box, 40 mm above the table z = 0."""
 
@@ -45,7 +44,6 @@ def table(top_m: float = 0.0, thick_m: float = 0.05) -> trimesh.Trimesh:
 
 
 def of_mesh(observation: Observation = PROBLEM.observation, **physics: Any) -> Surroundings:
-    assert SUPPORT is not None
     return mesh_surroundings(PhysicsSettings(support="mesh", **physics), observation, SUPPORT)
 
 
@@ -55,7 +53,6 @@ def rows(T: np.ndarray) -> tuple[float, ...]:
 
 @pytest.mark.parametrize("unit_m", [1.0, 0.001])
 def test_a_mesh_in_the_cameras_frame_and_in_the_worlds_is_the_same(tmp_path: Path, unit_m: float) -> None:
-    assert SUPPORT is not None
     path = written(tmp_path, table(), 1 / unit_m)
     T_cam_world = inverse(SUPPORT.T_world_cam)
     camera = of_mesh(mesh=path, mesh_unit_m=unit_m, mesh_frame="camera", mesh_pose=rows(T_cam_world))
@@ -71,7 +68,6 @@ def test_a_mesh_in_the_cameras_frame_and_in_the_worlds_is_the_same(tmp_path: Pat
 @pytest.mark.parametrize("start_mm", [5.0, 0.0, -20.0])
 def test_an_object_rests_on_the_mesh_also_from_inside(tmp_path: Path, start_mm: float) -> None:
     """A board whose two top triangles meet below the middle of the object."""
-    assert SUPPORT is not None
     T_cam_world = inverse(SUPPORT.T_world_cam)
     around = of_mesh(mesh=written(tmp_path, table(0.02)), mesh_frame="camera", mesh_pose=rows(T_cam_world))
     support = replace(SUPPORT, surroundings=around)
@@ -85,7 +81,6 @@ def test_an_object_rests_on_the_mesh_also_from_inside(tmp_path: Path, start_mm: 
 
 def test_an_open_sheet_gets_its_thickness_away_from_the_camera(tmp_path: Path) -> None:
     """A wall behind the box, one sheet."""
-    assert SUPPORT is not None
     sheet = trimesh.Trimesh([[-0.3, 0, 0], [0.3, 0, 0], [0.3, 0, 0.3], [-0.3, 0, 0.3]], [[0, 1, 2], [0, 2, 3]])
     sheet.apply_translation([MIDDLE[0], MIDDLE[1] + 0.1, 0])
     pose = rows(inverse(SUPPORT.T_world_cam))
@@ -97,7 +92,6 @@ def test_an_open_sheet_gets_its_thickness_away_from_the_camera(tmp_path: Path) -
 
 
 def test_the_largest_surface_is_the_first(tmp_path: Path) -> None:
-    assert SUPPORT is not None
     step = trimesh.creation.box([0.1, 0.1, 0.02])
     step.apply_translation([MIDDLE[0] + 0.2, MIDDLE[1], 0.01])
     both = trimesh.util.concatenate([step, table()])
@@ -109,26 +103,21 @@ def test_the_largest_surface_is_the_first(tmp_path: Path) -> None:
     assert len(of_mesh(empty, mesh=str(tmp_path / "cell.ply"), mesh_frame="camera", mesh_pose=pose).solids) == 12
 
 
-@pytest.mark.parametrize(
-    ("physics", "error", "words"),
-    [
-        ({}, SettingsError, "physics.mesh names no file"),
+def test_what_is_wrong_is_one_line(tmp_path: Path) -> None:
+    moved = table()
+    moved.apply_translation([0, 0, 5.0])
+    mesh = written(tmp_path, moved)
+    for physics, error, words in (
+        ({"mesh": ""}, SettingsError, "physics.mesh names no file"),
         ({"mesh": "there/is/none.ply"}, InputError, "none.ply"),
         ({"mesh_frame": "world"}, InputError, "does not say where its camera is"),
         ({"mesh_pose": (1.0, 2.0)}, InputError, "has 2 numbers, expected 16"),
         ({"mesh_pose": tuple(range(16))}, InputError, "physics.mesh_pose"),
         ({"mesh_unit_m": 0.001}, InputError, "nothing within 0.5 m of the objects"),
-    ],
-)
-def test_what_is_wrong_is_one_line(tmp_path: Path, physics: dict[str, Any], error: type[Exception], words: str) -> None:
-    moved = table()
-    moved.apply_translation([0, 0, 5.0])
-    given = {"mesh_frame": "camera", "mesh": written(tmp_path, moved), **physics}
-    if not physics:
-        given["mesh"] = ""
-    with pytest.raises(error, match=words) as raised:
-        of_mesh(**given)
-    assert "\n" not in str(raised.value)
+    ):
+        with pytest.raises(error, match=words) as raised:
+            of_mesh(**{"mesh_frame": "camera", "mesh": mesh, **physics})
+        assert "\n" not in str(raised.value)
 
 
 def test_a_missing_file_ends_a_batch_before_its_first_frame(tmp_path: Path) -> None:

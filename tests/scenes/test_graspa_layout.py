@@ -78,35 +78,29 @@ def test_objects_without_a_model_are_left_out(tmp_path: Path, models: Path) -> N
     assert source.notes == ("left out, as they are not in YCB-V or not among the models: YcbPear, YcbBanana",)
 
 
-@pytest.mark.parametrize(
-    ("rotation", "message"),
-    [
+def test_a_pose_that_is_none_is_named(tmp_path: Path) -> None:
+    for rotation, message in (
         (np.diag([1.0, 1.0, -1.0]), "its Matrix4x4 is no rotation; expected one, with the translation in mm"),
         (np.diag([2.0, 1.0, 1.0]), "its Matrix4x4 is no rotation"),
         (np.full((3, 3), np.nan), "expected a Matrix4x4 of finite numbers"),
         ([["x", 0, 0], [0, 1, 0], [0, 0, 1]], "could not convert string to float: 'x'; expected the numbers c1 to c4"),
-    ],
-)
-def test_a_pose_that_is_none_is_named(tmp_path: Path, rotation: object, message: str) -> None:
-    with pytest.raises(InputError, match=f"layout.xml, YcbFoamBrick: {re.escape(message)}"):
-        read_layout(_layout(tmp_path, rotation=rotation))
+    ):
+        with pytest.raises(InputError, match=f"layout.xml, YcbFoamBrick: {re.escape(message)}"):
+            read_layout(_layout(tmp_path, rotation=rotation))
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
+def test_a_file_that_is_no_layout_is_named(tmp_path: Path, models: Path) -> None:
+    file = tmp_path / "layout.xml"
+    for content, message in (
         (None, "layout.xml"),
         ("banana", r"is no XML .*expected a GRASPA layout such as layout_0.xml"),
         ("<Scene/>", "has no ManipulationObject; expected a GRASPA layout"),
-    ],
-)
-def test_a_file_that_is_no_layout_is_named(tmp_path: Path, models: Path, content: str | None, message: str) -> None:
-    file = tmp_path / "layout.xml"
-    if content is not None:
-        file.write_text(content)
-    with pytest.raises(InputError, match=message) as raised:
-        _opened(file, models)
-    assert "\n" not in str(raised.value)
+    ):
+        if content is not None:
+            file.write_text(content)
+        with pytest.raises(InputError, match=message) as raised:
+            _opened(file, models)
+        assert "\n" not in str(raised.value)
 
 
 def test_what_is_missing_or_unknown_is_named(tmp_path: Path, models: Path) -> None:

@@ -22,16 +22,13 @@ def with_middle(cx: float, cy: float) -> np.ndarray:
     return K + np.array([[0, 0, cx - 40], [0, 0, cy - 30], [0, 0, 0]])
 
 
-@pytest.mark.parametrize("middle", [(-1, 30), (80, 30), (40, 60), (30, 412.5)])
-def test_a_principal_point_outside_of_the_image_is_named(middle: tuple[float, float]) -> None:
-    (said,) = intrinsics_notes(with_middle(*middle), (60, 80))
-    assert said.startswith(f"cx, cy of cam_K are {middle[0]:g}, {middle[1]:g} px, outside of the image of 80×60 px;")
-    assert said.endswith("check that cam_K belongs to images of this size")
-
-
-@pytest.mark.parametrize("middle", [(40, 30), (0, 0), (79, 59), (70, 5)])
-def test_one_in_the_image_is_not(middle: tuple[float, float]) -> None:
-    assert intrinsics_notes(with_middle(*middle), (60, 80)) == ()
+def test_a_principal_point_outside_of_the_image_is_named() -> None:
+    for middle in ((-1, 30), (80, 30), (40, 60), (30, 412.5)):
+        (said,) = intrinsics_notes(with_middle(*middle), (60, 80))
+        assert said.startswith(f"cx, cy of cam_K are {middle[0]:g}, {middle[1]:g} px, outside of the image of 80×60 px")
+        assert said.endswith("check that cam_K belongs to images of this size")
+    for middle in ((40, 30), (0, 0), (79, 59), (70, 5)):
+        assert intrinsics_notes(with_middle(*middle), (60, 80)) == ()
 
 
 def test_the_note_is_one_of_the_frame(tmp_path: Path) -> None:
@@ -43,41 +40,45 @@ def test_the_note_is_one_of_the_frame(tmp_path: Path) -> None:
     assert any("cx, cy of cam_K are 400, " in note for note in made.read().notes)
 
 
-@pytest.mark.parametrize(
-    ("k", "value", "words"),
-    [
-        (0, 1e99, "focal lengths 1e+99, 90; expected positive pixels, 1 to 1e+06"),
-        (4, 0.5, "focal lengths 90, 0.5; expected positive pixels, 1 to 1e+06"),
-        (4, -90, "focal lengths 90, -90; expected positive pixels, 1 to 1e+06"),
-        (2, 1e7, "principal point 1e+07, 30; expected pixels within ±1e+06"),
-        (5, -1e30, "principal point 40, -1e+30; expected pixels within ±1e+06"),
-        (1, 1e30, "skew of 1e+30, 0; expected pixels within ±1e+06"),
-        (3, 1e30, "skew of 0, 1e+30; expected pixels within ±1e+06"),
-    ],
+NO_CAMERA: tuple[tuple[int, float, str], ...] = (
+    (0, 1e99, "focal lengths 1e+99, 90; expected positive pixels, 1 to 1e+06"),
+    (4, 0.5, "focal lengths 90, 0.5; expected positive pixels, 1 to 1e+06"),
+    (4, -90, "focal lengths 90, -90; expected positive pixels, 1 to 1e+06"),
+    (2, 1e7, "the principal point 1e+07, 30; expected pixels within ±1e+06"),
+    (5, -1e30, "the principal point 40, -1e+30; expected pixels within ±1e+06"),
+    (1, 1e30, "a skew of 1e+30, 0; expected pixels within ±1e+06"),
+    (3, 1e30, "a skew of 0, 1e+30; expected pixels within ±1e+06"),
 )
-def test_a_matrix_that_no_camera_has_is_refused_wherever_it_is_read(
-    tmp_path: Path, k: int, value: float, words: str
-) -> None:
+"""A number of cam_K by its place, another value of it, and what is said."""
+
+
+def numbers_with(k: int, value: float) -> list[float]:
     numbers = K.ravel().tolist()
     numbers[k] = value
-    with pytest.raises(
-        InputError, match=re.escape(f"here: cam_K has {'the ' * (k in (2, 5)) or 'a ' * (k in (1, 3))}{words}")
-    ):
-        intrinsics_of({"cam_K": numbers}, "here")
-    with pytest.raises(ShapeError, match=re.escape(words)):
-        Camera(np.array(numbers).reshape(3, 3), 80, 60)
+    return numbers
+
+
+def test_a_matrix_that_no_camera_has_is_refused() -> None:
+    for k, value, words in NO_CAMERA:
+        with pytest.raises(InputError, match=re.escape(f"here: cam_K has {words}")):
+            intrinsics_of({"cam_K": numbers_with(k, value)}, "here")
+        with pytest.raises(ShapeError, match=re.escape(words)):
+            Camera(np.array(numbers_with(k, value)).reshape(3, 3), 80, 60)
+
+
+def test_such_a_matrix_is_refused_where_a_frame_is_read_or_scored(tmp_path: Path) -> None:
+    k, value, words = NO_CAMERA[0]
     made = make(tmp_path / "boxes")
-    made.edit("scene_camera.json", lambda content: content["3"].update(cam_K=numbers))
+    made.edit("scene_camera.json", lambda content: content["3"].update(cam_K=numbers_with(k, value)))
     assert words in refusal(made)
     (tmp_path / "r.csv").write_text("7,3,5,1,1 0 0 0 1 0 0 0 1,0 0 500,-1\n")
     with pytest.raises(InputError, match=re.escape(words)):
         evaluate_files([tmp_path / "r.csv"], made.root)
 
 
-@pytest.mark.parametrize(("scale", "is_read"), [(1e-6, True), (1e4, True), (9e-7, False), (1.1e4, False)])
-def test_the_bounds_of_depth_scale(scale: float, is_read: bool) -> None:
-    if is_read:
+def test_the_bounds_of_depth_scale() -> None:
+    for scale in (1e-6, 1e4):
         assert depth_scale_of({"depth_scale": scale}, "here") == scale
-    else:
+    for scale in (9e-7, 1.1e4):
         with pytest.raises(InputError, match=r"expected millimetres per step > 0, 1e-06 to 10000$"):
             depth_scale_of({"depth_scale": scale}, "here")

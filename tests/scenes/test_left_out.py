@@ -47,6 +47,7 @@ def test_a_mask_that_cannot_be_used(made: Made, what: str) -> None:
     said = "its mask is empty, though 60% of it is visible" if what == "empty" else file.name
     assert said in problem.left_out[0].why
     assert problem.left_out[0].is_unreadable == (what != "empty")
+    assert [note for note in problem.notes if "obj_000005 (#1) is left out" in note]
     assert made.read(objects=(2,)).left_out == ()
 
 
@@ -67,7 +68,8 @@ def test_a_model_that_is_missing(made: Made) -> None:
     (made.root / "models" / "obj_000005.ply").unlink()
     problem = made.read()
     assert facts(problem.left_out) == [(1, 5, True, 0.6)]
-    assert "unknown model 5" in problem.left_out[0].why
+    assert "unknown model 5; available: 2" in problem.left_out[0].why
+    np.testing.assert_array_equal(problem.observation.object_mask, made.problem.observation.object_mask)
     assert problem.left_out[0].is_unreadable
 
 

@@ -63,15 +63,6 @@ def test_an_inside_out_mesh_is_turned(tmp_path: Path) -> None:
     assert (np.einsum("ij,ij->i", model.points, model.point_normals) > 0).all()
 
 
-def test_mixed_winding_is_repaired(tmp_path: Path) -> None:
-    mesh = box()
-    faces = mesh.faces.copy()
-    faces[::3] = faces[::3, ::-1]
-    trimesh.Trimesh(mesh.vertices, faces, process=False).export(tmp_path / "box.ply")
-    model = model_of_mesh(read_mesh(tmp_path / "box.ply", 1e-3), 1, "box", 200, 0)
-    assert (np.einsum("ij,ij->i", model.points, model.point_normals) > 0).all()
-
-
 def test_sampling_depends_on_the_seed_only(tmp_path: Path) -> None:
     path = tmp_path / "box.ply"
     box().export(path)
@@ -206,6 +197,3 @@ def test_a_surface_with_one_side_stays_as_it_is(tmp_path: Path) -> None:
     read = read_mesh(tmp_path / "moebius.ply", 1e-3)
     assert len(read.faces) == len(faces)
     assert len(np.unique(np.sort(read.faces, axis=1), axis=0)) == len(faces)
-
-
-# Textures

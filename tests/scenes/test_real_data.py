@@ -44,7 +44,7 @@ def test_all_frames_are_found(ycbv: SceneSource) -> None:
     assert ycbv.notes == ()
 
 
-@pytest.mark.parametrize("frame", FRAMES)
+@pytest.mark.parametrize("frame", ["0/3", "49/2365", "50/1", "900/2"])
 def test_ground_truth_covers_its_mask(ycbv: SceneSource, frame: str) -> None:
     problem = ycbv.problem(frame)
     assert problem.notes == ()

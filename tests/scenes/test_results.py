@@ -80,19 +80,21 @@ def test_writing_leaves_no_half_file(tmp_path: Path) -> None:
     assert path.read_bytes() == before
 
 
-@pytest.mark.parametrize(
-    ("name", "method"),
-    [
+def test_method_of_a_file_name() -> None:
+    for name, method in (
         ("cosypose_ycbv-test.csv", "cosypose"),
         ("posecnn-icp-rss2018_ycbv-test.csv", "posecnn-icp-rss2018"),
         ("my_own_lmo-test_primesense.csv", "my_own"),
         ("gdr_tless-test_primesense_1b2c.csv", "gdr"),
         ("poses.csv", "poses"),
         ("my_poses.csv", "my_poses"),
-    ],
-)
-def test_method_of_a_file_name(name: str, method: str) -> None:
-    assert method_of(f"/some/where/{name}") == method
+    ):
+        assert method_of(f"/some/where/{name}") == method
+
+
+def of(path: Path) -> HypothesesSettings:
+    """Initial poses out of this file."""
+    return HypothesesSettings(source="results", files=(str(path),))
 
 
 def line(obj_id: int, score: float, T: np.ndarray) -> str:
@@ -102,15 +104,12 @@ def line(obj_id: int, score: float, T: np.ndarray) -> str:
 
 def test_each_row_goes_to_the_instance_it_overlaps(tmp_path: Path) -> None:
     made = make(tmp_path)
-    left, middle, right = (i.T_cam_obj_gt for i in made.problem.instances)
-    assert left is not None
-    assert middle is not None
-    assert right is not None
+    left, middle, right = made.truth
     shift = transform(np.eye(3), [0.01, 0, 0])
     lines = [line(2, 0.9, right), line(2, 0.8, left), line(2, 0.7, shift @ left), line(5, 0.6, middle)]
     path = tmp_path / "est_x-test.csv"
     path.write_text("\n".join([HEADER, *lines]))
-    problem = made.read(HypothesesSettings(source="results", files=(str(path),)))
+    problem = made.read(of(path))
     assert [[h.confidence for h in i.hypotheses] for i in problem.instances] == [[0.8, 0.7], [0.6], [0.9]]
     # With one of the two instances selected, the other one's rows still belong to the other one.
     np.testing.assert_allclose(problem.instances[2].hypotheses[0].T_cam_obj, right, atol=1e-12)
@@ -119,18 +118,16 @@ def test_each_row_goes_to_the_instance_it_overlaps(tmp_path: Path) -> None:
 
 def test_a_row_beside_all_masks_goes_to_the_nearest(tmp_path: Path) -> None:
     made = make(tmp_path)
-    right = made.problem.instances[2].T_cam_obj_gt
-    assert right is not None
+    right = made.truth[2]
     path = tmp_path / "est_x-test.csv"
     path.write_text(line(2, 1.0, transform(np.eye(3), [0, -0.2, 0]) @ right))
-    problem = made.read(HypothesesSettings(source="results", files=(str(path),)))
+    problem = made.read(of(path))
     assert [len(i.hypotheses) for i in problem.instances] == [0, 0, 1]
 
 
 def test_files_take_turns_and_none_is_starved(tmp_path: Path) -> None:
     made = make(tmp_path)
-    T = made.problem.instances[1].T_cam_obj_gt
-    assert T is not None
+    T = made.truth[1]
     many = tmp_path / "many_x-test.csv"
     few = tmp_path / "few_x-test.csv"
     apart = [transform(np.eye(3), [0.001 * k, 0, 0]) @ T for k in range(4)]
@@ -148,13 +145,11 @@ def test_files_take_turns_and_none_is_starved(tmp_path: Path) -> None:
 
 def test_a_pose_that_is_there_twice_is_tried_once(tmp_path: Path) -> None:
     made = make(tmp_path)
-    T, other = made.problem.instances[1].T_cam_obj_gt, made.problem.instances[0].T_cam_obj_gt
-    assert T is not None
-    assert other is not None
+    other, T, _ = made.truth
     path = tmp_path / "est_x-test.csv"
     moved = transform(np.eye(3), [0.001, 0, 0]) @ T
     rows = [line(5, 0.9, T), line(5, 0.8, moved), line(2, 0.7, other)]
-    h = HypothesesSettings(source="results", files=(str(path),))
+    h = of(path)
     path.write_text("\n".join([HEADER, *rows]))
     assert made.open(h).notes == ()
     once = made.read(h)
@@ -176,27 +171,24 @@ def test_repeated_rows_for_a_demo_are_noted(tmp_path: Path) -> None:
 
 def test_equal_scores_keep_the_order_of_the_file(tmp_path: Path) -> None:
     made = make(tmp_path)
-    T = made.problem.instances[1].T_cam_obj_gt
-    assert T is not None
+    T = made.truth[1]
     shifts = [transform(np.eye(3), [0.001 * k, 0, 0]) @ T for k in range(4)]
     path = tmp_path / "est_x-test.csv"
     path.write_text("\n".join([HEADER, *(line(5, 1.0, s) for s in shifts)]))
-    pool = made.read(HypothesesSettings(source="results", files=(str(path),))).instances[1].hypotheses
+    pool = made.read(of(path)).instances[1].hypotheses
     assert np.argsort([h.T_cam_obj[0, 3] for h in pool]).tolist() == [0, 1, 2, 3]
     assert all(angle_between(h.T_cam_obj[:3, :3], T[:3, :3]) < 1e-9 for h in pool)
 
 
-@pytest.mark.parametrize(("scale", "is_noted"), [(1e-3, True), (1.0, False), (0.1, False)])
+@pytest.mark.parametrize(("scale", "is_noted"), [(1e-3, True), (0.1, False)])
 def test_translations_that_look_like_metres_are_noted(tmp_path: Path, scale: float, is_noted: bool) -> None:
     made = make(tmp_path)
     path = tmp_path / "est_x-test.csv"
     lines = []
-    for obj_id, instance in zip((2, 5, 2), made.problem.instances, strict=True):
-        T = instance.T_cam_obj_gt
-        assert T is not None
+    for obj_id, T in zip((2, 5, 2), made.truth, strict=True):
         lines.append(line(obj_id, 0.9, transform(T[:3, :3], scale * T[:3, 3])))
     path.write_text("\n".join([HEADER, *lines]))
-    source = made.open(HypothesesSettings(source="results", files=(str(path),)))
+    source = made.open(of(path))
     said = (
         "est_x-test.csv: every pose lies within 20 mm of the camera, so t looks like metres; BOP wants millimetres: "
         "multiply t by 1000"
@@ -207,28 +199,10 @@ def test_translations_that_look_like_metres_are_noted(tmp_path: Path, scale: flo
 
 def test_one_pose_at_the_camera_is_no_sign_of_metres(tmp_path: Path) -> None:
     made = make(tmp_path)
-    far = made.problem.instances[0].T_cam_obj_gt
-    assert far is not None
+    far = made.truth[0]
     path = tmp_path / "est_x-test.csv"
     path.write_text("\n".join([line(2, 0.9, np.eye(4)), line(2, 0.8, far)]))
-    assert made.open(HypothesesSettings(source="results", files=(str(path),))).notes == ()
-
-
-FOREIGN: dict[str, tuple[str, str]] = {
-    "other objects": (
-        "7,3,77",
-        "est_x-test.csv has no row for an object of the chosen frames: the frames need 2, 5, the rows are of 77; "
-        "check the object ids, or choose other files",
-    ),
-    "another scene": (
-        "8,3,2",
-        "est_x-test.csv has no row for the chosen frames (7/3), only for 8/3; choose other frames or files",
-    ),
-    "another image": (
-        "7,4,2",
-        "est_x-test.csv has no row for the chosen frames (7/3), only for 7/4; choose other frames or files",
-    ),
-}
+    assert made.open(of(path)).notes == ()
 
 
 def results_file(folder: Path, ids: str, name: str = "est_x-test.csv") -> HypothesesSettings:
@@ -236,13 +210,16 @@ def results_file(folder: Path, ids: str, name: str = "est_x-test.csv") -> Hypoth
     return HypothesesSettings(source="results", files=(str(folder / name),))
 
 
-@pytest.mark.parametrize("case", FOREIGN)
-def test_rows_that_are_all_of_something_else_are_refused_before_a_frame_is_read(tmp_path: Path, case: str) -> None:
-    ids, said = FOREIGN[case]
-    source = make(tmp_path).open(results_file(tmp_path, ids))
-    with pytest.raises(InputError) as refused:
-        source.check_initial_poses()
-    assert str(refused.value) == said
+def test_rows_that_are_all_of_something_else_are_refused_before_a_frame_is_read(tmp_path: Path) -> None:
+    made = make(tmp_path / "boxes")
+    for ids, said in (
+        ("7,3,77", "an object of the chosen frames: the frames need 2, 5, the rows are of 77; check the object ids"),
+        ("8,3,2", "the chosen frames (7/3), only for 8/3; choose other frames or files"),
+        ("7,4,2", "the chosen frames (7/3), only for 7/4; choose other frames or files"),
+    ):
+        with pytest.raises(InputError) as refused:
+            made.open(results_file(tmp_path, ids)).check_initial_poses()
+        assert str(refused.value).startswith(f"est_x-test.csv has no row for {said}")
 
 
 def test_rows_of_objects_that_nobody_asked_for_are_refused(tmp_path: Path) -> None:
@@ -277,25 +254,22 @@ def test_rows_of_another_scene_cannot_start_a_demo(tmp_path: Path) -> None:
 
 def test_an_instance_without_rows_says_so(tmp_path: Path) -> None:
     made = make(tmp_path)
-    T = made.problem.instances[1].T_cam_obj_gt
-    assert T is not None
+    T = made.truth[1]
     path = tmp_path / "est_x-test.csv"
     path.write_text(line(2, 1.0, T))
-    notes = made.read(HypothesesSettings(source="results", files=(str(path),))).notes
+    notes = made.read(of(path)).notes
     assert any("obj_000005 (#1) has no hypothesis: no row for object 5 of this frame in est" in note for note in notes)
 
 
 def notes_of(made: Made, *lines: str) -> list[str]:
     path = made.root / "est_x-test.csv"
     path.write_text("\n".join(lines))
-    return [note for note in made.read(HypothesesSettings(source="results", files=(str(path),))).notes if "#" in note]
+    return [note for note in made.read(of(path)).notes if "#" in note]
 
 
 def test_an_instance_whose_rows_another_one_took_says_which(tmp_path: Path) -> None:
     made = make(tmp_path)
-    left, middle, _ = (i.T_cam_obj_gt for i in made.problem.instances)
-    assert left is not None
-    assert middle is not None
+    left, middle, _ = made.truth
     other, owner = line(5, 0.9, middle), "#0, whose mask fits better; add a row whose pose lies in this mask"
     for lines, what in (([0.0], "the only row"), ([0.0, 0.01], "all 2 rows")):
         rows = [line(2, 0.9, transform(np.eye(3), [x, 0, 0]) @ left) for x in lines]
@@ -305,10 +279,7 @@ def test_an_instance_whose_rows_another_one_took_says_which(tmp_path: Path) -> N
 
 def test_estimates_far_from_their_depth_are_named(tmp_path: Path) -> None:
     made = make(tmp_path)
-    left, middle, right = (i.T_cam_obj_gt for i in made.problem.instances)
-    assert left is not None
-    assert middle is not None
-    assert right is not None
+    left, middle, right = made.truth
     depth_m = float(np.median(made.problem.instances[1].points_cam[:, 2]))
     near = [line(2, 0.9, left), line(2, 0.8, right)]
     assert notes_of(made, *near, line(5, 0.9, middle)) == []
@@ -330,11 +301,11 @@ def test_rows_out_of_reach_give_no_pose_and_the_others_do(tmp_path: Path) -> Non
     near, far = "7,3,5,1,1 0 0 0 1 0 0 0 1,0 0 500,-1\n", "7,3,5,2,1 0 0 0 1 0 0 0 1,0 0 1e30,-1\n"
     path = tmp_path / "net_x-test.csv"
     path.write_text(near + far)
-    source = made.open(HypothesesSettings(source="results", files=(str(path),)))
+    source = made.open(of(path))
     said = "net_x-test.csv: 1 row gives no pose: it lies more than 100 m from the camera; BOP wants t in millimetres"
     assert source.notes == (said,)
     (instance,) = [i for i in source.problem("7/3").instances if i.obj_id == 5]
     assert [h.confidence for h in instance.hypotheses] == [1.0]
     path.write_text(far)
     with pytest.raises(InputError, match="every pose lies more than 100 m from the camera"):
-        made.open(HypothesesSettings(source="results", files=(str(path),)))
+        made.open(of(path))

@@ -9,7 +9,6 @@ import pytest
 from tests.scenes.bop_folder import make
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.scenes.demo import demo_names, demo_objects
 from verefine_viz.scenes.source import DemoSource, open_scene
 
 pytestmark = pytest.mark.usefixtures("long_run")
@@ -53,15 +52,6 @@ def test_unknown_objects_of_a_demo_are_refused_before_it_is_made() -> None:
     said = "unknown object 99 in scene.objects; available: 6 (bowl), 10 (block) (demo scene 'bowl')"
     assert str(refused.value) == said
     assert open_scene(demo(demo="bowl", objects=[6]), HypothesesSettings()).frames == ("0/0",)
-
-
-@pytest.mark.parametrize("name", demo_names())
-def test_the_objects_of_a_demo_are_those_of_its_problems(name: str) -> None:
-    source = open_scene(
-        SceneSettings(demo=name, model_points=50, cloud_points=50), HypothesesSettings(max_per_object=1)
-    )
-    seen = {obj_id: model.name for frame in source.frames for obj_id, model in source.problem(frame).models.items()}
-    assert demo_objects(name) == seen
 
 
 def test_a_folder_opens_as_a_data_set(tmp_path: Path) -> None:

@@ -54,21 +54,15 @@ def test_textures_are_baked_to_the_vertices(tmp_path: Path, binary: bool) -> Non
     assert colors == {(-1, -1): (0, 0, 255), (1, -1): (255, 255, 0), (1, 1): (0, 255, 0), (-1, 1): (255, 0, 0)}
 
 
-def test_a_missing_texture_is_a_note(tmp_path: Path) -> None:
+def test_a_damaged_or_missing_texture_is_a_note(tmp_path: Path) -> None:
     path = textured_ply(tmp_path, True)
+    (tmp_path / "skin.png").write_bytes(b"no image")
+    assert "texture skin.png of square.ply is damaged" in read_mesh(path, 1e-3).notes[0]
     (tmp_path / "skin.png").unlink()
     mesh = read_mesh(path, 1e-3)
     assert mesh.vertex_colors is None
     assert len(mesh.faces) == 2
     assert "texture skin.png of square.ply is missing" in mesh.notes[0]
-
-
-def test_a_damaged_texture_is_a_note(tmp_path: Path) -> None:
-    path = textured_ply(tmp_path, False)
-    (tmp_path / "skin.png").write_bytes(b"no image")
-    mesh = read_mesh(path, 1e-3)
-    assert mesh.vertex_colors is None
-    assert "texture skin.png of square.ply is damaged" in mesh.notes[0]
 
 
 def test_texture_coordinates_without_a_texture_have_no_colour(tmp_path: Path) -> None:
@@ -93,19 +87,6 @@ def test_vertex_colours_are_kept(tmp_path: Path) -> None:
     mesh.visual.vertex_colors = np.hstack([colors, np.full((8, 1), 255, np.uint8)])
     mesh.export(tmp_path / "box.ply")
     np.testing.assert_array_equal(read_mesh(tmp_path / "box.ply", 1e-3).vertex_colors, colors)
-
-
-def test_a_textured_obj_takes_its_colour_from_the_material(tmp_path: Path) -> None:
-    Image.new("RGB", (4, 4), (10, 200, 30)).save(tmp_path / "skin.png")
-    (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
-    lines = ["mtllib a.mtl", "usemtl m", "v 0 0 0", "v 100 0 0", "v 0 100 0", "v 0 0 100", "vt 0.5 0.5"]
-    lines += [f"f {a}/1 {b}/1 {c}/1" for a, b, c in ((1, 3, 2), (1, 2, 4), (1, 4, 3), (2, 3, 4))]
-    (tmp_path / "a.obj").write_text("\n".join(lines) + "\n")
-    mesh = read_mesh(tmp_path / "a.obj", 1e-3)
-    assert mesh.vertex_colors is not None
-    assert set(map(tuple, mesh.vertex_colors)) == {(10, 200, 30)}
-    (tmp_path / "skin.png").unlink()
-    assert "texture skin.png of a.obj is missing" in read_mesh(tmp_path / "a.obj", 1e-3).notes[0]
 
 
 def test_texture_seams_are_closed_and_closed_meshes_left_alone(tmp_path: Path) -> None:
@@ -155,7 +136,7 @@ def surface_colors(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return points, np.ptp(corners, axis=1).argmin(axis=1), model.colors(faces, weights)
 
 
-@pytest.mark.parametrize("uv_offset", [0.0, 3.0, -2.0])
+@pytest.mark.parametrize("uv_offset", [0.0, -2.0])
 def test_a_texture_colours_the_faces_between_the_vertices(tmp_path: Path, uv_offset: float) -> None:
     points, across, colors = surface_colors(checked(tmp_path, uv_offset))
     u, v = points[np.arange(400), (across + 1) % 3], points[np.arange(400), (across + 2) % 3]
@@ -180,12 +161,12 @@ def test_a_texture_does_not_change_the_shape(tmp_path: Path) -> None:
     assert len(textured.vertices_m) == 8
 
 
-@pytest.mark.parametrize("mode", ["L", "RGBA", "P"])
-def test_a_texture_of_any_kind_of_image_is_rgb(tmp_path: Path, mode: str) -> None:
-    texture = read_mesh(checked(tmp_path, mode=mode), 1e-3).texture
-    assert texture is not None
-    assert texture.image.shape == (64, 64, 3)
-    assert (np.ptp(texture.image, axis=2) == 0).all() == (mode == "L")
+def test_a_texture_of_any_kind_of_image_is_rgb(tmp_path: Path) -> None:
+    for mode in ("L", "RGBA", "P"):
+        texture = read_mesh(checked(tmp_path, mode=mode), 1e-3).texture
+        assert texture is not None
+        assert texture.image.shape == (64, 64, 3)
+        assert (np.ptp(texture.image, axis=2) == 0).all() == (mode == "L")
 
 
 def test_a_large_texture_is_made_smaller(tmp_path: Path) -> None:
@@ -247,3 +228,5 @@ def test_an_obj_s_texture_is_kept(tmp_path: Path) -> None:
     assert model.texture is not None
     seen = model.colors(np.arange(4), np.full((4, 3), 1 / 3)).round()
     assert sorted(map(tuple, seen)) == [(0, 0, 255), (0, 0, 255), (255, 0, 0), (255, 0, 0)]
+    (tmp_path / "skin.png").unlink()
+    assert "texture skin.png of a.obj is missing" in read_mesh(tmp_path / "a.obj", 1e-3).notes[0]

@@ -11,7 +11,6 @@ import pytest
 
 from tests.fakes import box_problem
 from tests.scenes.write_bop import write_bop
-from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import axis_angle, inverse, transform
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
@@ -109,27 +108,3 @@ def test_files_follow_the_layout(tmp_path: Path) -> None:
     assert targets == [{"scene_id": 0, "im_id": 1, "obj_id": 1, "inst_count": 1}]
     info = json.loads((tmp_path / "models" / "models_info.json").read_text())["1"]
     assert (info["size_x"], info["min_y"]) == (pytest.approx(100), pytest.approx(-40))
-
-
-def test_nothing_is_overwritten(tmp_path: Path) -> None:
-    (tmp_path / "mine.txt").write_text("keep")
-    with pytest.raises(InputError, match="is not empty"):
-        write_bop(tmp_path, [box_problem()])
-    assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
-
-
-def test_what_cannot_be_written_is_refused_before_anything_is(tmp_path: Path) -> None:
-    problem = box_problem()
-    no_truth = replace(problem, instances=(replace(problem.instances[0], T_cam_obj_gt=None),))
-    other = replace(problem, im_id=2, models={1: replace(problem.models[1], vertices=problem.models[1].vertices * 2)})
-    for problems, words in (
-        ([], "no problem to write"),
-        ([problem, problem], "frame 0/1 occurs 2 times"),
-        ([no_truth], "instance 0 of frame 0/1 has no ground-truth pose"),
-        ([problem, other], "object 1 is not the same model"),
-    ):
-        with pytest.raises(InputError, match=words):
-            write_bop(tmp_path / "made", problems)
-    with pytest.raises(InputError, match=r"does not fit 16 bits at 0\.001 mm a step; use a depth scale of at least"):
-        write_bop(tmp_path / "made", [problem], depth_scale_mm=0.001)
-    assert not (tmp_path / "made").exists()

@@ -13,10 +13,8 @@ from typing import Any
 import numpy as np
 
 from verefine_viz.core.arrays import Mask
-from verefine_viz.core.errors import InputError
 from verefine_viz.core.json_files import write_json
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.paths import atomic
 from verefine_viz.core.problem import Instance, Problem
 from verefine_viz.scenes.image_files import write_image
 from verefine_viz.scenes.meshes import ply_bytes, size_entry
@@ -26,34 +24,18 @@ TARGET_VISIB_FRACT = 0.1
 """Instances that are less visible are no targets (BOP)."""
 
 
-def write_bop(
-    folder: Path | str, problems: Sequence[Problem], split: str = "test", depth_scale_mm: float = 0.1
-) -> Path:
-    """Writes a BOP folder and returns its path; the folder must be new or empty.
+def write_bop(folder: Path, problems: Sequence[Problem], split: str = "test", depth_scale_mm: float = 0.1) -> Path:
+    """Writes a BOP folder and returns its path.
 
     Instances are numbered anew in each image. Continuous symmetries were discretised when the models were read; they
     are written as discrete ones. Hypotheses are not part of BOP's layout: write them as a results file.
 
     Args:
-        folder: the data set to make.
+        folder: the data set to make, new or empty.
         problems: frames, each with another (scene_id, im_id), and ground truth for every instance.
         split: name of the split.
         depth_scale_mm: millimetres per step of the 16-bit depth images.
-
-    Raises:
-        InputError: the folder is not empty, frames repeat, an instance has no ground truth, two problems have different
-            models under one id, a depth does not fit, or the disk refuses.
     """
-    folder = Path(folder)
-    try:
-        _check(folder, problems, depth_scale_mm)
-        _write(folder, problems, split, depth_scale_mm)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be written: {error.strerror}") from None
-    return folder
-
-
-def _write(folder: Path, problems: Sequence[Problem], split: str, depth_scale_mm: float) -> None:
     _write_models(folder / "models", {i: m for problem in problems for i, m in problem.models.items()})
     for scene_id in sorted({p.scene_id for p in problems}):
         scene = folder / split / f"{scene_id:06d}"
@@ -66,35 +48,7 @@ def _write(folder: Path, problems: Sequence[Problem], split: str, depth_scale_mm
         infos = {str(p.im_id): _infos(p, silhouettes[p.im_id]) for p in mine}
         write_json(scene / "scene_gt_info.json", infos)
     write_json(folder / f"{split.split('_')[0]}_targets_bop19.json", _targets(problems))
-
-
-def _check(folder: Path, problems: Sequence[Problem], depth_scale_mm: float) -> None:
-    if folder.exists() and any(folder.iterdir()):
-        raise InputError(f"{folder} is not empty; choose another folder, nothing is ever overwritten")
-    frames = Counter(p.frame for p in problems)
-    repeated = [frame for frame, n in frames.items() if n > 1]
-    if repeated:
-        raise InputError(
-            f"frame {repeated[0]} occurs {frames[repeated[0]]} times; every scene/image can be written once"
-        )
-    if not problems:
-        raise InputError("there is no problem to write, expected at least one frame")
-    hashes: dict[int, str] = {}
-    for problem in problems:
-        for instance in problem.instances:
-            if instance.T_cam_obj_gt is None:
-                place = f"instance {instance.instance_id} of frame {problem.frame}"
-                raise InputError(f"{place} has no ground-truth pose; BOP's scene_gt needs one for every instance")
-        for obj_id, model in problem.models.items():
-            if hashes.setdefault(obj_id, model.mesh_hash) != model.mesh_hash:
-                raise InputError(f"object {obj_id} is not the same model in all frames; give each model its own id")
-        deepest_mm = float(problem.observation.depth_m.max()) * 1e3
-        if deepest_mm / depth_scale_mm > 65535.49:
-            needed = deepest_mm / 65535
-            raise InputError(
-                f"frame {problem.frame} is {deepest_mm:.0f} mm deep, which does not fit 16 bits at {depth_scale_mm:g} "
-                f"mm a step; use a depth scale of at least {needed:.3g} mm"
-            )
+    return folder
 
 
 def _write_models(folder: Path, models: dict[int, ObjectModel]) -> None:
@@ -102,8 +56,7 @@ def _write_models(folder: Path, models: dict[int, ObjectModel]) -> None:
     info: dict[str, Any] = {}
     for obj_id, model in sorted(models.items()):
         content = ply_bytes(model.vertices, model.faces, model.vertex_colors)
-        with atomic(folder / f"obj_{obj_id:06d}.ply") as part:
-            part.write_bytes(content)
+        (folder / f"obj_{obj_id:06d}.ply").write_bytes(content)
         entry = size_entry(model.vertices, model.diameter_m)
         if model.is_symmetric:
             in_mm = np.array(model.symmetries[1:])
@@ -123,7 +76,7 @@ def _write_images(scene: Path, problem: Problem, depth_scale_mm: float) -> list[
     write_image(scene / "depth" / f"{stem}.png", steps)
     silhouettes = []
     for gt_id, instance in enumerate(problem.instances):
-        assert instance.T_cam_obj_gt is not None  # _check has seen to it
+        assert instance.T_cam_obj_gt is not None
         outline = silhouette(problem.models[instance.obj_id], instance.T_cam_obj_gt, observation.camera)
         full = outline | instance.mask
         silhouettes.append(full)
@@ -144,7 +97,7 @@ def _camera(problem: Problem, depth_scale_mm: float) -> dict[str, Any]:
 
 def _pose(instance: Instance) -> dict[str, Any]:
     T = instance.T_cam_obj_gt
-    assert T is not None  # _check has seen to it
+    assert T is not None
     R, t_mm = T[:3, :3].ravel().tolist(), (T[:3, 3] * 1e3).tolist()
     return {"cam_R_m2c": R, "cam_t_m2c": t_mm, "obj_id": instance.obj_id}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from verefine_viz.core.problem import Problem
@@ -29,9 +30,14 @@ def trace(name: str = "rir", n_instances: int = 1, **fields: object) -> Trace:
     return trace_of(run)
 
 
+@cache
+def _template(n_instances: int) -> Trace:
+    return trace("sir", n_instances)
+
+
 def made_up(order: list[tuple[int, bool]], n_instances: int = 3, n_planned: int | None = None) -> Trace:
     """A history that works on these instances in this order, each time with or without a refiner call."""
-    template = trace("sir", n_instances)
+    template = _template(n_instances)
     iterations: list[Iteration] = []
     for k, (own, refines) in enumerate(order, 1):
         record = replace(template.own[own][0], index=k)
