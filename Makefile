@@ -9,17 +9,18 @@ SESSION ?= sessions/mug.toml
 PORT ?= 8080
 WORKERS ?= 2
 BIN = $(VENV)/bin
-# A file is run by one process, in the order of tests/tiers.py: slow ones first.
+# A file is run by one process, in the order of tests/durations.json: those that take longest first.
 PARALLEL = -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 SETUP = pyproject.toml scripts/install scripts/find-python
 
-.PHONY: help app test test-fast resolve-lowest test-lowest lint bench clean system-app system-test
+.PHONY: help app test test-fast durations resolve-lowest test-lowest lint bench clean system-app system-test
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make app    open the page on a built-in scene (SESSION=sessions/x.toml for another, PORT=8081)"
 	@echo "make test   run every test, the browser tests too"
 	@echo "make test-fast  run the tests that start no process, browser or server: under two minutes"
+	@echo "make durations  run every test and note in tests/durations.json how long each file takes"
 	@echo "make test-lowest  run quick tests with the lowest versions that pyproject.toml allows"
 	@echo "make lint   check format, style, types and layers"
 	@echo "make bench  measure this machine, print a table, write bench.json"
@@ -31,8 +32,11 @@ app: $(VENV)/.ready-app
 # The browser tests run alone and last: on two cores a second test beside Chromium makes both slow.
 # VEREFINE_REQUIRE_ALL: what lacks a program fails and says which; only what needs real frames may be skipped.
 test: $(VENV)/.ready-dev system-test
-	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m "not browser" $(PARALLEL)
-	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m browser
+	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m "not browser" $(PARALLEL) $(NOTE)
+	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m browser $(NOTE)
+
+durations:
+	@$(MAKE) test NOTE=--write-durations
 
 test-fast: $(VENV)/.ready-dev system-test
 	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m fast $(PARALLEL)

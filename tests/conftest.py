@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, settings
 from tests.nothing_skipped import NO_DATA, pytest_runtest_makereport
 
 __all__ = ["pytest_runtest_makereport"]
-pytest_plugins = ["tests.tiers", "pytester"]
+pytest_plugins = ["tests.tiers", "tests.durations", "pytester"]
 
 # A busy machine is no failure; what is tested are laws, not times.
 settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -28,6 +28,10 @@ def shared_data() -> Path:
 
 
 def pytest_configure() -> None:
-    """Ctrl-C is tested: who starts the tests in the background has it ignored, which children would inherit."""
+    """Ctrl-C and a closed terminal are tested: who starts the tests in the background or by ``nohup`` has them ignored,
+    which children would inherit.
+    """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)

@@ -42,11 +42,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Marks the tests, and puts files with slow ones first, so that no process is left alone with one at the end."""
     for item in items:
         item.add_marker(tier(item))
-    slow = {item.path for item in items if tier(item) == "slow"}
-    items.sort(key=lambda item: item.path not in slow)
 
 
 def tier(item: pytest.Item) -> str:

@@ -8,12 +8,21 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from itertools import pairwise
 from pathlib import Path
+
+import pytest
 
 from tests.scenes.bop_folder import Made, make
 from verefine_viz import cli
+from verefine_viz.batch import batch_command, worker_pool
+from verefine_viz.batch.rows import FrameResult
+from verefine_viz.batch.solve_frame import TASKS
+from verefine_viz.batch.worker_process import TaskName
+from verefine_viz.core.settings import Session
+from verefine_viz.session.toolbox import Toolbox
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE_ID = 7
@@ -66,26 +75,46 @@ def command(*words: object) -> list[str]:
     return [sys.executable, "-m", "verefine_viz.cli", *map(str, words)]
 
 
-def run_batch(sessions: Path | list[Path], out: Path, *words: object) -> subprocess.CompletedProcess[str]:
-    """``verefine-viz batch`` as a process of its own."""
-    paths = sessions if isinstance(sessions, list) else [sessions]
-    return subprocess.run(
-        command("batch", *paths, "--out", out, *words), capture_output=True, text=True, cwd=ROOT, check=False
-    )
+class PoolHere:
+    """Solves frames in this process, one after another: a stand-in for one worker, which takes seconds to start."""
+
+    needs = warning = ""
+
+    def __init__(self, session: Session, out: Path, n_workers: int, task: TaskName = "solve", *_: object) -> None:
+        assert n_workers == 1
+        self._task = TASKS[task]
+        self.switch_to(session, out)
+
+    def switch_to(self, session: Session, out: Path) -> None:
+        self._toolbox, self._out = Toolbox(session), out
+
+    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult]:
+        for frame in frames:
+            yield self._task(self._toolbox, frame, self._out)
+
+    def close(self) -> None:
+        """Has nothing to end."""
 
 
 def batch_here(sessions: Path | list[Path], out: Path, *words: object) -> subprocess.CompletedProcess[str]:
-    """The same in this process, which spares seconds of imports; its workers are processes all the same."""
+    """Run ``verefine-viz batch`` in this process, which spares seconds of imports; its frames too if --workers is 1."""
     paths = sessions if isinstance(sessions, list) else [sessions]
     arguments = ["batch", *map(str, paths), "--out", str(out), *map(str, words)]
-    with redirect_stdout(io.StringIO()) as said, redirect_stderr(io.StringIO()) as errors:
+    with (
+        redirect_stdout(io.StringIO()) as said,
+        redirect_stderr(io.StringIO()) as errors,
+        pytest.MonkeyPatch.context() as patched,
+    ):
+        if ("--workers", "1") in pairwise(arguments):
+            patched.setattr(worker_pool, "Pool", PoolHere)
+            patched.setattr(batch_command, "Pool", PoolHere)
         code = cli.main(arguments)
     return subprocess.CompletedProcess(arguments, code, said.getvalue(), errors.getvalue())
 
 
 @contextmanager
 def started_batch(session: Path, out: Path, *words: object) -> Iterator[subprocess.Popen[str]]:
-    """The same, running, in a process group of its own: Ctrl-C can be sent to all of it, and none of it is left."""
+    """Start ``verefine-viz batch`` in a process group of its own: Ctrl-C can be sent to all of it, and none is left."""
     with subprocess.Popen(
         command("batch", session, "--out", out, *words),
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,

@@ -17,7 +17,7 @@ N_KILLS = 2
 
 
 def test_kills_at_random_moments_change_nothing(tmp_path: Path) -> None:
-    session = write_light_frames(tmp_path, 30)
+    session = write_light_frames(tmp_path, 15)
     assert batch_here(session, tmp_path / "whole", "--workers", 1).returncode == 0
     expected, n_kills, k = without_times(tmp_path / "whole"), 0, 0
     while n_kills < N_KILLS:  # on a fast machine a batch may be done before it is killed often enough

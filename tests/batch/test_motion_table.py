@@ -140,7 +140,7 @@ def test_a_batch_of_a_sequence_writes_its_motion_and_again_where_it_is_gone(tmp_
     folder, out = write_sequence(tmp_path / "box", n=3), tmp_path / "out"
     third = folder / "ob_in_cam" / "1581120424100262102.txt"
     np.savetxt(third, pose(90, 0.004))  # A box turned by 90° looks the same.
-    done = batch_here(folder, out)
+    done = batch_here(folder, out, "--workers", 1)
     assert done.returncode == 0, done.stderr
     assert "motion of box in scene 0: 3 frames, 1 flip (33.3 per 100), 0 jumps" in done.stdout
     assert "Flips in 0/3." in done.stdout
@@ -149,10 +149,10 @@ def test_a_batch_of_a_sequence_writes_its_motion_and_again_where_it_is_gone(tmp_
     assert track.rows[1].moved_mm == pytest.approx(2, abs=1e-3)
     table = (out / MOTION).read_bytes()
     (out / MOTION).unlink()
-    again = batch_here(folder, out)
+    again = batch_here(folder, out, "--workers", 1)
     assert "nothing was left to do" not in again.stdout
     assert (out / MOTION).read_bytes() == table
-    assert "nothing was left to do" in batch_here(folder, out).stdout
+    assert "nothing was left to do" in batch_here(folder, out, "--workers", 1).stdout
     assert (out / SEQUENCE_FILE).is_file()
     assert cli.main(["report", str(out)]) == 0
     html = (out / "report.html").read_text(encoding="utf-8")
@@ -166,11 +166,11 @@ def test_the_recorded_score_of_the_answer_is_a_column(tmp_path: Path) -> None:
     for k in (1, 2):
         write_trace(tmp_path / "runs" / f"{k:06d}", tmp_path / "box.obj")
     out = tmp_path / "out"
-    assert batch_here(tmp_path / "runs", out).returncode == 0
+    assert batch_here(tmp_path / "runs", out, "--workers", 1).returncode == 0
     assert [row.recorded_score for row in read_frames_csv(out / "frames.csv")] == [0.9, 0.9]
     assert [row.missing_depth for row in read_frames_csv(out / "frames.csv")] == [0, 0]
     # Traces that are named by numbers alone are a sequence.
     (track,) = read_tracks(out)
     assert [row.recorded_score for row in track.rows] == [0.9, 0.9]
-    assert batch_here(tmp_path / "runs", tmp_path / "rir", "--method.name", "rir").returncode == 0
+    assert batch_here(tmp_path / "runs", tmp_path / "rir", "--workers", 1, "--method.name", "rir").returncode == 0
     assert [row.recorded_score for row in read_frames_csv(tmp_path / "rir" / "frames.csv")] == [None, None]
