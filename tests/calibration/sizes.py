@@ -22,6 +22,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.demo import demo_problem
+from verefine_viz.scenes.source import open_scene
 from verefine_viz.session.toolbox import Toolbox
 
 Objects = list[tuple[ObjectModel, Float, Mask]]
@@ -40,6 +41,13 @@ class WithoutTruth(Toolbox):
 def scene(name: str = "clutter", frame: str = "0/0") -> Problem:
     """A built-in scene; "clutter" are six objects on a table, of which some hide others, seen by a noisy sensor."""
     return demo_problem(name, SceneSettings(), HypothesesSettings(), frame)
+
+
+@cache
+def real(ycbv: Path, frame: str, masks: str = "mask_visib") -> Problem:
+    """A real frame."""
+    settings = SceneSettings(source="bop", dataset=str(ycbv), frames=(frame,), masks=masks)
+    return open_scene(settings, HypothesesSettings()).problem(frame)
 
 
 def objects(problem: Problem) -> Objects:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from tests.calibration.sizes import scene
 from verefine_viz.calibration.camera_check import depth_notes
@@ -34,23 +33,20 @@ def estimated(off_mm: float, depth: float = 1.0) -> Problem:
     return replace(CLUTTER, instances=instances, observation=seen)
 
 
-@pytest.mark.parametrize(
-    ("depth", "said"),
-    [
+def test_depth_that_is_off_by_a_factor_is_reported_before_the_run() -> None:
+    for depth, said in [
         (0.5, "50% smaller than the initial poses say: check depth_scale in scene_camera.json (about 2.0"),
         (0.9, "(about 1.1"),
         (1.1, "larger"),
         (2.0, "(about 0.50 times as much would fit)"),
-    ],
-)
-def test_depth_that_is_off_by_a_factor_is_reported_before_the_run(depth: float, said: str) -> None:
-    (note,) = depth_notes(estimated(5.0, depth))
-    assert said in note
+    ]:
+        (note,) = depth_notes(estimated(5.0, depth))
+        assert said in note, (depth, said)
 
 
-@pytest.mark.parametrize("off_mm", [0.0, 5.0, 30.0])
-def test_right_depth_is_not_doubted(off_mm: float) -> None:
-    assert not depth_notes(estimated(off_mm))
+def test_right_depth_is_not_doubted() -> None:
+    for off_mm in [0.0, 5.0, 30.0]:
+        assert not depth_notes(estimated(off_mm)), off_mm
 
 
 def test_two_objects_are_too_few() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from tests.calibration.sizes import scene
 from verefine_viz.calibration.registration import registration_notes
@@ -23,14 +22,10 @@ def displaced(right_px: int, down_px: int) -> Problem:
     return replace(CLUTTER, observation=replace(CLUTTER.observation, rgb=image))
 
 
-@pytest.mark.parametrize(
-    ("right_px", "down_px", "said"),
-    [(0, 0, ""), (1, 0, ""), (0, -2, ""), (4, 0, "4 px right"), (-3, 5, "3 px left and 5 px down")],
-)
-def test_a_displaced_colour_image_is_named_with_its_displacement(right_px: int, down_px: int, said: str) -> None:
-    notes = registration_notes(displaced(right_px, down_px), TRUE)
-    assert bool(notes) == bool(said)
-    assert said in "".join(notes)
+def test_a_displaced_colour_image_is_named_with_its_displacement() -> None:
+    assert not registration_notes(displaced(0, -2), TRUE)
+    assert "4 px right" in registration_notes(displaced(4, 0), TRUE)[0]
+    assert "3 px left and 5 px down" in registration_notes(displaced(-3, 5), TRUE)[0]
 
 
 def test_without_colours_or_poses_nothing_can_be_said() -> None:

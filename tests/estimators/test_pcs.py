@@ -46,14 +46,14 @@ def bits(pool: tuple[Hypothesis, ...]) -> list[tuple[bytes, float, str]]:
     return [(h.T_cam_obj.tobytes(), h.confidence, h.source) for h in pool]
 
 
-@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", ["duck", "teddy", "jug", "bracket"])
-def test_one_of_the_poses_covers_the_truth(pcs: Pcs, name: str, seed: int) -> None:
-    target = seen(name, seed)
-    assert target.instance.T_cam_obj_gt is not None
-    pool = pcs.hypotheses(target, 25)
-    errors = [pose_errors(target.model, h.T_cam_obj, target.instance.T_cam_obj_gt) for h in pool]
-    assert min(e.adds_mm for e in errors) < 0.1 * 1e3 * target.model.diameter_m
+def test_one_of_the_poses_covers_the_truth(pcs: Pcs, name: str) -> None:
+    for seed in range(2):
+        target = seen(name, seed)
+        assert target.instance.T_cam_obj_gt is not None
+        pool = pcs.hypotheses(target, 25)
+        errors = [pose_errors(target.model, h.T_cam_obj, target.instance.T_cam_obj_gt) for h in pool]
+        assert min(e.adds_mm for e in errors) < 0.1 * 1e3 * target.model.diameter_m, seed
 
 
 def test_the_pool_is_ordered_and_no_larger_than_asked_for(pcs: Pcs) -> None:
@@ -109,20 +109,20 @@ def test_another_process_has_the_same_answer(pcs: Pcs) -> None:
     assert done.stdout.strip() == here
 
 
-@pytest.mark.parametrize("kind", ["nothing", "a corner", "a straight line", "no depth"])
-def test_too_little_says_nothing(pcs: Pcs, kind: str) -> None:
+def test_too_little_says_nothing(pcs: Pcs) -> None:
     target = seen("duck", 0)
-    depth, mask = target.observation.depth_m.astype(float), target.instance.mask
-    v, u = np.nonzero(mask)
-    few = np.zeros_like(mask)
-    if kind == "a corner":
-        few[v[:6], u[:6]] = True
-    elif kind == "a straight line":
-        few[v[len(v) // 2]] = True
-        depth = np.full_like(depth, 0.5)
-    elif kind == "no depth":
-        few, depth = mask, np.zeros_like(depth)
-    assert pcs.hypotheses(target_of(target.model, depth, few), 25) == ()
+    for kind in ["nothing", "a corner", "a straight line", "no depth"]:
+        depth, mask = target.observation.depth_m.astype(float), target.instance.mask
+        v, u = np.nonzero(mask)
+        few = np.zeros_like(mask)
+        if kind == "a corner":
+            few[v[:6], u[:6]] = True
+        elif kind == "a straight line":
+            few[v[len(v) // 2]] = True
+            depth = np.full_like(depth, 0.5)
+        elif kind == "no depth":
+            few, depth = mask, np.zeros_like(depth)
+        assert pcs.hypotheses(target_of(target.model, depth, few), 25) == (), kind
 
 
 def test_a_mask_that_leaks_onto_the_wall_is_borne() -> None:
@@ -147,7 +147,7 @@ def test_words_come_before_the_work(pcs: Pcs) -> None:
     ]
 
 
-@pytest.mark.parametrize("bases", [3, 40])
+@pytest.mark.parametrize("bases", [3, 12])
 def test_what_is_cancelled_on_the_way_leaves_nothing_behind(bases: int) -> None:
     target = seen("duck", 0)
     expected = bits(Pcs(PcsSettings(bases=bases)).hypotheses(target, 5))

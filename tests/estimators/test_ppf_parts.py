@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -62,9 +61,9 @@ def test_the_local_rotation_turns_the_normal_onto_x(seed: int) -> None:
     assert np.linalg.det(R) > 0
 
 
-@pytest.mark.parametrize("z", [-1.0, 1.0])
-def test_the_local_rotation_has_no_singular_direction(z: float) -> None:
-    assert np.allclose(local_rotation(np.array([0, 0, z])) @ [0, 0, z], [1, 0, 0])
+def test_the_local_rotation_has_no_singular_direction() -> None:
+    for z in [-1.0, 1.0]:
+        assert np.allclose(local_rotation(np.array([0, 0, z])) @ [0, 0, z], [1, 0, 0]), z
 
 
 def test_both_sides_of_a_thin_wall_stay() -> None:
@@ -92,16 +91,16 @@ def test_segment_normals_point_to_the_camera_and_points_lie_on_the_object() -> N
     assert gap.max() < 0.02 * model.diameter_m
 
 
-@pytest.mark.parametrize("limit", [7, 10**9])
-def test_a_limited_table_stands_for_all_pairs(limit: int) -> None:
+def test_a_limited_table_stands_for_all_pairs() -> None:
     model = demo_model("block", 10, 0)
     cloud = thinned_surface(model_surface(model, 0), 0.1 * model.diameter_m)
-    table = pair_table(cloud, 0.05 * model.diameter_m, np.deg2rad(12), limit)
-    kept = np.diff(table.starts)
-    assert kept.max() <= limit
-    assert np.isclose((kept * table.weights).sum(), len(cloud.points) * (len(cloud.points) - 1))
-    everything = pair_table(cloud, 0.05 * model.diameter_m, np.deg2rad(12), 10**9)
-    assert np.array_equal(kept > 0, np.diff(everything.starts) > 0)
+    for limit in [7, 10**9]:
+        table = pair_table(cloud, 0.05 * model.diameter_m, np.deg2rad(12), limit)
+        kept = np.diff(table.starts)
+        assert kept.max() <= limit, limit
+        assert np.isclose((kept * table.weights).sum(), len(cloud.points) * (len(cloud.points) - 1)), limit
+        everything = pair_table(cloud, 0.05 * model.diameter_m, np.deg2rad(12), 10**9)
+        assert np.array_equal(kept > 0, np.diff(everything.starts) > 0), limit
 
 
 def round_about_y() -> Float:

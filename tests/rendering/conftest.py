@@ -14,26 +14,28 @@ from verefine_viz.rendering.gl_verifier import GlVerifier
 MakeVerifier = Callable[..., CpuVerifier | GlVerifier]
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def needs_gl() -> None:
     problem = gl_problem()
     if problem:
         pytest.skip(problem)
 
 
-@pytest.fixture(params=["cpu", "gl"])
+@pytest.fixture(scope="module", params=["cpu", "gl"])
 def make(request: pytest.FixtureRequest) -> Iterator[MakeVerifier]:
-    """Makes a verifier from fields of the settings; every triangle is kept unless said otherwise."""
+    """Makes one verifier for fields of the settings; every triangle is kept unless said otherwise."""
     if request.param == "gl":
         request.getfixturevalue("needs_gl")
-    made: list[CpuVerifier | GlVerifier] = []
+    made: dict[str, CpuVerifier | GlVerifier] = {}
 
     def verifier(**fields: object) -> CpuVerifier | GlVerifier:
         settings = ScoreSettings.model_validate({"simplify_mm": 0.0, **fields})
-        made.append(CpuVerifier(settings) if request.param == "cpu" else GlVerifier(settings))
-        return made[-1]
+        key = settings.model_dump_json()
+        if key not in made:
+            made[key] = CpuVerifier(settings) if request.param == "cpu" else GlVerifier(settings)
+        return made[key]
 
     yield verifier
-    for v in made:
+    for v in made.values():
         if isinstance(v, GlVerifier):
             v.close()

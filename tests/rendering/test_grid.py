@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import fields
 
 import numpy as np
-import pytest
 
 from tests.fakes import seen_at
 from tests.rendering.conftest import MakeVerifier
@@ -21,18 +20,18 @@ def assert_same(some: ScoreMaps, whole: ScoreMaps, at: PixelGrid) -> None:
         np.testing.assert_array_equal(getattr(some, field.name), getattr(expected, field.name), field.name)
 
 
-@pytest.mark.parametrize("pixels", MODES)
-def test_in_any_order_and_more_than_once(make: MakeVerifier, pixels: str) -> None:
-    verifier = make(pixels=pixels)
+def test_in_any_order_and_more_than_once(make: MakeVerifier) -> None:
     targets, Ts = targets_of(), combinations(3)
-    rng = np.random.default_rng(4)
     placed = (Placed(9, box(), T_BOX),)
-    for k in range(3):
-        at = PixelGrid(rng.integers(0, CAMERA.height, 90), rng.integers(0, CAMERA.width, 70))
-        for others in ((), placed):
-            some, whole = (verifier.maps(targets[k], Ts[k, k], others, grid) for grid in (at, None))
-            assert (some.classes > 0).any()
-            assert_same(some, whole, at)
-            assert_same(
-                verifier.scene_maps(targets, Ts[k], others, at=at), verifier.scene_maps(targets, Ts[k], others), at
-            )
+    for pixels in MODES:
+        verifier = make(pixels=pixels)
+        rng = np.random.default_rng(4)
+        for k in range(3):
+            at = PixelGrid(rng.integers(0, CAMERA.height, 90), rng.integers(0, CAMERA.width, 70))
+            for others in ((), placed):
+                some, whole = (verifier.maps(targets[k], Ts[k, k], others, grid) for grid in (at, None))
+                assert (some.classes > 0).any(), pixels
+                assert_same(some, whole, at)
+                assert_same(
+                    verifier.scene_maps(targets, Ts[k], others, at=at), verifier.scene_maps(targets, Ts[k], others), at
+                )

@@ -32,36 +32,36 @@ def perfect_target() -> Target:
     return Target(observation, Instance(0, 1, seen, np.zeros((0, 3)), (), T_TORUS), model)
 
 
-@pytest.mark.parametrize("pixels", MODES)
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(axis=st.tuples(FINITE, FINITE, FINITE), angle=st.floats(0, np.pi), t=st.tuples(FINITE, FINITE, FINITE))
 def test_scores_are_between_0_and_1(
-    make: MakeVerifier, pixels: str, axis: tuple[float, float, float], angle: float, t: tuple[float, float, float]
+    make: MakeVerifier, axis: tuple[float, float, float], angle: float, t: tuple[float, float, float]
 ) -> None:
     turn = axis_angle(axis, angle) if np.linalg.norm(axis) > 1e-6 else np.eye(3)
-    verifier = make(pixels=pixels)
-    scores = verifier.score(target_of(), transform(turn, t)[None])
-    for values in (scores.score, scores.depth_fit, scores.normal_fit):
-        assert 0.0 <= values[0] <= 1.0 + 1e-6
-    assert (scores.counts >= 0).all()
+    for pixels in MODES:
+        verifier = make(pixels=pixels)
+        scores = verifier.score(target_of(), transform(turn, t)[None])
+        for values in (scores.score, scores.depth_fit, scores.normal_fit):
+            assert 0.0 <= values[0] <= 1.0 + 1e-6, pixels
+        assert (scores.counts >= 0).all(), pixels
 
 
-@pytest.mark.parametrize("pixels", MODES)
-def test_what_is_rendered_exactly_as_observed_scores_1(make: MakeVerifier, pixels: str) -> None:
-    score = make(pixels=pixels).score(perfect_target(), T_TORUS[None])[0]
-    assert score.score == pytest.approx(1.0, abs=1e-3)
-    assert score.counts[1:] == pytest.approx((0, 0, 0, 0), abs=2)
+def test_what_is_rendered_exactly_as_observed_scores_1(make: MakeVerifier) -> None:
+    for pixels in MODES:
+        score = make(pixels=pixels).score(perfect_target(), T_TORUS[None])[0]
+        assert score.score == pytest.approx(1.0, abs=1e-3), pixels
+        assert score.counts[1:] == pytest.approx((0, 0, 0, 0), abs=2), pixels
 
 
-@pytest.mark.parametrize("pixels", MODES)
-def test_the_score_never_rises_as_the_object_moves_away_in_depth(make: MakeVerifier, pixels: str) -> None:
-    # Along the optical axis of a distant view the outline hardly changes: only the depth term falls.
+def test_the_score_never_rises_as_the_object_moves_away_in_depth(make: MakeVerifier) -> None:
     Ts = np.stack([T_TORUS] * 12)
     Ts[:, 2, 3] += np.linspace(0, 0.03, 12)
-    scores = make(pixels=pixels).score(perfect_target(), Ts)
-    assert (np.diff(scores.score) < 0.003).all()
-    assert (np.diff(scores.depth_fit) < 1e-6).all()
-    assert scores.depth_fit[-1] < 0.02
+    for pixels in MODES:
+        # Along the optical axis of a distant view the outline hardly changes: only the depth term falls.
+        scores = make(pixels=pixels).score(perfect_target(), Ts)
+        assert (np.diff(scores.score) < 0.003).all(), pixels
+        assert (np.diff(scores.depth_fit) < 1e-6).all(), pixels
+        assert scores.depth_fit[-1] < 0.02, pixels
 
 
 def test_beyond_both_tolerances_the_score_is_0(make: MakeVerifier) -> None:
@@ -111,19 +111,19 @@ def test_a_plate_scores_what_the_formula_says(make: MakeVerifier) -> None:
         assert score.n_pixels == 64 * 48
 
 
-@pytest.mark.parametrize("pixels", MODES)
-def test_a_batch_gives_what_single_calls_give(make: MakeVerifier, pixels: str) -> None:
+def test_a_batch_gives_what_single_calls_give(make: MakeVerifier) -> None:
     target, Ts = target_of(), disturbed(9)
-    verifier = make(pixels=pixels)
-    batch = verifier.score(target, Ts)
-    for i, T in enumerate(Ts):
-        single = verifier.score(target, T[None])
-        if verifier.name == "cpu":
-            assert single.score.tobytes() == batch.score[i : i + 1].tobytes()
-            assert np.array_equal(single.counts[0], batch.counts[i])
-        else:
-            # Tiles of another size have another float32 projection.
-            assert single.score[0] == pytest.approx(batch.score[i], abs=3e-4)
+    for pixels in MODES:
+        verifier = make(pixels=pixels)
+        batch = verifier.score(target, Ts)
+        for i, T in enumerate(Ts):
+            single = verifier.score(target, T[None])
+            if verifier.name == "cpu":
+                assert single.score.tobytes() == batch.score[i : i + 1].tobytes(), pixels
+                assert np.array_equal(single.counts[0], batch.counts[i]), pixels
+            else:
+                # Tiles of another size have another float32 projection.
+                assert single.score[0] == pytest.approx(batch.score[i], abs=3e-4), pixels
 
 
 def test_the_bits_do_not_depend_on_threads_or_history() -> None:
@@ -134,19 +134,19 @@ def test_the_bits_do_not_depend_on_threads_or_history() -> None:
     assert one.score(target, Ts).score.tobytes() == several.score(target, Ts).score.tobytes()
 
 
-@pytest.mark.parametrize("pixels", MODES)
-def test_what_is_begun_comes_to_the_same_bits(pixels: str) -> None:
+def test_what_is_begun_comes_to_the_same_bits() -> None:
     """Also while other poses of another target are scored."""
     target, Ts = target_of(), disturbed(9)
-    verifier = CpuVerifier(ScoreSettings(simplify_mm=0, pixels=pixels))
-    verifier._n_threads = 2
-    begun = [verifier.begin(target, T[None]) for T in Ts]
-    other = verifier.score(target_of(), Ts[::-1])
-    asked = verifier.score(target, Ts)
-    assert other.score.tobytes() == asked.score[::-1].tobytes()
-    for k, answer in enumerate(begun):
-        assert answer is not None
-        assert first_difference(answer()[0], asked[k]) is None
+    for pixels in MODES:
+        verifier = CpuVerifier(ScoreSettings(simplify_mm=0, pixels=pixels))
+        verifier._n_threads = 2
+        begun = [verifier.begin(target, T[None]) for T in Ts]
+        other = verifier.score(target_of(), Ts[::-1])
+        asked = verifier.score(target, Ts)
+        assert other.score.tobytes() == asked.score[::-1].tobytes(), pixels
+        for k, answer in enumerate(begun):
+            assert answer is not None
+            assert first_difference(answer()[0], asked[k]) is None, pixels
 
 
 def test_nothing_is_begun_without_a_second_processor() -> None:
@@ -155,8 +155,7 @@ def test_nothing_is_begun_without_a_second_processor() -> None:
     assert verifier.begin(target_of(), disturbed(1)) is None
 
 
-@pytest.mark.parametrize("pixels", MODES)
-def test_bad_poses_score_0_and_leave_the_others_alone(make: MakeVerifier, pixels: str) -> None:
+def test_bad_poses_score_0_and_leave_the_others_alone(make: MakeVerifier) -> None:
     target, good = target_of(), disturbed(3)
     nan, behind, sideways, huge, infinite = (T_TORUS.copy() for _ in range(5))
     nan[1, 2] = np.nan
@@ -165,15 +164,16 @@ def test_bad_poses_score_0_and_leave_the_others_alone(make: MakeVerifier, pixels
     huge[0, 3] = 1e300
     infinite[2, 3] = np.inf
     bad = np.stack([nan, behind, sideways, huge, infinite])
-    verifier = make(pixels=pixels)
-    mixed = verifier.score(target, np.concatenate([good[:2], bad, good[2:]]))
-    assert np.array_equal(mixed.score[2:7], np.zeros(5))
-    assert np.array_equal(mixed.n_rendered[2:7], np.zeros(5))
-    alone = verifier.score(target, good)
-    assert mixed.score[[0, 1, 7]] == pytest.approx(alone.score, abs=3e-4)
-    maps = verifier.maps(target, nan)
-    assert not maps.rendered_m.any()
-    assert not maps.f_d.any()
+    for pixels in MODES:
+        verifier = make(pixels=pixels)
+        mixed = verifier.score(target, np.concatenate([good[:2], bad, good[2:]]))
+        assert np.array_equal(mixed.score[2:7], np.zeros(5)), pixels
+        assert np.array_equal(mixed.n_rendered[2:7], np.zeros(5)), pixels
+        alone = verifier.score(target, good)
+        assert mixed.score[[0, 1, 7]] == pytest.approx(alone.score, abs=3e-4), pixels
+        maps = verifier.maps(target, nan)
+        assert not maps.rendered_m.any(), pixels
+        assert not maps.f_d.any(), pixels
 
 
 def test_no_poses_give_no_scores(make: MakeVerifier) -> None:

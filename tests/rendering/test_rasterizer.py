@@ -47,15 +47,15 @@ def test_pixel_centres_are_at_integers() -> None:
     assert half_a_pixel.min() > 1e-5
 
 
-@pytest.mark.parametrize("model", [torus(), box(), shell(), table()], ids=["torus", "box", "shell", "table"])
-def test_depth_is_that_of_ray_casting(model: ObjectModel) -> None:
-    rng = np.random.default_rng(5)
-    for _ in range(8):
-        T = transform(axis_angle(rng.normal(size=3), rng.uniform(0, np.pi)), [*rng.normal(0, 0.05, 2), 0.5])
-        depth, expected = depth_of(model, T), cast([(model, T)], CAMERA)[0]
-        assert ((depth > 0) != (expected > 0)).sum() <= 2
-        both = (depth > 0) & (expected > 0)
-        assert (np.abs(depth - expected)[both] > 1e-4).sum() <= 2
+def test_depth_is_that_of_ray_casting() -> None:
+    for model in [torus(), box(), shell(), table()]:
+        rng = np.random.default_rng(5)
+        for _ in range(8):
+            T = transform(axis_angle(rng.normal(size=3), rng.uniform(0, np.pi)), [*rng.normal(0, 0.05, 2), 0.5])
+            depth, expected = depth_of(model, T), cast([(model, T)], CAMERA)[0]
+            assert ((depth > 0) != (expected > 0)).sum() <= 2, model
+            both = (depth > 0) & (expected > 0)
+            assert (np.abs(depth - expected)[both] > 1e-4).sum() <= 2, model
 
 
 def test_what_crosses_the_camera_plane_is_clipped_there() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -25,18 +27,18 @@ from verefine_viz.core.settings import ScoreSettings
 MODES = ["published", "observed", "classes"]
 
 
-@pytest.mark.parametrize("T", list(disturbed(6, seed=3)))
-def test_depth_and_normals_are_those_of_ray_casting(make: MakeVerifier, T: np.ndarray) -> None:
+def test_depth_and_normals_are_those_of_ray_casting(make: MakeVerifier) -> None:
     target = target_of()
-    maps = make().maps(target, T)
-    depth, normals, _ = cast([(target.model, T)], CAMERA)
-    inner = away_from_silhouettes(depth)
-    assert inner.sum() > 1000
-    assert np.abs(maps.rendered_m - depth)[inner].max() < 1e-4
-    # Only pixels whose ray meets the border of the shape within a hundredth of a pixel may fall to either side.
-    assert ((maps.rendered_m > 0) != (depth > 0)).sum() <= 2
-    # Along an edge between two faces either face is right.
-    assert (np.abs(maps.rendered_normals - normals)[inner].max(axis=1) > 1e-3).mean() < 0.01
+    for T in list(disturbed(6, seed=3)):
+        maps = make().maps(target, T)
+        depth, normals, _ = cast([(target.model, T)], CAMERA)
+        inner = away_from_silhouettes(depth)
+        assert inner.sum() > 1000, T
+        assert np.abs(maps.rendered_m - depth)[inner].max() < 1e-4, T
+        # Only pixels whose ray meets the border of the shape within a hundredth of a pixel may fall to either side.
+        assert ((maps.rendered_m > 0) != (depth > 0)).sum() <= 2, T
+        # Along an edge between two faces either face is right.
+        assert (np.abs(maps.rendered_normals - normals)[inner].max(axis=1) > 1e-3).mean() < 0.01, T
 
 
 def test_the_inside_of_an_open_shell_is_drawn(make: MakeVerifier) -> None:
@@ -50,17 +52,16 @@ def test_the_inside_of_an_open_shell_is_drawn(make: MakeVerifier) -> None:
     assert (np.abs(maps.rendered_normals - normals)[inner].max(axis=1) > 1e-3).mean() < 0.02
 
 
-@pytest.mark.parametrize("pixels", MODES)
-@pytest.mark.parametrize("alpha", [0.707, 0.293])
-def test_scores_and_classes_are_the_formula_s(make: MakeVerifier, pixels: str, alpha: float) -> None:
+def test_scores_and_classes_are_the_formula_s(make: MakeVerifier) -> None:
     target, Ts = target_of(), disturbed(12)
-    settings = ScoreSettings.model_validate({"pixels": pixels, "alpha": alpha, "simplify_mm": 0})
-    got = make(pixels=pixels, alpha=alpha).score(target, Ts)
-    for i, T in enumerate(Ts):
-        expected = reference(target, T, settings)
-        assert got.score[i] == pytest.approx(expected["score"], abs=3e-4)
-        assert np.abs(got.counts[i] - expected["counts"]).max() <= 2
-        assert abs(int(got.n_pixels[i]) - expected["n"]) <= 2
+    for alpha, pixels in itertools.product((0.707, 0.293), MODES):
+        settings = ScoreSettings.model_validate({"pixels": pixels, "alpha": alpha, "simplify_mm": 0})
+        got = make(pixels=pixels, alpha=alpha).score(target, Ts)
+        for i, T in enumerate(Ts):
+            expected = reference(target, T, settings)
+            assert got.score[i] == pytest.approx(expected["score"], abs=3e-4), (pixels, alpha)
+            assert np.abs(got.counts[i] - expected["counts"]).max() <= 2, (pixels, alpha)
+            assert abs(int(got.n_pixels[i]) - expected["n"]) <= 2, (pixels, alpha)
 
 
 def test_the_published_preset_looks_through_shifted_pixels(make: MakeVerifier) -> None:
@@ -74,8 +75,7 @@ def test_the_published_preset_looks_through_shifted_pixels(make: MakeVerifier) -
     assert np.abs(got.score - plain.score).max() > 1e-3
 
 
-@pytest.mark.parametrize("pixels", MODES)
-def test_placed_objects_hide_what_lies_behind_them(make: MakeVerifier, pixels: str) -> None:
+def test_placed_objects_hide_what_lies_behind_them(make: MakeVerifier) -> None:
     target, Ts = target_of(), disturbed(6)
     # A mask that spills over onto the box in front: inside it, only a placed box explains the nearer surface.
     spilled = Target(
@@ -84,19 +84,20 @@ def test_placed_objects_hide_what_lies_behind_them(make: MakeVerifier, pixels: s
         target.model,
     )
     neighbour = Placed(5, box(), T_BOX)
-    settings = ScoreSettings.model_validate({"pixels": pixels, "simplify_mm": 0})
-    verifier = make(pixels=pixels)
-    alone, among = verifier.score(spilled, Ts), verifier.score(spilled, Ts, [neighbour])
-    for i, T in enumerate(Ts):
-        expected = reference(spilled, T, settings, [neighbour])
-        assert among.score[i] == pytest.approx(expected["score"], abs=3e-4)
-        assert np.abs(among.counts[i] - expected["counts"]).max() <= 2
-    hidden = 3
-    assert among.counts[0, hidden] > alone.counts[0, hidden] + 100
-    if pixels == "classes":
-        assert among.score[0] > alone.score[0] + 0.01
-    else:
-        assert np.array_equal(among.score, alone.score)
+    for pixels in MODES:
+        settings = ScoreSettings.model_validate({"pixels": pixels, "simplify_mm": 0})
+        verifier = make(pixels=pixels)
+        alone, among = verifier.score(spilled, Ts), verifier.score(spilled, Ts, [neighbour])
+        for i, T in enumerate(Ts):
+            expected = reference(spilled, T, settings, [neighbour])
+            assert among.score[i] == pytest.approx(expected["score"], abs=3e-4), pixels
+            assert np.abs(among.counts[i] - expected["counts"]).max() <= 2, pixels
+        hidden = 3
+        assert among.counts[0, hidden] > alone.counts[0, hidden] + 100, pixels
+        if pixels == "classes":
+            assert among.score[0] > alone.score[0] + 0.01, pixels
+        else:
+            assert np.array_equal(among.score, alone.score), pixels
 
 
 def test_an_object_does_not_hide_itself(make: MakeVerifier) -> None:
@@ -106,29 +107,29 @@ def test_an_object_does_not_hide_itself(make: MakeVerifier) -> None:
     assert np.array_equal(verifier.score(target, Ts, [itself]).counts, verifier.score(target, Ts).counts)
 
 
-@pytest.mark.parametrize("pixels", MODES)
-def test_classes_add_up_to_rendered_and_own_pixels(make: MakeVerifier, pixels: str) -> None:
+def test_classes_add_up_to_rendered_and_own_pixels(make: MakeVerifier) -> None:
     target, Ts = target_of(), disturbed(8)
-    verifier = make(pixels=pixels)
-    scores = verifier.score(target, Ts)
-    own = target.instance.mask & (target.observation.depth_m > 0)
-    for i, T in enumerate(Ts):
-        maps = verifier.maps(target, T)
-        assert scores.counts[i].sum() == ((maps.rendered_m > 0) | own).sum()
-        assert np.array_equal(np.bincount(maps.classes.ravel(), minlength=6)[1:], scores.counts[i])
+    for pixels in MODES:
+        verifier = make(pixels=pixels)
+        scores = verifier.score(target, Ts)
+        own = target.instance.mask & (target.observation.depth_m > 0)
+        for i, T in enumerate(Ts):
+            maps = verifier.maps(target, T)
+            assert scores.counts[i].sum() == ((maps.rendered_m > 0) | own).sum(), pixels
+            assert np.array_equal(np.bincount(maps.classes.ravel(), minlength=6)[1:], scores.counts[i]), pixels
 
 
-@pytest.mark.parametrize("pixels", MODES)
-def test_maps_are_the_score_pixel_by_pixel(make: MakeVerifier, pixels: str) -> None:
+def test_maps_are_the_score_pixel_by_pixel(make: MakeVerifier) -> None:
     target, Ts = target_of(), disturbed(5)
-    verifier = make(pixels=pixels)
-    scores = verifier.score(target, Ts)
-    for i, T in enumerate(Ts):
-        maps = verifier.maps(target, T)
-        assert maps.counted.sum() == scores.n_pixels[i]
-        assert maps.f_d[maps.counted].mean() == pytest.approx(scores.depth_fit[i], abs=2e-6)
-        assert maps.f_n[maps.counted].mean() == pytest.approx(scores.normal_fit[i], abs=2e-6)
-        assert not maps.f_d[~maps.counted].any()
-        assert not maps.f_n[~maps.counted].any()
-        one_missing = (maps.rendered_m == 0) | (target.observation.depth_m == 0)
-        assert np.array_equal(np.isnan(maps.depth_difference_m), one_missing)
+    for pixels in MODES:
+        verifier = make(pixels=pixels)
+        scores = verifier.score(target, Ts)
+        for i, T in enumerate(Ts):
+            maps = verifier.maps(target, T)
+            assert maps.counted.sum() == scores.n_pixels[i], pixels
+            assert maps.f_d[maps.counted].mean() == pytest.approx(scores.depth_fit[i], abs=2e-6), pixels
+            assert maps.f_n[maps.counted].mean() == pytest.approx(scores.normal_fit[i], abs=2e-6), pixels
+            assert not maps.f_d[~maps.counted].any(), pixels
+            assert not maps.f_n[~maps.counted].any(), pixels
+            one_missing = (maps.rendered_m == 0) | (target.observation.depth_m == 0)
+            assert np.array_equal(np.isnan(maps.depth_difference_m), one_missing), pixels

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache, lru_cache
 
 import numpy as np
 import open3d as o3d
@@ -27,18 +28,26 @@ def model_of(mesh: trimesh.Trimesh, obj_id: int = 1) -> ObjectModel:
     )
 
 
+@cache
+@cache
 def torus() -> ObjectModel:
     return model_of(trimesh.creation.torus(0.05, 0.02, major_sections=40, minor_sections=20), 1)
 
 
+@cache
+@cache
 def box() -> ObjectModel:
     return model_of(trimesh.creation.box([0.06, 0.1, 0.04]), 2)
 
 
+@cache
+@cache
 def table() -> ObjectModel:
     return model_of(trimesh.creation.box([1.0, 1.0, 0.02]), 3)
 
 
+@cache
+@cache
 def shell() -> ObjectModel:
     """An open bowl, wound outward: its inside shows back faces."""
     mesh = trimesh.creation.icosphere(3, 0.06)
@@ -53,8 +62,16 @@ T_TABLE = transform(axis_angle([1, 0, 0], 0.5), [0, 0.05, 0.62])
 
 def cast(items: Sequence[tuple[ObjectModel, np.ndarray]], camera: Camera, shift_px: float = 0.0):
     """Depth (H, W), normals towards the camera (H, W, 3), labels (H, W) with -1 = nothing."""
+    bodies = tuple((model, np.asarray(T, np.float64).tobytes()) for model, T in items)
+    return tuple(image.copy() for image in _cast(bodies, camera, shift_px))
+
+
+@lru_cache(maxsize=24)
+def _cast(bodies: tuple[tuple[ObjectModel, bytes], ...], camera: Camera, shift_px: float):
+    """Remembered, as several settings of the score are compared with the same few poses."""
     scene = o3d.t.geometry.RaycastingScene()
-    for model, T in items:
+    for model, pose in bodies:
+        T = np.frombuffer(pose).reshape(4, 4)
         points = model.vertices @ T[:3, :3].T + T[:3, 3]
         scene.add_triangles(points.astype(np.float32), model.faces.astype(np.uint32))
     v, u = np.mgrid[0 : camera.height, 0 : camera.width]

@@ -37,16 +37,16 @@ def test_a_line_is_the_mean_and_lies_in_its_band(values: list[float]) -> None:
         assert (line.ar <= line.high + 1e-12).all()
 
 
-@pytest.mark.parametrize(("gain", "word"), [(0.2, "holds"), (-0.2, "does not hold"), (0.0, "the same")])
-def test_verdicts_look_at_pairs_and_not_at_means(gain: float, word: str) -> None:
-    rng = np.random.default_rng(0)
-    hard = rng.uniform(0.3, 0.7, 30)  # frames differ far more than the curves
-    outcomes = [_outcome("A", 0.0, k, float(v + gain)) for k, v in enumerate(hard)]
-    outcomes += [_outcome("B", 0.0, k, float(v)) for k, v in enumerate(hard)]
-    (verdict,) = verdicts(_panel(), points_of(outcomes))
-    assert verdict.word == word
-    assert verdict.difference == pytest.approx(gain)
-    assert f"A over B: {word}" in str(verdict)
+def test_verdicts_look_at_pairs_and_not_at_means() -> None:
+    for gain, word in [(0.2, "holds"), (-0.2, "does not hold"), (0.0, "the same")]:
+        rng = np.random.default_rng(0)
+        hard = rng.uniform(0.3, 0.7, 30)  # frames differ far more than the curves
+        outcomes = [_outcome("A", 0.0, k, float(v + gain)) for k, v in enumerate(hard)]
+        outcomes += [_outcome("B", 0.0, k, float(v)) for k, v in enumerate(hard)]
+        (verdict,) = verdicts(_panel(), points_of(outcomes))
+        assert verdict.word == word, (gain, word)
+        assert verdict.difference == pytest.approx(gain), (gain, word)
+        assert f"A over B: {word}" in str(verdict), (gain, word)
 
 
 def test_gains_and_losses_that_cancel_are_too_close_to_tell() -> None:
@@ -56,13 +56,13 @@ def test_gains_and_losses_that_cancel_are_too_close_to_tell() -> None:
     assert verdict.word == "too close to tell"
 
 
-@pytest.mark.parametrize(("n", "word"), [(1, "too few to tell"), (5, "too few to tell"), (6, "holds")])
-def test_a_handful_of_pairs_shows_nothing_even_if_all_gain(n: int, word: str) -> None:
-    outcomes = [_outcome("A", 0.0, k, 0.5 + 0.05 * (k + 1)) for k in range(n)]
-    outcomes += [_outcome("B", 0.0, k, 0.5) for k in range(n)]
-    (verdict,) = verdicts(_panel(), points_of(outcomes))
-    assert verdict.low > 0
-    assert verdict.word == word
+def test_a_handful_of_pairs_shows_nothing_even_if_all_gain() -> None:
+    for n, word in [(1, "too few to tell"), (5, "too few to tell"), (6, "holds")]:
+        outcomes = [_outcome("A", 0.0, k, 0.5 + 0.05 * (k + 1)) for k in range(n)]
+        outcomes += [_outcome("B", 0.0, k, 0.5) for k in range(n)]
+        (verdict,) = verdicts(_panel(), points_of(outcomes))
+        assert verdict.low > 0, (n, word)
+        assert verdict.word == word, (n, word)
 
 
 def test_what_one_disturbance_does_at_many_x_counts_as_one_piece_of_evidence() -> None:

@@ -42,23 +42,32 @@ def _entries(folder: Path) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in folder.iterdir() if "seed" in file.name}
 
 
-@pytest.mark.usefixtures("processes")
-def test_any_number_of_workers_gives_the_same_and_a_damaged_journal_goes_on(tmp_path: Path) -> None:
-    alone = _run(tmp_path / "a")
-    assert _facts(_run(tmp_path / "b", workers=2)) == _facts(alone)
-    entries = _entries(tmp_path / "a")
+@pytest.fixture(scope="module")
+def alone(processes: None, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Outcome]]:
+    """The journal and the outcomes of a study by one worker."""
+    path = tmp_path_factory.mktemp("study") / "alone"
+    return path, _run(path)
+
+
+def test_any_number_of_workers_gives_the_same_and_a_damaged_journal_goes_on(
+    alone: tuple[Path, list[Outcome]], tmp_path: Path
+) -> None:
+    path, outcomes = alone
+    assert _facts(_run(tmp_path / "b", workers=2)) == _facts(outcomes)
+    entries = _entries(path)
     assert entries.keys() == _entries(tmp_path / "b").keys()
     missing, damaged, *others = sorted(entries)
-    (tmp_path / "a" / missing).unlink()
-    (tmp_path / "a" / damaged).write_bytes(entries[damaged][:100])
-    assert _facts(_run(tmp_path / "a")) == _facts(alone)
-    again = _entries(tmp_path / "a")
+    (path / missing).unlink()
+    (path / damaged).write_bytes(entries[damaged][:100])
+    assert _facts(_run(path)) == _facts(outcomes)
+    again = _entries(path)
     assert again.keys() == entries.keys()
     assert {name: again[name] for name in others} == {name: entries[name] for name in others}
 
 
-@pytest.mark.usefixtures("processes")
-def test_ctrl_c_ends_workers_in_the_middle_of_a_unit_and_keeps_what_is_done(tmp_path: Path) -> None:
+def test_ctrl_c_ends_workers_in_the_middle_of_a_unit_and_keeps_what_is_done(
+    alone: tuple[Path, list[Outcome]], tmp_path: Path
+) -> None:
     workers: list[BaseProcess] = []
 
     def interrupted(done: int, total: int) -> None:
@@ -76,7 +85,7 @@ def test_ctrl_c_ends_workers_in_the_middle_of_a_unit_and_keeps_what_is_done(tmp_
     assert len(workers) == 2
     done = _entries(path)
     assert done
-    assert _facts(_run(path)) == _facts(_run(tmp_path / "whole"))
+    assert _facts(_run(path)) == _facts(alone[1])
     assert {name: _entries(path)[name] for name in done} == done
 
 
@@ -147,11 +156,10 @@ def test_a_study_of_a_session_leaves_figure_and_numbers(tmp_path: Path, capsys: 
     assert not list(out.glob("*.part"))
 
 
-@pytest.mark.parametrize("name", STUDIES)
-@pytest.mark.parametrize("quick", [False, True])
-def test_claims_are_about_curves_of_their_panel(name: str, quick: bool) -> None:
-    for panel in StudyRequest(name, quick).study().panels:
+def test_claims_are_about_curves_of_their_panel() -> None:
+    studies = [StudyRequest(name, quick).study() for name in STUDIES for quick in (False, True)]
+    for panel in (panel for study in studies for panel in study.panels):
         labels = [curve.label for curve in panel.curves]
-        assert len(set(labels)) == len(labels)
-        assert {c.better for c in panel.claims} | {c.worse for c in panel.claims} <= set(labels)
-        assert panel.xs == tuple(sorted(panel.xs))
+        assert len(set(labels)) == len(labels), panel.name
+        assert {c.better for c in panel.claims} | {c.worse for c in panel.claims} <= set(labels), panel.name
+        assert panel.xs == tuple(sorted(panel.xs)), panel.name

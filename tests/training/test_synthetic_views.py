@@ -8,10 +8,10 @@ import pytest
 from verefine_viz.core.geometry import angle_between, apply
 from verefine_viz.learned.depth_crops import rotation_by
 from verefine_viz.rendering.rasterizer import draw_depth
+from verefine_viz.training import depth_net_samples
 from verefine_viz.training.depth_net_samples import (
     LARGEST_DEG,
     LARGEST_SHIFT,
-    NEW_VIEWS,
     TrainingBatches,
     batch_of,
     held_out_views,
@@ -52,16 +52,16 @@ def test_the_sensor_measures_the_object_where_ground_truth_has_it() -> None:
     assert min(shares) > 0.3
 
 
-@pytest.mark.parametrize("held_out", [False, True])
-def test_shapes_are_centred_and_of_the_stated_size(held_out: bool) -> None:
-    for k in range(40):
-        shape = draw_shape(np.random.default_rng((1, k)), held_out)
-        v = shape.mesh.vertices
-        assert DIAMETER_M[0] <= 2 * shape.radius_m <= DIAMETER_M[1]
-        np.testing.assert_allclose(v.min(axis=0) + v.max(axis=0), 0, atol=1e-9)
-        distances = np.linalg.norm(shape.points[:, None] - shape.points, axis=2)
-        assert 1.2 * shape.radius_m < distances.max() <= 2 * shape.radius_m * (1 + 1e-9)
-        assert shape.resting_weights.sum() == pytest.approx(1)
+def test_shapes_are_centred_and_of_the_stated_size() -> None:
+    for held_out in [False, True]:
+        for k in range(40):
+            shape = draw_shape(np.random.default_rng((1, k)), held_out)
+            v = shape.mesh.vertices
+            assert DIAMETER_M[0] <= 2 * shape.radius_m <= DIAMETER_M[1], held_out
+            np.testing.assert_allclose(v.min(axis=0) + v.max(axis=0), 0, atol=1e-9)
+            distances = np.linalg.norm(shape.points[:, None] - shape.points, axis=2)
+            assert 1.2 * shape.radius_m < distances.max() <= 2 * shape.radius_m * (1 + 1e-9), held_out
+            assert shape.resting_weights.sum() == pytest.approx(1), held_out
 
 
 def test_symmetries_leave_the_shape_as_it_is() -> None:
@@ -108,13 +108,12 @@ def test_a_batch_asks_for_the_rigid_step_to_the_ground_truth() -> None:
         assert view.shape.radius_m > 0
 
 
-@pytest.mark.usefixtures("long_run")
-def test_batches_go_on_from_any_step() -> None:
+def test_batches_go_on_from_any_step(monkeypatch: pytest.MonkeyPatch) -> None:
     """A resumed training sees what an uninterrupted one does."""
+    monkeypatch.setattr(depth_net_samples, "VIEWS_HELD", 12)
     whole, later = TrainingBatches(5, 4), TrainingBatches(5, 4, 2)
     for _ in range(2):
         whole.next()
     a, b = whole.next(), later.next()
     for field in ("crops", "points", "wanted"):
         assert np.array_equal(getattr(a, field), getattr(b, field))
-    assert NEW_VIEWS > 0
