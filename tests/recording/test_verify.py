@@ -49,7 +49,7 @@ def record_changed(
     path: Path, monkeypatch: pytest.MonkeyPatch, k: int, change: Callable[[Iteration], Iteration]
 ) -> None:
     def changed(iteration: Iteration, errors: Float) -> Entry:
-        return Entry.of(change(iteration) if iteration.index == k else iteration, errors)
+        return Entry(change(iteration) if iteration.index == k else iteration, errors)
 
     with monkeypatch.context() as patched:
         patched.setattr(recorder, "Entry", SimpleNamespace(of=changed))

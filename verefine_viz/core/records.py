@@ -1,22 +1,23 @@
-"""What every iteration leaves behind: enough to redraw it without running anything."""
+"""What every iteration leaves behind: enough to redraw it without running anything.
+
+Records are made from what was checked where it came in (refiner, simulator, edits, files), and are not checked again.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float, finite, frozen
-from verefine_viz.core.geometry import as_rigid
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.scores import PoseScore
 
 
-@dataclass(frozen=True, eq=False)
-class Contacts:
+class Contacts(Struct, frozen=True, eq=False):
     """Where a simulated object touches something, at one step."""
 
     points_cam: Float
@@ -30,29 +31,16 @@ class Contacts:
     others: NDArray[np.int64]
     """(n,) instance_id of what is touched; −1 is the support, less an unknown object (``core/surroundings.py``)."""
 
-    def __post_init__(self) -> None:
-        n = len(self.depths_m)
-        object.__setattr__(self, "points_cam", finite(self.points_cam, "contact points", (n, 3)))
-        object.__setattr__(self, "normals_cam", finite(self.normals_cam, "contact normals", (n, 3)))
-        object.__setattr__(self, "depths_m", finite(self.depths_m, "contact depths", (n,)))
-        object.__setattr__(self, "forces_n", finite(self.forces_n, "contact forces", (n,)))
-        object.__setattr__(self, "others", frozen(self.others, "contact partners", (n,), np.int64))
-
     def split(self, ends: Sequence[int]) -> tuple[Contacts, ...]:
-        """One record per step, of the contacts of all steps one after another: up to each of ``ends``, from the last.
-
-        Made without another check, as their columns are parts of columns that are checked already.
-        """
-        parts: list[Contacts] = []
-        for first, end in pairwise((0, *ends)):
-            part = object.__new__(Contacts)
-            part.__dict__.update({name: column[first:end] for name, column in self.__dict__.items()})
-            parts.append(part)
-        return tuple(parts)
+        """Part the contacts of all steps into those of each step, which go from the last of ``ends`` up to its own."""
+        parts = [slice(*part) for part in pairwise((0, *ends))]
+        return tuple(
+            Contacts(self.points_cam[k], self.normals_cam[k], self.depths_m[k], self.forces_n[k], self.others[k])
+            for k in parts
+        )
 
 
-@dataclass(frozen=True)
-class Tipping:
+class Tipping(Struct, frozen=True):
     """That a simulated object does not stand: it touches something, and its centre of mass is not supported."""
 
     overhang_m: float
@@ -61,8 +49,7 @@ class Tipping:
     """1, 2, …: at the end of which step. The last one, or the first that touched where it fell over until the end."""
 
 
-@dataclass(frozen=True, eq=False)
-class SimulatedPath:
+class SimulatedPath(Struct, frozen=True, eq=False):
     """What physics did to an object, pose by pose."""
 
     Ts_cam_obj: Float
@@ -72,17 +59,14 @@ class SimulatedPath:
     tipping: Tipping | None = None
     """None: it stands, falls freely, or sinks in too deep to decide."""
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "Ts_cam_obj", finite(self.Ts_cam_obj, "simulated path", (None, 4, 4)))
-
     @property
     def T_cam_obj(self) -> Float:
         """The last pose (4, 4)."""
         return self.Ts_cam_obj[-1]
 
 
-TIMING = {"timing": True}
-"""Metadata of fields that differ from run to run and are left out of comparisons."""
+TIMES = ("ms", "score_ms", "spent_s")
+"""Fields that differ from run to run and are left out of comparisons."""
 
 StageName = Literal["initial", "current", "simulated", "mixed", "refined", "flipped", "edited"]
 
@@ -104,29 +88,22 @@ EventKind = Literal[
 ]
 
 
-@dataclass(frozen=True, eq=False)
-class Stage:
+class Stage(Struct, frozen=True, eq=False):
     """One pose on the way through an iteration."""
 
     name: StageName
     T_cam_obj: Float
     score: PoseScore | None = None
     """None where the method has no reason to score it (the mixed pose only starts the refiner)."""
-    ms: float = field(default=0.0, metadata=TIMING)
+    ms: float = 0.0
     """Time it took to compute the pose [ms]."""
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"{self.name} pose"))
-
     def with_score(self, score: PoseScore | None) -> Stage:
-        """The same with its score; made without checking the pose again."""
-        stage = object.__new__(Stage)
-        stage.__dict__.update(self.__dict__, score=score)
-        return stage
+        """Return the stage with its score."""
+        return Stage(self.name, self.T_cam_obj, score, self.ms)
 
 
-@dataclass(frozen=True, eq=False)
-class Choice:
+class Choice(Struct, frozen=True, eq=False):
     """The bandit's numbers as they were when it chose."""
 
     arm: int
@@ -141,13 +118,8 @@ class Choice:
     reason: str
     """One sentence: "arm 3: 0.71 + 0.09 > arm 1: 0.74 + 0.05"."""
 
-    def __post_init__(self) -> None:
-        for name in ("plays", "mean", "exploration", "ucb"):
-            object.__setattr__(self, name, frozen(getattr(self, name), name, (None,)))
 
-
-@dataclass(frozen=True, eq=False)
-class Best:
+class Best(Struct, frozen=True, eq=False):
     """The answer for one object, so far."""
 
     T_cam_obj: Float
@@ -157,12 +129,8 @@ class Best:
     """0 = an initial pose."""
     stage: StageName
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, "best pose"))
 
-
-@dataclass(frozen=True, eq=False)
-class Event:
+class Event(Struct, frozen=True, eq=False):
     """Something about an iteration that gets a mark on the timeline."""
 
     kind: EventKind
@@ -170,19 +138,14 @@ class Event:
     """One sentence with numbers and units."""
 
 
-@dataclass(frozen=True, eq=False)
-class PlacedPose:
+class PlacedPose(Struct, frozen=True, eq=False):
     """An object that stood in the scene while another was worked on."""
 
     instance_id: int
     T_cam_obj: Float
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"placed pose of instance {self.instance_id}"))
 
-
-@dataclass(frozen=True, eq=False)
-class SceneRecord:
+class SceneRecord(Struct, frozen=True, eq=False):
     """What closes a pass over the objects of a cluster: how well their poses explain the scene together."""
 
     poses: tuple[PlacedPose, ...]
@@ -198,8 +161,7 @@ class SceneRecord:
     incumbent_score: float
 
 
-@dataclass(frozen=True, eq=False)
-class TreeNode:
+class TreeNode(Struct, frozen=True, eq=False):
     """One node of a search tree: an object placed from one of its hypotheses, after those of the nodes above."""
 
     node: int
@@ -212,12 +174,8 @@ class TreeNode:
     T_cam_obj: Float
     """After refinement and simulation."""
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"pose of tree node {self.node}"))
 
-
-@dataclass(frozen=True, eq=False)
-class TreeStep:
+class TreeStep(Struct, frozen=True, eq=False):
     """What one iteration did to the search tree. The tree is what all steps so far add up to."""
 
     cluster: int
@@ -238,8 +196,7 @@ class TreeStep:
     incumbent_cost_px: float
 
 
-@dataclass(frozen=True, eq=False)
-class Iteration:
+class Iteration(Struct, frozen=True, eq=False):
     """One step of a method."""
 
     index: int
@@ -268,7 +225,7 @@ class Iteration:
     """Closes a pass, on the iteration of its last object."""
     tree: TreeStep | None = None
     """physim_mcts."""
-    score_ms: float = field(default=0.0, metadata=TIMING)
+    score_ms: float = 0.0
     """Time the iteration waited for its scores [ms]; those worked out beside the refiner cost it none."""
 
     def stage(self, name: StageName) -> Stage | None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, frozen
@@ -28,8 +29,7 @@ COLOUR_MAPS: tuple[MapName, ...] = ("observed_colour", "rendered_colour", "corre
 """Those without a value where the colour term is off."""
 
 
-@dataclass(frozen=True, eq=False)
-class PoseScore:
+class PoseScore(Struct, frozen=True, eq=False):
     """The score of one pose."""
 
     score: float

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Literal
-
-from verefine_viz.core.records import TIMING
 
 
 class Cause(StrEnum):
@@ -88,7 +86,7 @@ class Diagnosis:
     """What else had a part in it, the likeliest first."""
     n_reruns: int
     """Runs of the method on this instance that it took to find out."""
-    ms: float = field(default=0.0, metadata=TIMING)
+    ms: float = 0.0
     """Time it took [ms]."""
     doubts: tuple[str, ...] = ()
     """What is off with the data of the frame, and may be behind the cause; the sentence ends with it."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from msgspec import structs
 
 from verefine_viz.core.records import Choice
 from verefine_viz.core.text_format import distinguishing_digits
@@ -67,7 +68,7 @@ def next_choice(policy: Policy, state: ObjectState) -> Choice:
     if not state.edited_arms:
         return choice
     j = state.edited_arms[0]
-    return replace(choice, arm=j, reason=f"hypothesis {j + 1}: its pose was edited and is played first")
+    return structs.replace(choice, arm=j, reason=f"hypothesis {j + 1}: its pose was edited and is played first")
 
 
 def fixed_choice(state: ObjectState, j: int, why: str) -> Choice:

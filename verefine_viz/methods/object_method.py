@@ -10,8 +10,10 @@ from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import numpy as np
+from msgspec import structs
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
@@ -118,7 +120,7 @@ class ObjectMethod:
             placed=tuple(PlacedPose(p.instance_id, p.T_cam_obj) for p in fixed),
             score_ms=score_ms,
         )
-        iteration = replace(iteration, events=events_of(iteration, draft, state))
+        iteration = structs.replace(iteration, events=events_of(iteration, draft, state))
         return state.with_arm(j, arm.advanced(entry), best), iteration, reward
 
     def _draft(self, state: ObjectState, j: int, fixed: Sequence[Placed], begin: BeginScore) -> Draft:
@@ -186,7 +188,7 @@ class ObjectMethod:
         is_far = np.trace(turns[:, :3, :3], axis1=1, axis2=2) < 1 + 2 * np.cos(FAR_RAD)
         gains = scores.score - score.score - is_far * LEAST_GAIN * score.colour_weight
         j = int(np.argmax(gains))
-        return Stage("flipped", Ts_cam_obj[j], scores[j]) if gains[j] > 0 else None
+        return Stage("flipped", as_rigid(Ts_cam_obj[j], "flipped pose"), scores[j]) if gains[j] > 0 else None
 
     def _accepted(self, current: Stage, candidates: list[Stage]) -> Stage:
         """The candidate with the highest score; the later of the two on ties (docs/methods.md 1.3)."""

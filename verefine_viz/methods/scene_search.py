@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
+from msgspec import structs
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.protocols import Refiner, SceneRenderer, Simulator, Verifier
-from verefine_viz.core.records import TIMING, Best, Event, Iteration, PlacedPose, Stage, TreeNode, TreeStep
+from verefine_viz.core.records import Best, Event, Iteration, PlacedPose, Stage, TreeNode, TreeStep
 from verefine_viz.methods.arms import ObjectState
 from verefine_viz.methods.events import events_of
 from verefine_viz.methods.search_tree import SearchTree
@@ -32,7 +33,7 @@ class Search:
     incumbent: tuple[PlacedPose, ...] = ()
     """The complete scene with the lowest cost ever seen; empty before the first iteration."""
     incumbent_px: float = np.inf
-    spent_s: float = field(default=0.0, metadata=TIMING)
+    spent_s: float = 0.0
     """Computing time so far [s]."""
 
 
@@ -137,7 +138,7 @@ class SceneSearch:
         if best:
             was = f", was {search.incumbent_px:.0f}" if search.incumbent else ""
             events.append(Event("new_best_scene", f"New best scene: {cost_px:.0f} px unexplained{was}."))
-        return Expansion(after, replace(iteration, events=tuple(events)), best)
+        return Expansion(after, structs.replace(iteration, events=tuple(events)), best)
 
     def _place(self, problem: Problem, search: Search, level: int, arm: int, fixed: Sequence[Placed]) -> Placing:
         """Trimmed ICP from the hypothesis, then physics, both among what is placed."""
@@ -175,7 +176,7 @@ class SceneSearch:
 
     def _scored(self, o: ObjectState, stages: tuple[Stage, ...], fixed: Sequence[Placed]) -> tuple[Stage, ...]:
         scores = self.verifier.score(o.target, np.array([s.T_cam_obj for s in stages]), fixed)
-        return tuple(replace(s, score=scores[j]) for j, s in enumerate(stages))
+        return tuple(s.with_score(scores[j]) for j, s in enumerate(stages))
 
 
 def _edited(objects: Sequence[ObjectState | None], search: Search) -> tuple[int, int] | None:

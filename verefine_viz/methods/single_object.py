@@ -11,10 +11,8 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Literal, Protocol
 
-import numpy as np
-
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import FARTHEST_M, distance_m
+from verefine_viz.core.geometry import FARTHEST_M, as_rigid, distance_m, transform
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Refiner, Simulator
 from verefine_viz.core.records import SimulatedPath, Stage, StageName
@@ -63,7 +61,7 @@ def simulate(
     started = perf_counter()
     moving = Placed(target.instance.instance_id, target.model, T_cam_obj)
     path = simulator.settle(moving, fixed, support, n_steps)
-    return Stage("simulated", path.T_cam_obj, ms=_ms_since(started)), path
+    return Stage("simulated", as_rigid(path.T_cam_obj, "simulated pose"), ms=_ms_since(started)), path
 
 
 def refined(refiner: Refiner, target: Target, T_cam_obj: Float, fixed: Sequence[Placed]) -> Stage:
@@ -72,7 +70,7 @@ def refined(refiner: Refiner, target: Target, T_cam_obj: Float, fixed: Sequence[
     T_refined = refiner.refine(target, T_cam_obj, fixed)
     if distance_m(T_refined) > FARTHEST_M:
         T_refined = T_cam_obj
-    return Stage("refined", T_refined, ms=_ms_since(started))
+    return Stage("refined", as_rigid(T_refined, "refined pose"), ms=_ms_since(started))
 
 
 def _ms_since(started: float) -> float:
@@ -95,9 +93,7 @@ class Pir:
         simulated, path = settled
         begin(simulated)
         # Sec. III-A: only R_sim updates the estimate; a large displacement would lose the corresponding object parts.
-        T_mixed = np.array(simulated.T_cam_obj)
-        T_mixed[:3, 3] = T_cam_obj[:3, 3]
-        mixed = Stage("mixed", T_mixed)
+        mixed = Stage("mixed", as_rigid(transform(simulated.T_cam_obj[:3, :3], T_cam_obj[:3, 3]), "mixed pose"))
         # Sec. III-A: [R_sim | t_cur] initializes one iteration of the refiner, which returns T_ref.
         after = refined(self.refiner, target, mixed.T_cam_obj, fixed)
         return Draft((simulated, mixed, after), ("refined",), path)

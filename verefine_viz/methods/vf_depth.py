@@ -14,6 +14,7 @@ from time import perf_counter
 from typing import Literal
 
 import numpy as np
+from msgspec import structs
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
@@ -130,7 +131,7 @@ class VfDepth(PerObject):
         accepted = after.arms[iteration.arm].current.as_best(iteration.arm)
         scene = replace(scene, passing=(*scene.passing, accepted), played=(*scene.played, iteration.arm))
         state = state.with_object(i, after, state.n_done + 1)
-        iteration = replace(iteration, scene_pass=scene.n_passes + 1)
+        iteration = structs.replace(iteration, scene_pass=scene.n_passes + 1)
         # Sec. IV-C: after the last object the pass is evaluated as a complete scene.
         scene = self._without_spent(state, scene)
         if len(scene.passing) == len(scene.members):
@@ -138,7 +139,7 @@ class VfDepth(PerObject):
         state = state.with_scene(k, scene)
         best = state.best[i]
         assert best is not None
-        return state, replace(iteration, best=best)
+        return state, structs.replace(iteration, best=best)
 
     def _without_spent(self, state: DepthState, scene: SceneState) -> SceneState:
         """Members next in turn whose budget is used stand at their best pose."""
@@ -179,7 +180,7 @@ class VfDepth(PerObject):
 
         record = SceneRecord(poses(scene.passing), scores[0], scores[1], reward, poses(incumbent), highest)
         score_ms = iteration.score_ms + (perf_counter() - started) * 1e3
-        iteration = replace(iteration, scene=record, events=events, score_ms=score_ms)
+        iteration = structs.replace(iteration, scene=record, events=events, score_ms=score_ms)
         return state, SceneState(scene.members, incumbent, highest, scene.n_passes + 1), iteration
 
     def _opened(self, state: DepthState, k: int, carried: tuple[Placed, ...]) -> DepthState:

@@ -12,30 +12,29 @@ import os
 import struct
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cache
+from functools import cached_property
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any
 
-import cattrs
+import msgspec
 import numpy as np
-import ormsgpack
+from msgspec import Struct, structs
 
-from verefine_viz.core.arrays import Float, frozen
+from verefine_viz.core.arrays import Float, finite, frozen
 from verefine_viz.core.errors import InputError, ShapeError, in_one_line
+from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.paths import read_input
-from verefine_viz.core.records import Contacts, Iteration, SimulatedPath, Tipping
+from verefine_viz.core.records import Contacts, Iteration, SimulatedPath
 
 NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
 ENTRY = "entry"
 """The component of a recording that holds an iteration as bytes."""
-MAGIC = b"VRFJ6\n"
+MAGIC = b"VRFJ7\n"
 """How a journal begins; the digit is its version."""
 _HEAD = struct.Struct("<II")
 
 
-@dataclass(frozen=True, eq=False)
-class Entry:
+class Entry(Struct, frozen=True, eq=False, dict=True):
     """What the log holds of an iteration: nothing that is shown has to be computed again."""
 
     iteration: Iteration
@@ -44,34 +43,34 @@ class Entry:
     errors: Float
     """(3,) against ground truth: rotation [deg] and translation [mm] of the accepted pose, ADD(-S) of the best pose
     [mm]; NaN where there is no ground truth."""
-    packed: bytes
-    """Both as msgpack."""
 
-    @staticmethod
-    def of(iteration: Iteration, errors: Float) -> Entry:
-        """What the recorder does between two iterations: the run waits for it."""
-        values = {**vars(iteration), "path": None if iteration.path is None else _drawn_path(iteration.path)}
-        packed = ormsgpack.packb((values, errors), np.ndarray.tolist, ormsgpack.OPT_SERIALIZE_NUMPY)
-        return Entry(iteration, errors, packed)
+    @cached_property
+    def packed(self) -> bytes:
+        """Both as msgpack."""
+        path = self.iteration.path
+        return _ENCODER.encode(Entry(structs.replace(self.iteration, path=path and _drawn(path)), self.errors))
 
     @staticmethod
     def read(packed: bytes) -> Entry:
         """
         Raises:
-            ValueError: it is not what :meth:`of` made.
+            ValueError: it is not what :attr:`packed` made.
         """
         try:
-            values, errors = ormsgpack.unpackb(packed)
-            return Entry(_converter().structure(values, Iteration), frozen(errors, "errors", (3,)), packed)
-        except cattrs.BaseValidationError as error:
-            raise ValueError(f"not an iteration: {in_one_line(cattrs.transform_error(error)[0])}") from None
-        except (TypeError, KeyError, ShapeError) as error:
-            raise ValueError(f"not an iteration: {error}") from None
+            entry = _DECODER.decode(packed)
+            frozen(entry.errors, "errors", (3,))
+            _check(entry.iteration)
+        except (msgspec.MsgspecError, ShapeError, RecursionError) as error:
+            raise ValueError(f"not an iteration: {in_one_line(str(error))}") from None
+        path = entry.iteration.path
+        if path is None:
+            return entry
+        return Entry(structs.replace(entry.iteration, path=_with_all_steps(path)), entry.errors)
 
 
 def as_recorded(iteration: Iteration) -> Iteration:
     """The iteration as it is read back from a recording."""
-    return Entry.read(Entry.of(iteration, np.zeros(3)).packed).iteration
+    return Entry.read(Entry(iteration, np.zeros(3)).packed).iteration
 
 
 class Journal:
@@ -85,7 +84,7 @@ class Journal:
         """
         self._path = path
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
-        self._write(MAGIC + framed(ormsgpack.packb(dict(about))))
+        self._write(MAGIC + framed(msgspec.msgpack.encode(dict(about))))
 
     def append(self, entry: Entry) -> None:
         """
@@ -124,11 +123,11 @@ def read_journal(path: Path) -> tuple[dict[str, Any], tuple[Entry, ...]]:
     if not bodies:
         return {}, ()
     try:
-        about: object = ormsgpack.unpackb(bodies[0])
+        about: object = msgspec.msgpack.decode(bodies[0])
         if not isinstance(about, dict):
             raise ValueError("it does not begin with what the run is about")
         return about, tuple(map(Entry.read, bodies[1:]))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"journal {path} is damaged: {error}; run its session again") from None
 
 
@@ -151,41 +150,54 @@ def unframed(content: bytes) -> list[bytes]:
     return bodies
 
 
-def _drawn_path(path: SimulatedPath) -> dict[str, Any]:
-    Ts = path.Ts_cam_obj.astype(np.float32)
-    return {"Ts_cam_obj": Ts, "contacts": path.contacts[-1:], "tipping": path.tipping}
+def _drawn(path: SimulatedPath) -> SimulatedPath:
+    """A path as it is written: single precision, the contacts of the last step alone."""
+    Ts_cam_obj: Any = path.Ts_cam_obj.astype(np.float32)
+    return SimulatedPath(Ts_cam_obj, path.contacts[-1:], path.tipping)
 
 
-@cache
-def _converter() -> cattrs.Converter:
-    """From plain values to records."""
-    converter = cattrs.Converter()
-    converter.register_structure_hook_func(lambda kind: get_origin(kind) is np.ndarray, _array)
-    converter.register_structure_hook(Contacts, _contacts)
-    converter.register_structure_hook(SimulatedPath, _path)
-    return converter
+def _with_all_steps(path: SimulatedPath) -> SimulatedPath:
+    """A path as it was read, with contacts for every step, as a run has them."""
+    steps = len(path.Ts_cam_obj) - 1
+    contacts = (NO_CONTACTS,) * (steps - len(path.contacts)) + path.contacts
+    return SimulatedPath(path.Ts_cam_obj.astype(np.float64), contacts, path.tipping)
 
 
-def _array(values: Any, kind: Any) -> np.ndarray:
-    """As its annotation says: ``NDArray[np.float64]`` is an array of any shape and of that type."""
-    _, dtype = get_args(kind)
-    return np.array(values, get_args(dtype)[0])
+def _packed_array(value: np.ndarray) -> list[Any]:
+    """An array as its type, its shape and its bytes."""
+    return [value.dtype.str, value.shape, value.tobytes()]
 
 
-def _path(values: Mapping[str, Any], _: Any) -> SimulatedPath:
-    """With contacts for every step, as a run has them."""
-    poses, last = values["Ts_cam_obj"], [_contacts(contacts, Contacts) for contacts in values["contacts"]]
-    contacts = (NO_CONTACTS,) * (len(poses) - 1 - len(last)) + tuple(last)
-    tipping = values.get("tipping")
-    return SimulatedPath(np.array(poses), contacts, None if tipping is None else Tipping(**tipping))
+def _array(kind: Any, value: Any) -> np.ndarray:
+    dtype, shape, content = msgspec.convert(value, tuple[str, tuple[int, ...], bytes])
+    return np.frombuffer(content, np.dtype(dtype)).reshape(shape)
 
 
-def _contacts(values: Mapping[str, Any], _: Any) -> Contacts:
-    """Plain values do not say how wide an empty array is."""
-    return Contacts(
-        np.reshape(values["points_cam"], (-1, 3)),
-        np.reshape(values["normals_cam"], (-1, 3)),
-        values["depths_m"],
-        values["forces_n"],
-        values["others"],
-    )
+_ENCODER = msgspec.msgpack.Encoder(enc_hook=_packed_array)
+_DECODER = msgspec.msgpack.Decoder(Entry, dec_hook=_array)
+
+
+def _check(iteration: Iteration) -> None:
+    """Raise ShapeError where an iteration that was read holds arrays that no run makes."""
+    tree, scene, choice, path = iteration.tree, iteration.scene, iteration.choice, iteration.path
+    for stage in iteration.stages:
+        as_rigid(stage.T_cam_obj, f"{stage.name} pose")
+    as_rigid(iteration.best.T_cam_obj, "best pose")
+    placed = [*iteration.placed, *(scene.poses + scene.incumbent if scene is not None else ())]
+    if tree is not None:
+        placed += [*tree.rollout, *tree.incumbent]
+        if tree.node is not None:
+            as_rigid(tree.node.T_cam_obj, f"pose of tree node {tree.node.node}")
+    for pose in placed:
+        as_rigid(pose.T_cam_obj, f"placed pose of instance {pose.instance_id}")
+    if choice is not None:
+        for name in ("plays", "mean", "exploration", "ucb"):
+            frozen(getattr(choice, name), name, (None,))
+    if path is not None:
+        finite(path.Ts_cam_obj, "simulated path", (None, 4, 4))
+        for contacts in path.contacts:
+            n = len(contacts.depths_m)
+            finite(contacts.points_cam, "contact points", (n, 3))
+            finite(contacts.normals_cam, "contact normals", (n, 3))
+            finite(contacts.forces_n, "contact forces", (n,))
+            frozen(contacts.others, "contact partners", (n,), np.int64)

@@ -40,8 +40,8 @@ from verefine_viz.session.session_refiners import weights_of
 if TYPE_CHECKING:
     from verefine_viz.grasping.grasp_answer import AnswerGrasps
 
-SCHEMA = 4
-"""Of the recording; a reader refuses others. 4: written by rerun's own SDK, iterations with their checksums."""
+SCHEMA = 5
+"""Of the recording; a reader refuses others. 5: arrays of iterations are bytes."""
 BLOCK = 200
 """Iterations that are drawn together; the journal holds them until then."""
 BLOCK_WITH_MAPS = 10
@@ -143,7 +143,7 @@ class Recorder:
         """
         assert self._file is not None, "on_start comes first"
         errors = self._errors.errors(self._targets[iteration.instance_id], iteration)
-        entry = Entry.of(iteration, errors)
+        entry = Entry(iteration, errors)
         self._journal.append(entry)
         self._pending.append(entry)
         if self._verifier_of is not None:

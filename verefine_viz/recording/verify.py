@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.records import Iteration
+from verefine_viz.core.records import TIMES, Iteration
 from verefine_viz.recording.lossless_log import as_recorded
 from verefine_viz.recording.reader import Recorded, read_recording
 from verefine_viz.recording.recorder import versions
@@ -34,7 +35,7 @@ class Difference:
 def first_difference(a: Any, b: Any, path: str = "") -> str | None:
     """The path of the first field in which two records differ (``stages[1].T_cam_obj``), or None if they are the same.
 
-    Arrays are compared bit by bit (NaN equals NaN), floats by equality; fields marked as timing are left out.
+    Arrays are compared bit by bit (NaN equals NaN), floats by equality; times are left out.
     """
     return next((difference.words for difference in differences(a, b, path)), None)
 
@@ -43,11 +44,12 @@ def differences(a: Any, b: Any, path: str = "") -> Iterator[Difference]:
     """All fields in which two records differ, as :func:`first_difference` compares them, in the order of the fields."""
     if type(a) is not type(b):
         yield Difference(f"{path or 'record'}: {type(a).__name__} against {type(b).__name__}", math.inf)
-    elif is_dataclass(a):
-        for f in fields(a):
-            if not f.metadata.get("timing"):
-                inner = f"{path}.{f.name}" if path else f.name
-                yield from differences(getattr(a, f.name), getattr(b, f.name), inner)
+    elif is_dataclass(a) or isinstance(a, Struct):
+        names = a.__struct_fields__ if isinstance(a, Struct) else [f.name for f in fields(a)]
+        for name in names:
+            if name not in TIMES:
+                inner = f"{path}.{name}" if path else name
+                yield from differences(getattr(a, name), getattr(b, name), inner)
     elif isinstance(a, np.ndarray):
         if a.shape != b.shape or a.dtype != b.dtype:
             yield Difference(f"{path}: {a.dtype} {a.shape} against {b.dtype} {b.shape}", math.inf)

@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from msgspec import structs
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Instance, Problem, Target
@@ -232,10 +233,8 @@ def _rescored(shown: Iteration | None, target: Target, evaluator: CachedEvaluato
     """An iteration with scores of ``evaluator``: those of its own time may be of other settings."""
     if shown is None or branch.evaluator_of(shown.index) is evaluator:
         return shown
-    stages = tuple(
-        s if s.score is None else replace(s, score=evaluator.score(target, s.T_cam_obj)) for s in shown.stages
-    )
-    return replace(shown, stages=stages)
+    stages = tuple(s if s.score is None else s.with_score(evaluator.score(target, s.T_cam_obj)) for s in shown.stages)
+    return structs.replace(shown, stages=stages)
 
 
 def _arm(options: ViewOptions, shown: Iteration | Best | None, state: Any) -> int:
