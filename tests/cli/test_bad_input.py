@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -40,24 +41,29 @@ BELOW: dict[str, Callable[[BadInput], list[object]]] = {
 
 
 @pytest.mark.usefixtures("processes")
-@pytest.mark.parametrize("command", BELOW)
-def test_out_is_below_a_file(bad_input: BadInput, command: str) -> None:
+def test_out_is_below_a_file(bad_input: BadInput) -> None:
     file = bad_input.file("thing", "precious")
-    words = BELOW[command](bad_input)
-    said = bad_input.refused(*words, file / "out")
-    assert said.startswith(f"cannot write to {words[-1]} {file / 'out'}")
-    assert said.endswith(f": {file} is a file, not a folder; choose another {words[-1]}")
+    for command, words_of in BELOW.items():
+        words = words_of(bad_input)
+        said = bad_input.refused(*words, file / "out")
+        assert said.startswith(f"cannot write to {words[-1]} {file / 'out'}"), command
+        assert said.endswith(f": {file} is a file, not a folder; choose another {words[-1]}"), command
     assert file.read_text() == "precious"
 
 
 @pytest.mark.usefixtures("processes")
-@pytest.mark.parametrize("command", BELOW)
-def test_out_cannot_be_written(bad_input: BadInput, command: str) -> None:
-    # /proc refuses even root.
-    words = BELOW[command](bad_input)
-    said = bad_input.refused(*words, "/proc/runs")
-    assert said.startswith(f"cannot write to {words[-1]} /proc/runs")
-    assert said.endswith(f" in /proc (No such file or directory); choose another {words[-1]}")
+@pytest.mark.parametrize("command", ["batch", "estimate"])
+def test_out_is_no_place_to_write_to(bad_input: BadInput, command: str) -> None:
+    loop = bad_input.folder / "loop"
+    loop.symlink_to(loop)
+    places = {
+        "/proc/runs": r" in /proc \(No such file or directory\); choose another --out$",  # It refuses even root.
+        "a\0b": r"^'a\\x00b': it holds \\0, which no path can$",
+        str(loop / "x"): "Too many levels of symbolic links|Symlink loop from ",
+        str(bad_input.folder / ("n" * 300)): "File name too long",
+    }
+    for place, expected in places.items():
+        assert re.search(expected, bad_input.refused(*BELOW[command](bad_input), place)), place
 
 
 @pytest.mark.parametrize("command", ["estimate", "report"])
@@ -68,25 +74,22 @@ def test_out_is_a_folder_instead_of_a_file(bad_input: BadInput, command: str) ->
 
 
 @pytest.mark.parametrize("command", ["batch", "batch of several", "estimate"])
-@pytest.mark.parametrize("inside", ["", "000007/run"])
-def test_out_lies_among_the_images(bad_input: BadInput, command: str, inside: str) -> None:
+def test_out_lies_among_the_images(bad_input: BadInput, command: str) -> None:
     split = bad_input.made.root / "test"
-    out = split / inside / "new.csv"
-    said = bad_input.refused(*BELOW[command](bad_input), out)
-    assert said == f"--out {out} lies among the images of the data set, in {split}; choose another --out"
-    assert not out.parent.joinpath("run").exists()
+    for out in (split / "new.csv", split / "000007" / "run" / "new.csv"):
+        said = bad_input.refused(*BELOW[command](bad_input), out)
+        assert said == f"--out {out} lies among the images of the data set, in {split}; choose another --out"
+        assert not (split / "000007" / "run").exists()
 
 
 @pytest.mark.usefixtures("processes")
-@pytest.mark.parametrize("words", [["--out", "~/runs"], ["--out=~/runs"]])
-def test_the_home_folder_that_a_shell_left_alone(
-    bad_input: BadInput, words: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_home_folder_that_a_shell_left_alone(bad_input: BadInput, monkeypatch: pytest.MonkeyPatch) -> None:
     bad_input.file("runs/thesis.tex", "")
     monkeypatch.setenv("HOME", str(bad_input.folder))
     bad_input.bop()
-    said = bad_input.refused("batch", "~/session.toml", *words)
-    assert said.startswith(f"{bad_input.folder / 'runs'} holds other files (thesis.tex)")
+    for words in (["--out", "~/runs"], ["--out=~/runs"]):
+        said = bad_input.refused("batch", "~/session.toml", *words)
+        assert said.startswith(f"{bad_input.folder / 'runs'} holds other files (thesis.tex)")
 
 
 @pytest.mark.usefixtures("processes")
@@ -122,51 +125,23 @@ def test_out_holds_a_damaged_run_json(bad_input: BadInput) -> None:
     assert "run.json cannot be read" in bad_input.batch(session)
 
 
-# Paths that nothing can have
+# Inputs
 
-
-@pytest.mark.parametrize("command", BELOW)
-def test_out_holds_a_nul(bad_input: BadInput, command: str) -> None:
-    assert bad_input.refused(*BELOW[command](bad_input), "a\0b") == r"'a\x00b': it holds \0, which no path can"
-
-
-@pytest.mark.parametrize("command", BELOW)
-def test_out_is_in_a_loop_of_links(bad_input: BadInput, command: str) -> None:
-    loop = bad_input.folder / "loop"
-    loop.symlink_to(loop)
-    said = bad_input.refused(*BELOW[command](bad_input), loop / "x")
-    assert str(loop) in said
-    assert "Too many levels of symbolic links" in said or f"Symlink loop from '{loop}" in said
-
-
-@pytest.mark.usefixtures("processes")
-@pytest.mark.parametrize("name", ["n" * 300, "/".join(["n" * 200] * 25)])
-@pytest.mark.parametrize("command", BELOW)
-def test_out_has_a_name_that_is_too_long(bad_input: BadInput, command: str, name: str) -> None:
-    assert "File name too long" in bad_input.refused(*BELOW[command](bad_input), bad_input.folder / name)
-
-
-INPUTS: dict[str, tuple[str, Callable[[BadInput, Path], list[object]]]] = {
-    "view": (".toml", lambda d, x: ["view", x]),
-    "batch": (".toml", lambda d, x: ["batch", x, "--out", d.folder / "out"]),
-    "estimate": (".toml", lambda d, x: ["estimate", x, "--out", d.folder / "pool.csv"]),
-    "study": (".toml", lambda d, x: ["study", "ablation", "--session", x, "--out", d.folder / "out"]),
+INPUTS: dict[str, Callable[[BadInput, Path], list[object]]] = {
+    "view": lambda d, x: ["view", x],
+    "batch": lambda d, x: ["batch", x, "--out", d.folder / "out"],
+    "estimate": lambda d, x: ["estimate", x, "--out", d.folder / "pool.csv"],
+    "study": lambda d, x: ["study", "ablation", "--session", x, "--out", d.folder / "out"],
 }
 
 
 @pytest.mark.parametrize("command", INPUTS)
-@pytest.mark.parametrize(
-    "make",
-    [os.mkfifo, lambda path: path.symlink_to("/dev/zero"), lambda path: path.symlink_to(path), lambda path: None],
-    ids=["pipe", "device", "loop", "missing"],
-)
-def test_an_input_that_is_no_file_is_one_line_at_once(
-    bad_input: BadInput, command: str, make: Callable[[Path], object]
-) -> None:
-    suffix, words = INPUTS[command]
-    path = bad_input.folder / f"it{suffix}"
-    make(path)
-    assert str(path) in bad_input.refused(*words(bad_input, path))
+def test_an_input_that_is_no_file_is_one_line_at_once(bad_input: BadInput, command: str) -> None:
+    pipe, missing = bad_input.folder / "pipe.toml", bad_input.folder / "none.toml"
+    os.mkfifo(pipe)
+    for path, expected in ((pipe, "is a pipe"), (missing, "does not exist")):
+        said = bad_input.refused(*INPUTS[command](bad_input, path))
+        assert f"{path} {expected}" in said
 
 
 def test_a_value_of_thousands_of_letters_is_cut(bad_input: BadInput) -> None:
@@ -174,9 +149,10 @@ def test_a_value_of_thousands_of_letters_is_cut(bad_input: BadInput) -> None:
         assert len(bad_input.refused("view", *words)) < 500
 
 
-@pytest.mark.parametrize("n", ["-1", "10001", str(10**30)])
-def test_failures_that_no_report_shows(bad_input: BadInput, n: str) -> None:
-    assert bad_input.refused("report", bad_input.folder, "--failures", n) == f"--failures is {n}, expected 0 to 10000"
+def test_failures_that_no_report_shows(bad_input: BadInput) -> None:
+    for n in ("-1", "10001"):
+        said = bad_input.refused("report", bad_input.folder, "--failures", n)
+        assert said == f"--failures is {n}, expected 0 to 10000"
 
 
 # view
@@ -199,51 +175,30 @@ def test_make_takes_the_port_that_is_advised() -> None:
     assert done.stdout.splitlines()[-1].endswith("app.py sessions/mug.toml --port 1234")
 
 
-@pytest.mark.parametrize("port", ["-1", "65536"])
-def test_a_port_that_does_not_exist(bad_input: BadInput, port: str) -> None:
-    assert port in bad_input.refused("view", "--port", port)
+def test_a_port_that_does_not_exist(bad_input: BadInput) -> None:
+    for port in ("-1", "65536"):
+        assert port in bad_input.refused("view", "--port", port)
 
 
 @pytest.mark.usefixtures("processes")
-@pytest.mark.parametrize("host", ["192.0.2.1", "no.such.host.invalid"])
-def test_a_host_that_is_not_this_machine(bad_input: BadInput, host: str) -> None:
-    assert host in bad_input.refused("view", "--host", host, "--port", "0")
+def test_a_host_that_is_not_this_machine(bad_input: BadInput) -> None:
+    for host in ("192.0.2.1", "no.such.host.invalid"):
+        assert host in bad_input.refused("view", "--host", host, "--port", "0")
+    for host in ("h" * 300, "a\udcff"):
+        assert "is no name of a machine" in bad_input.refused("view", "--host", host, "--port", "0")
 
 
-@pytest.mark.parametrize("host", ["h" * 300, "a\udcff"])
-def test_a_host_that_is_no_name_of_a_machine(bad_input: BadInput, host: str) -> None:
-    assert "is no name of a machine" in bad_input.refused("view", "--host", host, "--port", "0")
-
-
-def test_view_of_a_missing_session(bad_input: BadInput) -> None:
-    assert "does not exist" in bad_input.refused("view", bad_input.folder / "none.toml")
-
-
-def test_view_of_something_that_is_not_there(bad_input: BadInput) -> None:
-    expected = "nowhere does not exist; expected a session (.toml), the folder of a batch run, or a recording (.rrd)"
-    assert bad_input.refused("view", bad_input.folder / "nowhere").endswith(expected)
-
-
-@pytest.mark.parametrize("other", [False, True])
-def test_report_of_what_is_no_folder(bad_input: BadInput, other: bool) -> None:
-    words = ["report", bad_input.batch_folder()] if other else ["report"]
-    file, missing = bad_input.file("thesis.tex", ""), bad_input.folder / "nowhere"
-    assert bad_input.refused(*words, file) == f"{file} is a file; expected the folder of a batch run, or of several"
-    assert (
-        bad_input.refused(*words, missing)
-        == f"{missing} does not exist; expected the folder of a batch run, or of several"
-    )
+def test_report_of_what_is_no_folder(bad_input: BadInput) -> None:
+    run, file, missing = bad_input.batch_folder(), bad_input.file("thesis.tex", ""), bad_input.folder / "nowhere"
+    for words in (["report"], ["report", run]):
+        assert f"{file} is a file; expected the folder of a batch run" in bad_input.refused(*words, file)
+        assert f"{missing} does not exist; expected the folder of a batch run" in bad_input.refused(*words, missing)
 
 
 def test_a_file_is_no_data_set(bad_input: BadInput) -> None:
     assert "thesis.tex is a file; give the folder" in bad_input.refused(
         "datasets", "check", bad_input.file("thesis.tex", "")
     )
-
-
-def test_view_of_a_session_that_cannot_be_opened(bad_input: BadInput) -> None:
-    session = bad_input.file("s.toml", '[scene]\ndemo = "teapot"\n')
-    assert "unknown demo scene 'teapot'" in bad_input.refused("view", session, "--port", "0", "--no-open-browser")
 
 
 def test_view_of_a_folder_that_is_no_batch(bad_input: BadInput) -> None:
@@ -261,40 +216,33 @@ def test_view_of_a_batch_that_was_killed(bad_input: BadInput) -> None:
     assert bad_input.refused("view", folder).endswith(hint)
 
 
-@pytest.mark.parametrize("text", ["a,b\n1,2\n", "scene_id,im_id,status\n1,x,ok\n", "scene_id\n1,2,3\n"])
-def test_view_of_a_batch_with_a_foreign_table(bad_input: BadInput, text: str) -> None:
+def test_view_of_a_batch_with_a_foreign_table(bad_input: BadInput) -> None:
     folder = bad_input.batch_folder()
-    (folder / "frames.csv").write_text(text)
-    assert "frames.csv is not what a batch writes" in bad_input.refused("view", folder)
+    for text in ("a,b\n1,2\n", "scene_id,im_id,status\n1,x,ok\n", "scene_id\n1,2,3\n"):
+        (folder / "frames.csv").write_text(text)
+        assert "frames.csv is not what a batch writes" in bad_input.refused("view", folder), text
 
 
 # replay
 
 
 @pytest.mark.usefixtures("processes")
-@pytest.mark.parametrize(
-    ("content", "expected"),
-    [
-        (None, "does not exist"),
+@pytest.mark.parametrize("verify", [[], ["--verify"]])
+def test_files_that_are_no_recordings(bad_input: BadInput, verify: list[str]) -> None:
+    file = bad_input.folder / "run.rrd"
+    assert "does not exist" in bad_input.refused("replay", file, *verify)
+    for content, expected in (
         (b"", "is empty; expected a recording"),
         (b"PK\x03\x04 not a recording", "is not a rerun recording"),
         (b"RRF2 and then rubbish", ".rrd"),
-    ],
-)
-@pytest.mark.parametrize("verify", [[], ["--verify"]])
-def test_files_that_are_no_recordings(
-    bad_input: BadInput, content: bytes | None, expected: str, verify: list[str]
-) -> None:
-    file = bad_input.folder / "run.rrd"
-    if content is not None:
+    ):
         file.write_bytes(content)
-    assert expected in bad_input.refused("replay", file, *verify)
+        assert expected in bad_input.refused("replay", file, *verify), content
 
 
 @pytest.mark.parametrize("verify", [[], ["--verify"]])
 def test_a_folder_is_no_recording(bad_input: BadInput, verify: list[str]) -> None:
-    said = f"{bad_input.folder} is a folder, expected a recording (.rrd)"
-    assert bad_input.refused("replay", bad_input.folder, *verify) == said
+    assert "is a folder, expected a recording (.rrd)" in bad_input.refused("replay", bad_input.folder, *verify)
     run = bad_input.batch_folder()
     for folder in (run, run.parent):
         assert bad_input.refused("replay", folder, *verify).endswith(f"; those of a batch lie in {run / 'recordings'}")
@@ -319,22 +267,13 @@ def test_a_recording_of_another_program(bad_input: BadInput) -> None:
     assert "other.rrd" in bad_input.refused("replay", file, "--verify")
 
 
-# As processes of their own
+# As a process of its own
 
 
 @pytest.mark.usefixtures("processes")
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["view", "none.toml"],
-        ["batch", "none.toml", "--out", "out"],
-        ["replay", "none.rrd"],
-        ["replay", "none.rrd", "--verify"],
-    ],
-)
-def test_the_real_program_says_one_line_and_exits_2(words: list[str], tmp_path: Path) -> None:
+def test_the_real_program_says_one_line_and_exits_2(tmp_path: Path) -> None:
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    program = [sys.executable, "-m", "verefine_viz.cli", *words]
+    program = [sys.executable, "-m", "verefine_viz.cli", "batch", "none.toml", "--out", "out"]
     done = subprocess.run(program, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False)
     assert done.returncode == 2
     assert done.stdout == ""
@@ -346,23 +285,14 @@ def test_the_real_program_says_one_line_and_exits_2(words: list[str], tmp_path: 
 
 # study grasping
 
+LAYOUT = ("--scene.source", "layout", "--scene.layout")
 GRASPING: dict[str, tuple[Callable[[BadInput], list[object]], str]] = {
     "unknown layout": (
-        lambda d: [
-            "--scene.source",
-            "layout",
-            "--scene.layout",
-            d.folder / "layout_7.xml",
-            "--scene.dataset",
-            d.made.root,
-        ],
+        lambda d: [*LAYOUT, d.folder / "layout_7.xml", "--scene.dataset", d.made.root],
         "layout_7.xml",
     ),
     "no layout": (
-        lambda d: [
-            *("--scene.source", "layout", "--scene.layout", d.file("notes.xml", "banana")),
-            *("--scene.dataset", d.made.root),
-        ],
+        lambda d: [*LAYOUT, d.file("notes.xml", "banana"), "--scene.dataset", d.made.root],
         "is no XML",
     ),
     "no grasps": (lambda d: ["--scene.demo", "duck", "--grasp.folder", d.folder / "none"], "is no folder"),
@@ -374,9 +304,8 @@ GRASPING: dict[str, tuple[Callable[[BadInput], list[object]], str]] = {
 
 
 @pytest.mark.usefixtures("processes")
-@pytest.mark.parametrize("case", GRASPING)
-def test_what_cannot_be_grasped_is_named_in_one_line(bad_input: BadInput, case: str) -> None:
-    words, expected = GRASPING[case]
-    out = bad_input.folder / "grasped"
-    said = bad_input.refused("study", "grasping", "--workers", "1", "--out", out, *words(bad_input))
-    assert expected in said
+def test_what_cannot_be_grasped_is_named_in_one_line(bad_input: BadInput) -> None:
+    for case, (words, expected) in GRASPING.items():
+        out = bad_input.folder / case
+        said = bad_input.refused("study", "grasping", "--workers", "1", "--out", out, *words(bad_input))
+        assert expected in said, case

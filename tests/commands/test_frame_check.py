@@ -30,11 +30,16 @@ def made(tmp_path: Path) -> Made:
     return make_frames(tmp_path / "boxes", 5)
 
 
-@pytest.fixture
-def clutter(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def right(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Six objects, of which some hide others, in three frames of scene 0."""
-    write_bop(tmp_path / "clutter", [scene("clutter", f"0/{k}") for k in range(3)])
-    return tmp_path / "clutter"
+    return write_bop(tmp_path_factory.mktemp("right") / "clutter", [scene("clutter", f"0/{k}") for k in range(3)])
+
+
+@pytest.fixture
+def clutter(right: Path, tmp_path: Path) -> Path:
+    """A copy to spoil."""
+    return shutil.copytree(right, tmp_path / "clutter")
 
 
 def each_frame(root: Path) -> Finding:
@@ -66,7 +71,7 @@ def test_instances_of_one_frame_in_another_order_are_named(made: Made, capsys: p
     assert capsys.readouterr().out.endswith("1 part needs a look, hence exit code 1: each frame.\n")
 
 
-@pytest.mark.parametrize("factor", [10.0, 1.3, 0.1])
+@pytest.mark.parametrize("factor", [10.0, 1.3])
 def test_a_wrong_depth_scale_of_one_frame_is_named(clutter: Path, factor: float) -> None:
     def scaled(content: dict[str, Any]) -> None:
         content["1"]["depth_scale"] *= factor

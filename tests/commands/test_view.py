@@ -70,13 +70,9 @@ def test_runs_that_are_left_out_are_reported(
     assert f"to view them, name their folder: {tmp_path / 'old'} (1 run)." in capsys.readouterr().err
 
 
-def test_a_folder_without_a_run_is_refused_in_one_line(
+def test_runs_without_a_finished_frame_are_refused(
     tmp_path: Path, served: dict[str, Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["view", str(tmp_path)]) == 2
-    said = capsys.readouterr().err
-    assert "no folder of a batch" in said
-    assert said.count("\n") == 1
     batch_run(tmp_path / "empty", "rir", ())
     assert main(["view", str(tmp_path)]) == 2
     assert "holds no finished frame" in capsys.readouterr().err

@@ -38,25 +38,24 @@ def keep(folder: Path, n: int = 1) -> None:
         kept(folder, PROBLEM, [found(PROBLEM, mesh if mesh.is_file() else box_mesh(mesh))])
 
 
-@pytest.mark.parametrize(
-    ("words", "why"),
-    [
-        (("--watch", "nowhere"), "--watch nowhere does not exist; expected the folder in which frames arrive"),
-        (("a.rrd", "--watch", "frames"), "a.rrd is no session; with --watch expected a session file (.toml) or none"),
-        (("--out", "runs"), "--out is for the results of --watch FOLDER; leave it out, or name the folder to watch"),
-        (("--watch", "frames", "--method.name", "best"), "unknown method 'best'"),
-        (("--watch", "frames", "--method.tau", "1"), "--method.tau"),
-        (("none.toml", "--watch", "frames"), "session file none.toml does not exist"),
-    ],
-)
+REFUSED: list[tuple[list[str], str]] = [
+    (["--watch", "nowhere"], "--watch nowhere does not exist; expected the folder in which frames arrive"),
+    (["a.rrd", "--watch", "frames"], "a.rrd is no session; with --watch expected a session file (.toml) or none"),
+    (["--out", "runs"], "--out is for the results of --watch FOLDER; leave it out, or name the folder to watch"),
+    (["--watch", "frames", "--method.name", "best"], "unknown method 'best'"),
+    (["none.toml", "--watch", "frames"], "session file none.toml does not exist"),
+]
+
+
 def test_what_cannot_be_watched_is_refused_in_one_line(
-    frames: Path, words: tuple[str, ...], why: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    frames: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(frames.parent)
-    assert main(["view", *words]) == 2
-    said = capsys.readouterr().err
-    assert why in said
-    assert said.count("\n") == 1 or "--method.tau" in why
+    for words, why in REFUSED:
+        assert main(["view", *words]) == 2
+        said = capsys.readouterr().err
+        assert why in said
+        assert said.count("\n") == 1
     assert not (frames.parent / "frames-runs").exists()
 
 

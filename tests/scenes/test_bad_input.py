@@ -175,6 +175,10 @@ MODEL_TROUBLE: dict[str, tuple[Spoil, str]] = {
     "model with NaN": (ply("-50 ", "nan "), "obj_000005.ply holds vertices that are NaN or infinite"),
     "vertex too far": (ply("-50 ", "1e30 "), "has a vertex at 1e+30, expected coordinates within ±1e+09"),
     "faces without vertices": (ply("3 0 1 3", "3 0 1 99"), "object 5 is left out: "),
+    "no object in models_info": (
+        edited("../../models/models_info.json", lambda c: c.update({"5": 3})),
+        "is a JSON int, expected an object with 'diameter'",
+    ),
     "diameter negative": (about_model(diameter=-3), "object 5: 'diameter' is -3, expected millimetres > 0"),
     "diameter too large": (
         about_model(diameter=1e30),

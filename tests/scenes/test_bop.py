@@ -106,14 +106,11 @@ def test_world_gravity_comes_from_the_camera_pose(tmp_path: Path) -> None:
 
 
 def test_world_gravity_of_a_scene_that_never_knows_it_is_refused(tmp_path: Path) -> None:
-    observation = make(tmp_path).read(gravity="world").observation
-    assert observation.support is None
-    assert 'gravity = "world" needs the camera\'s rotation (cam_R_w2c)' in observation.support_note
-
-
-def test_without_a_camera_pose_there_is_none(tmp_path: Path) -> None:
     made = make(tmp_path)
     assert BopDataset(made.root, "test").image(7, 3).R_world_cam is None
+    observation = made.read(gravity="world").observation
+    assert observation.support is None
+    assert 'gravity = "world" needs the camera\'s rotation (cam_R_w2c)' in observation.support_note
 
 
 def test_frames_are_those_of_the_targets_file(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from tests.calibration.sizes import scene
 from tests.scenes.test_write_bop import assert_same, reopened
 from tests.scenes.write_bop import write_bop
 from verefine_viz.core.errors import InputError, SettingsError
@@ -27,8 +28,8 @@ from verefine_viz.scenes.source import open_scene
 pytestmark = pytest.mark.usefixtures("long_run")
 
 
-def made(name: str, frame: str = "0/0", scene: dict | None = None, **hypotheses: object) -> Problem:
-    settings = SceneSettings.model_validate({"demo": name, **(scene or {})})
+def made(name: str, frame: str = "0/0", fields: dict | None = None, **hypotheses: object) -> Problem:
+    settings = SceneSettings.model_validate({"demo": name, **(fields or {})})
     return demo_problem(name, settings, HypothesesSettings.model_validate(hypotheses), frame)
 
 
@@ -62,7 +63,7 @@ def test_objects_are_of_household_size_centred_symmetric_and_closed(name: str) -
 
 @pytest.mark.parametrize("name", list(SCENES))
 def test_objects_rest_on_the_table_and_the_plane_is_the_table(name: str) -> None:
-    problem = made(name)
+    problem = scene(name)
     support = problem.observation.support
     assert support is not None
     assert support.inlier_share > 0.9
@@ -78,7 +79,7 @@ def test_objects_rest_on_the_table_and_the_plane_is_the_table(name: str) -> None
 
 
 def test_the_truth_explains_the_depth() -> None:
-    problem = made("clutter")
+    problem = scene("clutter")
     placed = [Placed(t.instance.instance_id, t.model, t.instance.T_cam_obj_gt) for t in problem.targets]
     rendered = render_scene(placed, problem.observation.camera)
     for k, target in enumerate(problem.targets):
@@ -90,7 +91,7 @@ def test_the_truth_explains_the_depth() -> None:
 
 
 def test_clutter_touches_and_hides() -> None:
-    frames = [made("clutter", frame) for frame in demo_frames("clutter")]
+    frames = [scene("clutter", frame) for frame in demo_frames("clutter")]
     assert len(frames) == 3
     assert {p.frame for p in frames} == {"0/0", "0/1", "0/2"}
     assert all(len(p.instances) == 6 for p in frames)
@@ -120,13 +121,13 @@ def test_another_process_makes_the_same_bits() -> None:
 
 
 def test_the_seed_changes_the_noise_and_not_the_layout() -> None:
-    first, second = made("duck"), made("duck", scene={"seed": 1})
+    first, second = scene("duck"), made("duck", fields={"seed": 1})
     assert first.observation.depth_m.tobytes() != second.observation.depth_m.tobytes()
     np.testing.assert_array_equal(first.instances[0].T_cam_obj_gt, second.instances[0].T_cam_obj_gt)
 
 
 def test_gravity_may_come_from_the_camera_pose() -> None:
-    world, plane = (made("duck", scene={"gravity": g}).observation.support for g in ("world", "plane"))
+    world, plane = (made("duck", fields={"gravity": g}).observation.support for g in ("world", "plane"))
     assert world is not None
     assert plane is not None
     assert world.gravity_source == "world"
@@ -134,7 +135,7 @@ def test_gravity_may_come_from_the_camera_pose() -> None:
 
 
 def test_only_the_wanted_objects_are_instances() -> None:
-    problem = made("clutter", scene={"objects": [1, 4]})
+    problem = made("clutter", fields={"objects": [1, 4]})
     assert sorted(i.obj_id for i in problem.instances) == [1, 4]
     assert set(problem.models) == {1, 4}
     # The masks of the others still keep the plane search off them.
@@ -142,43 +143,31 @@ def test_only_the_wanted_objects_are_instances() -> None:
 
 
 def test_full_masks_are_larger_where_something_is_hidden() -> None:
-    visible, full = made("clutter", "0/2"), made("clutter", "0/2", scene={"masks": "mask"})
+    visible, full = scene("clutter", "0/2"), made("clutter", "0/2", fields={"masks": "mask"})
     for a, b in zip(visible.instances, full.instances, strict=True):
         assert a.mask.sum() == pytest.approx((a.visib_fract or 0) * b.mask.sum(), rel=1e-6)
 
 
-def test_results_files_can_start_a_demo(tmp_path: Path) -> None:
-    truth = made("mug").instances[0]
+def test_results_files_can_start_a_demo_and_are_reported_apart_by_their_folders(tmp_path: Path) -> None:
+    (truth,) = scene("mug").instances
     T = truth.T_cam_obj_gt
     assert T is not None
-    poses = (transform(T[:3, :3], T[:3, 3] + 0.001), T)
-    rows = [ResultRow(0, 0, truth.obj_id, score, pose, -1.0) for score, pose in zip((0.3, 0.9), poses, strict=True)]
-    write_results(tmp_path / "mine_demo-test.csv", rows)
-    scene, hypotheses = (
-        SceneSettings(),
-        HypothesesSettings(source="results", files=(str(tmp_path / "mine_demo-test.csv"),)),
-    )
-    (instance,) = open_scene(scene, hypotheses).problem("0/0").instances
-    assert [h.confidence for h in instance.hypotheses] == [0.9, 0.3]
+    aside = ResultRow(0, 0, truth.obj_id, 0.3, transform(T[:3, :3], T[:3, 3] + 0.001), -1.0)
+    files = []
+    for name, score in (("first/results.csv", 0.9), ("second/results.csv", 0.5), ("second/mine_demo-test.csv", 0.4)):
+        file = tmp_path / name
+        file.parent.mkdir(exist_ok=True)
+        write_results(file, [aside, ResultRow(0, 0, truth.obj_id, score, T, -1.0)])
+        files.append(str(file))
+    hypotheses = HypothesesSettings(source="results", files=tuple(files), max_per_object=3)
+    (instance,) = open_scene(SceneSettings(), hypotheses).problem("0/0").instances
+    assert [h.source for h in instance.hypotheses] == ["first/results", "second/results", "mine"]
+    assert [h.confidence for h in instance.hypotheses] == [0.9, 0.5, 0.4]
     np.testing.assert_allclose(instance.hypotheses[0].T_cam_obj, T, atol=1e-6)
 
 
-def test_files_of_the_same_name_are_reported_apart_by_their_folders(tmp_path: Path) -> None:
-    truth = made("mug").instances[0]
-    assert truth.T_cam_obj_gt is not None
-    files = []
-    for folder, name in (("first", "results.csv"), ("second", "results.csv"), ("second", "mine_demo-test.csv")):
-        (tmp_path / folder).mkdir(exist_ok=True)
-        write_results(tmp_path / folder / name, [ResultRow(0, 0, truth.obj_id, 0.5, truth.T_cam_obj_gt, -1.0)])
-        files.append(str(tmp_path / folder / name))
-    (instance,) = (
-        open_scene(SceneSettings(), HypothesesSettings(source="results", files=tuple(files))).problem("0/0").instances
-    )
-    assert [h.source for h in instance.hypotheses] == ["first/results", "second/results", "mine"]
-
-
 def test_a_demo_written_as_bop_is_read_back_the_same(tmp_path: Path) -> None:
-    problems = [made("clutter", frame, {"model_points": 100}) for frame in demo_frames("clutter")[:2]]
+    problems = [scene("clutter", frame) for frame in demo_frames("clutter")[:2]]
     write_bop(tmp_path / "clutter", problems)
     source = reopened(tmp_path / "clutter")
     assert source.frames == ("0/0", "0/1")
@@ -188,8 +177,8 @@ def test_a_demo_written_as_bop_is_read_back_the_same(tmp_path: Path) -> None:
 
 def test_bad_names_are_one_clear_line() -> None:
     with pytest.raises(InputError, match="unknown object 99; available: 1"):
-        made("mug", scene={"objects": [99]})
+        made("mug", fields={"objects": [99]})
     with pytest.raises(SettingsError, match="a built-in scene has 'mask_visib' and 'mask' only"):
-        made("mug", scene={"masks": "detections.json"})
+        made("mug", fields={"masks": "detections.json"})
     with pytest.raises(InputError, match="unknown built-in object 'teapot'; available: mug"):
         demo_model("teapot", 10, 0)

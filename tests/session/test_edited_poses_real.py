@@ -48,7 +48,7 @@ def stepped(box: Toolbox, n: int) -> Run:
 
 
 @pytest.mark.usefixtures("processes")
-@pytest.mark.parametrize("name", ["rir", "vf_breadth", "vf_depth", "physim_mcts"])
+@pytest.mark.parametrize("name", ["rir", "vf_depth", "physim_mcts"])
 def test_stepped_headless_rewound_saved_and_recorded_are_the_same(name: str, tmp_path: Path) -> None:
     session = session_of(name)
     run = stepped(Toolbox(session), K)
@@ -82,8 +82,8 @@ def test_stepped_headless_rewound_saved_and_recorded_are_the_same(name: str, tmp
 
 
 @pytest.mark.usefixtures("processes")
-@pytest.mark.parametrize("arm", [0, 4])
-def test_in_the_mug_scene_a_pose_put_near_the_truth_wins(arm: int) -> None:
+def test_in_the_mug_scene_a_pose_put_near_the_truth_wins() -> None:
+    arm = 4
     run = stepped(Toolbox(load_session(SESSIONS / "mug.toml")), K)
     fork = run.fork(K, edit=(run.problem.instances[0].instance_id, arm, near_truth(run.problem, 0)))
     fork.finish()

@@ -28,31 +28,26 @@ def edit(instance: int = 0, hypothesis: int = 0, after: int = 0, frame: str = ""
     return Edit(after_iteration=after, instance=instance, hypothesis=hypothesis, T_cam_obj=T, frame=frame)
 
 
-@pytest.mark.parametrize(
-    ("fields", "said"),
-    [
-        ({"instance": 99}, "edits: unknown instance 99; available: 0, 1 (frame {frame})"),
-        ({"instance": 99, "after": 5}, "edits: unknown instance 99; available: 0, 1 (frame {frame})"),
-        (
-            {"hypothesis": 7},
-            "edits: there is no hypothesis 7 of instance 0; it has 3, counted from 0 (frame {frame})",
-        ),
-        ({"pose": np.full(16, np.nan)}, "edits: the pose of instance 0 "),
-        ({"pose": np.zeros(16)}, "edits: the pose of instance 0 is not rigid: "),
-        (
-            {"pose": transform(np.eye(3), [0, 0, 600.0])},
-            "edits: the pose of instance 0 is farther away than 100 m, expected metres (frame {frame})",
-        ),
-    ],
+IMPOSSIBLE: tuple[tuple[dict[str, Any], str], ...] = (
+    ({"instance": 99}, "unknown instance 99; available: 0, 1 (frame {frame})"),
+    ({"instance": 99, "after": 5}, "unknown instance 99; available: 0, 1 (frame {frame})"),
+    ({"hypothesis": 7}, "there is no hypothesis 7 of instance 0; it has 3, counted from 0 (frame {frame})"),
+    ({"pose": np.full(16, np.nan)}, "the pose of instance 0 "),
+    ({"pose": np.zeros(16)}, "the pose of instance 0 is not rigid: "),
+    (
+        {"pose": transform(np.eye(3), [0, 0, 600.0])},
+        "the pose of instance 0 is farther away than 100 m, expected metres (frame {frame})",
+    ),
 )
+
+
 @pytest.mark.parametrize("is_named", [True, False])
-def test_an_edit_that_is_meant_for_the_frame_and_cannot_be_made_is_refused(
-    fields: dict[str, Any], said: str, is_named: bool
-) -> None:
-    moved = edit(**fields, frame=FRAME.frame if is_named else "")
-    with pytest.raises(InputError) as refused:
-        check_edits([moved], FRAME, is_only_frame=not is_named)
-    assert str(refused.value).startswith(said.format(frame=FRAME.frame))
+def test_an_edit_that_is_meant_for_the_frame_and_cannot_be_made_is_refused(is_named: bool) -> None:
+    for fields, said in IMPOSSIBLE:
+        moved = edit(**fields, frame=FRAME.frame if is_named else "")
+        with pytest.raises(InputError) as refused:
+            check_edits([moved], FRAME, is_only_frame=not is_named)
+        assert str(refused.value).startswith(f"edits: {said.format(frame=FRAME.frame)}")
 
 
 def test_one_for_every_frame_that_has_the_hypothesis_is_noted_where_it_is_missing() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -44,28 +45,23 @@ def toolbox(dataset: str, *estimate: tuple[str, int, str], **scene: Any) -> Tool
     )
 
 
-@pytest.mark.parametrize("frame", ["7/3", "007/0003", " 7/3"])
-def test_a_frame_is_the_same_however_it_is_written(dataset: str, frame: str) -> None:
-    problem = toolbox(dataset, (frame, 1, "ppf")).problem("7/3")
-    assert [i.hypotheses[0].source.split()[0] for i in problem.instances] == ["perturbed", "ppf", "perturbed"]
+def test_a_frame_is_the_same_however_it_is_written(dataset: str) -> None:
+    for frame in ("7/3", "007/0003", " 7/3"):
+        problem = toolbox(dataset, (frame, 1, "ppf")).problem("7/3")
+        assert [i.hypotheses[0].source.split()[0] for i in problem.instances] == ["perturbed", "ppf", "perturbed"]
 
 
-@pytest.mark.parametrize(
-    ("estimate", "said"),
-    [
-        ([("x", 1, "ppf")], 'hypotheses.estimate: frame \'x\' is not "scene/image", such as "50/1"'),
-        ([("7/4", 1, "ppf")], "hypotheses.estimate: unknown image 4 in scene 7 of {name}/test; available: 3"),
-        ([("7/3", 9, "ppf")], "hypotheses.estimate: unknown instance 9; available: 0, 1, 2 (frame 7/3)"),
-        (
-            [("7/3", 1, "ppf"), ("007/3", 1, "pcs")],
-            "hypotheses.estimate names instance 1 of frame 7/3 twice; name it once",
-        ),
-    ],
-)
-def test_what_is_not_there_is_one_clear_line(dataset: str, estimate: list[tuple[str, int, str]], said: str) -> None:
-    with pytest.raises(VerefineError) as refused:
-        toolbox(dataset, *estimate).problem("7/3")
-    assert str(refused.value) == said.format(name=Path(dataset).name)
+def test_what_is_not_there_is_one_clear_line(dataset: str) -> None:
+    split = f"{Path(dataset).name}/test"
+    for estimate, said in (
+        ([("x", 1, "ppf")], 'frame \'x\' is not "scene/image", such as "50/1"'),
+        ([("7/4", 1, "ppf")], f"unknown image 4 in scene 7 of {split}; available: 3"),
+        ([("7/3", 9, "ppf")], "unknown instance 9; available: 0, 1, 2 (frame 7/3)"),
+        ([("7/3", 1, "ppf"), ("007/3", 1, "pcs")], "names instance 1 of frame 7/3 twice; name it once"),
+    ):
+        with pytest.raises(VerefineError) as refused:
+            toolbox(dataset, *estimate).problem("7/3")
+        assert re.fullmatch(f"hypotheses.estimate:? {re.escape(said)}", str(refused.value))
 
 
 def test_frames_of_a_built_in_scene_are_looked_at_too() -> None:

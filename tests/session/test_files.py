@@ -80,80 +80,63 @@ def test_overrides_win_field_by_field(tmp_path: Path) -> None:
     assert (session.method.name, session.method.iterations) == ("pir", 7)
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("[method]\nnam = 'rir'", "unknown field 'method.nam'; did you mean 'name'[?] available: .*exploration.*name"),
-        ("colour = 1", "unknown field 'colour'; available: .*scene.*score"),
-        ("[score]\ntau_m = -1", r"score.tau_m = -1: input should be greater than 0"),
-        ("[score]\ntau_m = 20", r"score.tau_m = 20: input should be less than or equal to 1, in metres$"),
-        ("[score]\ntau_m = nan", r"score.tau_m = nan: input should be"),
-        ("[score]\npixels = 'all'", "score.pixels = 'all': input should be 'classes', 'published' or 'observed'"),
-        ("[method]\niterations = 0", "method.iterations = 0: input should be greater than or equal to 1"),
-        ("[method]\niterations = 'many'", "method.iterations = 'many': input should be a valid integer"),
-        ("scene = 3", r"scene = 3: expected a section, \[scene\]"),
-        ("[scene]\nframes = '50/1'", r"scene.frames = '50/1': expected a list, \[\"50/1\"\]$"),
-        ("[scene]\nframes = ''", r"scene.frames = '': expected a list, \[\]$"),
-        (
-            "[scene]\nobjects = ['mug']",
-            "scene.objects.0 = 'mug': expected the id of an object, as 5 for obj_000005.ply",
-        ),
-        ('[method]\nname = "rir\nseed = 1', "is not TOML: .*line 2.*; a quote is opened there or before and"),
-        ("[method]\nname = 'rir\nseed = '1'", "is not TOML: .*line 2.*; a quote is opened there or before and"),
-        ("[method]\nname = 'rir\nseed = 1", "is not TOML: .*end of document.*; a quote is opened there or before and"),
-        ("[scene]\nobjects = 3", r"scene.objects = 3: expected a list, \[3\]$"),
-        ("[scene]\nobjects = 'mug'", "scene.objects = 'mug': expected a list$"),
-        ("[dependency]\ncut = 3", "dependency.cut = 3: expected a list$"),
-        (
-            "[scene]\ngravity = 'down'",
-            r'scene.gravity = \'down\': expected "plane", "world" or three numbers \[x, y, z\]$',
-        ),
-        ("[scene]\ngravity = [0, 1]", r'scene.gravity = \[0, 1\]: expected "plane", "world" or three numbers'),
-        (
-            "[scene]\ngravity = [0, 1, inf]",
-            r'scene.gravity = \[0, 1, inf\]: expected "plane", "world" or three numbers',
-        ),
-        ("[scene]\ngravity = [0, 0, 0]", r"scene.gravity = \[0, 0, 0\]: a direction cannot be \(0, 0, 0\)$"),
-        ("preset = 'theirs'", "preset = 'theirs': input should be 'recommended' or 'published'"),
-        ("[method\nname=1", "is not TOML"),
-        ("[[changes]]\nafter_iteration=1\n[changes.settings.scene]\nseed=1", "unknown section that can change"),
-        ("[[edits]]\nafter_iteration=1\ninstance=0\nhypothesis=0\nT_cam_obj=[1.0]", "edits.0.T_cam_obj"),
-        (f"[scene]\nobjects = {'[' * 2000}{']' * 2000}", "is not TOML: it has lists or tables of more than 20 levels$"),
-        (f"[scene]\nobjects = {'[' * 60}{']' * 60}", "is not TOML: it has lists or tables of more than 20 levels$"),
-        (f"{'.'.join('a' * 3000)} = 1", "is not TOML: it has lists or tables of more than 20 levels$"),
-        (f"[scene]\nseed = {'9' * 5000}", "is not TOML: it has a number of thousands of digits$"),
-        (f"[scene]\nseed = 0x{'f' * 5000}", "scene.seed = a number of thousands of digits: input should be less than"),
-        (f"[scene]\nobjects = [0x{'f' * 5000}]", "scene.objects.0 = a number of thousands of digits: expected the id"),
-        (
-            '[scene]\nsource = "bop"\ndataset = "a\\u0000b"',
-            r"scene.dataset = 'a.x00b': it holds .0, which no path can$",
-        ),
-        ('[scene]\nsplit = "a\\u0000b"', r"scene.split = 'a.x00b': it holds .0"),
-        ('[scene]\nmasks = "a\\u0000b.json"', r"scene.masks = 'a.x00b.json': it holds .0"),
-        ('[hypotheses]\nsource = "results"\nfiles = ["a\\u0000b"]', r"hypotheses.files.0 = 'a.x00b': it holds .0"),
-        ('[dependency]\norder_file = "a\\u0000b"', r"dependency.order_file = 'a.x00b': it holds .0"),
-        ("[dependency]\norder = [[1.5]]", "dependency.order.0.0 = 1.5: input should be a valid integer"),
-        ("[scene]\ngravity = [1e308, 1, 1]", r"scene.gravity = .*: expected a vector of 1e-6 to 1e\+06 in length$"),
-        ("[scene]\ngravity = [1e-308, 0, 0]", r"scene.gravity = .*: expected a vector of 1e-6 to 1e\+06 in length$"),
-        ("[hypotheses]\nmax_per_object = 1000000000", "max_per_object = 1000000000: .*less than or equal to 10000$"),
-        ("[method]\niterations = 1000000000000000000", "method.iterations = 1.*: .*less than or equal to 10000$"),
-        ("[method]\nseed = 18446744073709551616", "method.seed = 18446744073709551616: .*equal to 4294967295$"),
-        ("[physics]\nsteps = 1000000000000", "physics.steps = 1000000000000: .*less than or equal to 10000$"),
-        ("[physics]\nsubsteps = 1000000000000", "physics.substeps = 1000000000000: .*less than or equal to 1000$"),
-        ("[physics]\nsolver_iterations = 1000000000000", "solver_iterations = 1.*: .*less than or equal to 1000$"),
-        ("[physics]\ngravity_m_s2 = 1e308", r"gravity_m_s2 = 1e\+308: .*less than or equal to 1000$"),
-        (
-            "[[changes]]\nafter_iteration = 1\nsettings = {method = {iterations = 1000000000}}",
-            "s.toml: changes.0: changed settings: method.iterations = 1000000000: .*less than or equal to 10000$",
-        ),
-    ],
+TOO_DEEP = "is not TOML: it has lists or tables of more than 20 levels$"
+OPEN_QUOTE = "a quote is opened there or before and"
+NO_DIRECTION = r'expected "plane", "world" or three numbers \[x, y, z\]$'
+WRONG_FILES: tuple[tuple[str, str], ...] = (
+    ("[method]\nnam = 'rir'", "unknown field 'method.nam'; did you mean 'name'[?] available: .*exploration.*name"),
+    ("colour = 1", "unknown field 'colour'; available: .*scene.*score"),
+    ("[score]\ntau_m = -1", r"score.tau_m = -1: input should be greater than 0"),
+    ("[score]\ntau_m = 20", r"score.tau_m = 20: input should be less than or equal to 1, in metres$"),
+    ("[score]\ntau_m = nan", r"score.tau_m = nan: input should be"),
+    ("[score]\npixels = 'all'", "score.pixels = 'all': input should be 'classes', 'published' or 'observed'"),
+    ("[method]\niterations = 0", "method.iterations = 0: input should be greater than or equal to 1"),
+    ("[method]\niterations = 'many'", "method.iterations = 'many': input should be a valid integer"),
+    ("scene = 3", r"scene = 3: expected a section, \[scene\]"),
+    ("[scene]\nframes = '50/1'", r"scene.frames = '50/1': expected a list, \[\"50/1\"\]$"),
+    ("[scene]\nframes = ''", r"scene.frames = '': expected a list, \[\]$"),
+    ("[scene]\nobjects = ['mug']", "scene.objects.0 = 'mug': expected the id of an object, as 5 for obj_000005.ply"),
+    ('[method]\nname = "rir\nseed = 1', f"is not TOML: .*line 2.*; {OPEN_QUOTE}"),
+    ("[method]\nname = 'rir\nseed = 1", f"is not TOML: .*end of document.*; {OPEN_QUOTE}"),
+    ("[scene]\nobjects = 3", r"scene.objects = 3: expected a list, \[3\]$"),
+    ("[scene]\nobjects = 'mug'", "scene.objects = 'mug': expected a list$"),
+    ("[dependency]\ncut = 3", "dependency.cut = 3: expected a list$"),
+    ("[scene]\ngravity = 'down'", rf"scene.gravity = 'down': {NO_DIRECTION}"),
+    ("[scene]\ngravity = [0, 1]", rf"scene.gravity = \[0, 1\]: {NO_DIRECTION}"),
+    ("[scene]\ngravity = [0, 1, inf]", rf"scene.gravity = \[0, 1, inf\]: {NO_DIRECTION}"),
+    ("[scene]\ngravity = [0, 0, 0]", r"scene.gravity = \[0, 0, 0\]: a direction cannot be \(0, 0, 0\)$"),
+    ("[scene]\ngravity = [1e308, 1, 1]", r"scene.gravity = .*: expected a vector of 1e-6 to 1e\+06 in length$"),
+    ("preset = 'theirs'", "preset = 'theirs': input should be 'recommended' or 'published'"),
+    ("[method\nname=1", "is not TOML"),
+    ("[[changes]]\nafter_iteration=1\n[changes.settings.scene]\nseed=1", "unknown section that can change"),
+    ("[[edits]]\nafter_iteration=1\ninstance=0\nhypothesis=0\nT_cam_obj=[1.0]", "edits.0.T_cam_obj"),
+    (f"[scene]\nobjects = {'[' * 2000}{']' * 2000}", TOO_DEEP),
+    (f"[scene]\nobjects = {'[' * 60}{']' * 60}", TOO_DEEP),
+    (f"{'.'.join('a' * 3000)} = 1", TOO_DEEP),
+    (f"[scene]\nseed = {'9' * 5000}", "is not TOML: it has a number of thousands of digits$"),
+    (f"[scene]\nseed = 0x{'f' * 5000}", "scene.seed = a number of thousands of digits: input should be less than"),
+    (f"[scene]\nobjects = [0x{'f' * 5000}]", "scene.objects.0 = a number of thousands of digits: expected the id"),
+    ('[scene]\nsplit = "a\\u0000b"', r"scene.split = 'a.x00b': it holds .0, which no path can$"),
+    ('[hypotheses]\nsource = "results"\nfiles = ["a\\u0000b"]', r"hypotheses.files.0 = 'a.x00b': it holds .0"),
+    ("[dependency]\norder = [[1.5]]", "dependency.order.0.0 = 1.5: input should be a valid integer"),
+    ("[hypotheses]\nmax_per_object = 1000000000", "max_per_object = 1000000000: .*less than or equal to 10000$"),
+    ("[method]\nseed = 18446744073709551616", "method.seed = 18446744073709551616: .*equal to 4294967295$"),
+    ("[physics]\nsubsteps = 1000000000000", "physics.substeps = 1000000000000: .*less than or equal to 1000$"),
+    ("[physics]\ngravity_m_s2 = 1e308", r"gravity_m_s2 = 1e\+308: .*less than or equal to 1000$"),
+    (
+        "[[changes]]\nafter_iteration = 1\nsettings = {method = {iterations = 1000000000}}",
+        "s.toml: changes.0: changed settings: method.iterations = 1000000000: .*less than or equal to 10000$",
+    ),
 )
-def test_wrong_files_are_named_in_one_line(tmp_path: Path, text: str, expected: str) -> None:
-    path = write(tmp_path, text)
-    with pytest.raises(SettingsError, match=expected) as caught:
-        load_session(path)
-    assert "\n" not in str(caught.value)
-    assert str(path) in str(caught.value) or "section that can change" in expected
+
+
+def test_wrong_files_are_named_in_one_line(tmp_path: Path) -> None:
+    for text, expected in WRONG_FILES:
+        path = write(tmp_path, text)
+        with pytest.raises(SettingsError, match=expected) as caught:
+            load_session(path)
+        assert "\n" not in str(caught.value)
+        assert str(path) in str(caught.value) or "section that can change" in expected
 
 
 def test_files_that_cannot_be_read_or_written(tmp_path: Path) -> None:
@@ -169,27 +152,25 @@ def test_files_that_cannot_be_read_or_written(tmp_path: Path) -> None:
         save_session(Session(), tmp_path / "file" / "s.toml")
 
 
-@pytest.mark.parametrize(
-    ("make", "expected"),
-    [
-        (os.mkfifo, "is a pipe, expected a file"),
-        (lambda path: path.symlink_to("/dev/zero"), "is a device, expected a file"),
-        (lambda path: path.symlink_to(path), "cannot be read: Too many levels of symbolic links"),
-        (lambda path: path.write_bytes(b"#" * 10_000_001), "is larger than 10 MB, expected a .toml file"),
-    ],
-)
-def test_what_is_no_session_file_is_said_at_once(tmp_path: Path, make: Callable[[Path], object], expected: str) -> None:
-    path = tmp_path / "s.toml"
-    make(path)
-    with pytest.raises(InputError) as caught:
-        load_session(path)
-    assert str(caught.value) == f"session file {path} {expected}"
+def test_what_is_no_session_file_is_said_at_once(tmp_path: Path) -> None:
+    kinds: dict[str, Callable[[Path], object]] = {
+        "is a pipe, expected a file": os.mkfifo,
+        "is a device, expected a file": lambda path: path.symlink_to("/dev/zero"),
+        "cannot be read: Too many levels of symbolic links": lambda path: path.symlink_to(path),
+        "is larger than 10 MB, expected a .toml file": lambda path: path.write_bytes(b"#" * 10_000_001),
+    }
+    for k, (expected, make) in enumerate(kinds.items()):
+        path = tmp_path / f"{k}.toml"
+        make(path)
+        with pytest.raises(InputError) as caught:
+            load_session(path)
+        assert str(caught.value) == f"session file {path} {expected}"
 
 
-@pytest.mark.parametrize("name", ["a\0b.toml", f"{'a' * 300}.toml", "a/" * 3000])
-def test_a_name_that_no_file_can_have_is_one_line(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InputError, match=r"is no path|File name too long"):
-        load_session(tmp_path / name)
+def test_a_name_that_no_file_can_have_is_one_line(tmp_path: Path) -> None:
+    for name in ("a\0b.toml", f"{'a' * 300}.toml"):
+        with pytest.raises(InputError, match=r"is no path|File name too long"):
+            load_session(tmp_path / name)
 
 
 def test_a_loop_of_links_in_a_path_is_left_to_who_opens_it(tmp_path: Path) -> None:
@@ -198,22 +179,17 @@ def test_a_loop_of_links_in_a_path_is_left_to_who_opens_it(tmp_path: Path) -> No
     assert session.scene.dataset == str(tmp_path / "loop" / "data")
 
 
-def test_a_byte_order_mark_is_read_over(tmp_path: Path) -> None:
-    (tmp_path / "s.toml").write_bytes(b"\xef\xbb\xbf[method]\nname = 'sir'\n")
+def test_a_byte_order_mark_and_the_line_ends_of_windows_are_read_over(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_bytes(b"\xef\xbb\xbf[method]\r\nname = 'sir'\r\n")
     assert load_session(tmp_path / "s.toml").method.name == "sir"
 
 
-def test_lines_may_end_as_windows_ends_them(tmp_path: Path) -> None:
-    (tmp_path / "s.toml").write_bytes(b"[method]\r\nname = 'sir'\r\n")
-    assert load_session(tmp_path / "s.toml").method.name == "sir"
-
-
-@pytest.mark.parametrize("text", ["", "\n", "# [scene]\n"])
-def test_a_file_that_says_nothing_is_refused_unless_options_do(tmp_path: Path, text: str) -> None:
-    path = write(tmp_path, text)
-    with pytest.raises(SettingsError, match=r"s.toml is empty, expected at least a \[scene\]"):
-        load_session(path)
-    assert load_session(path, {"scene": {"demo": "mug"}}) == Session()
+def test_a_file_that_says_nothing_is_refused_unless_options_do(tmp_path: Path) -> None:
+    for text in ("", "\n", "# [scene]\n"):
+        path = write(tmp_path, text)
+        with pytest.raises(SettingsError, match=r"s.toml is empty, expected at least a \[scene\]"):
+            load_session(path)
+        assert load_session(path, {"scene": {"demo": "mug"}}) == Session()
 
 
 def test_what_was_typed_is_not_blamed_on_the_file(tmp_path: Path) -> None:

@@ -13,41 +13,42 @@ from verefine_viz.session.files import load_session, resolve, save_session
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.parametrize(
-    ("raw", "expected"),
-    [
-        (
-            {"hypotheses": {"files": ["a.csv"]}},
-            r'hypotheses.files is set, but hypotheses.source is "perturb" .*; set hypotheses.source = "results"',
-        ),
-        ({"scene": {"dataset": "d"}}, r'scene.dataset is set, but scene.source is "demo" .*; set scene.source = "bop"'),
-        ({"ppf": {"step": 0.1}}, r'\[ppf\] is set, but hypotheses.source is "perturb" .*; set .* = "ppf", or write'),
-        ({"pcs": {"bases": 9}, "preset": "published"}, r"\[pcs\] is set, but"),
-        ({"ppf": {"step": 0.1}, "hypotheses": {"estimate": [["0/0", 0, "pcs"]]}}, r"\[ppf\] is set, but"),
-    ],
+FORGOTTEN: tuple[tuple[dict[str, Any], str], ...] = (
+    (
+        {"hypotheses": {"files": ["a.csv"]}},
+        r'hypotheses.files is set, but hypotheses.source is "perturb" .*; set hypotheses.source = "results"',
+    ),
+    ({"scene": {"dataset": "d"}}, r'scene.dataset is set, but scene.source is "demo" .*; set scene.source = "bop"'),
+    ({"ppf": {"step": 0.1}}, r'\[ppf\] is set, but hypotheses.source is "perturb" .*; set .* = "ppf", or write'),
+    ({"pcs": {"bases": 9}, "preset": "published"}, r"\[pcs\] is set, but"),
+    ({"ppf": {"step": 0.1}, "hypotheses": {"estimate": [["0/0", 0, "pcs"]]}}, r"\[ppf\] is set, but"),
 )
-def test_a_forgotten_source_is_named(raw: dict[str, Any], expected: str) -> None:
-    with pytest.raises(SettingsError, match=f"^session: {expected}"):
-        resolve(raw)
+CHOSEN: tuple[dict[str, Any], ...] = (
+    {"hypotheses": {"files": ["a.csv"], "source": "perturb"}},
+    {"hypotheses": {"files": ["a.csv"], "source": "results"}},
+    {"hypotheses": {"files": []}},
+    {"scene": {"dataset": "d", "source": "demo"}},
+    {"scene": {"dataset": "d", "demo": "mug", "source": "bop"}},
+    {"scene": {"dataset": "", "demo": "bowl"}},
+    {"ppf": {"step": 0.1}, "hypotheses": {"source": "ppf"}},
+    {"ppf": {"step": 0.1}, "hypotheses": {"source": "perturb"}},
+    {"ppf": {"step": 0.1}, "hypotheses": {"estimate": [["0/0", 0, "ppf"]]}},
+    {"ppf": {}, "preset": "published"},
+)
 
 
-@pytest.mark.parametrize(
-    "raw",
-    [
-        {"hypotheses": {"files": ["a.csv"], "source": "perturb"}},
-        {"hypotheses": {"files": ["a.csv"], "source": "results"}},
-        {"hypotheses": {"files": []}},
-        {"scene": {"dataset": "d", "source": "demo"}},
-        {"scene": {"dataset": "d", "demo": "mug", "source": "bop"}},
-        {"scene": {"dataset": "", "demo": "bowl"}},
-        {"ppf": {"step": 0.1}, "hypotheses": {"source": "ppf"}},
-        {"ppf": {"step": 0.1}, "hypotheses": {"source": "perturb"}},
-        {"ppf": {"step": 0.1}, "hypotheses": {"estimate": [["0/0", 0, "ppf"]]}},
-        {"ppf": {}, "preset": "published"},
-    ],
-)
-def test_a_source_that_was_chosen_is_taken(raw: dict[str, Any]) -> None:
-    resolve(raw)
+def test_a_forgotten_source_is_named() -> None:
+    for raw, expected in FORGOTTEN:
+        with pytest.raises(SettingsError, match=f"^session: {expected}"):
+            resolve(raw)
+
+
+def test_a_source_that_was_chosen_is_taken() -> None:
+    for raw in CHOSEN:
+        session = resolve(raw)
+        for section in ("scene", "hypotheses"):
+            source = raw.get(section, {}).get("source")
+            assert source is None or getattr(session, section).source == source
 
 
 def test_what_is_typed_over_a_file_needs_a_source_that_reads_it(tmp_path: Path) -> None:
@@ -76,9 +77,12 @@ def test_a_file_named_twice_is_refused_however_it_is_written(tmp_path: Path) -> 
     assert len(load_session(path, {"hypotheses": {"files": ("a.csv", "b.csv")}}).hypotheses.files) == 2
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "sessions").glob("*.toml")), ids=lambda path: path.stem)
-def test_sessions_that_come_along_load_and_so_do_saved_ones(path: Path, tmp_path: Path) -> None:
-    for source in (None, "perturb", "pcs"):
-        session = load_session(path, {"hypotheses": {"source": source}} if source else None)
-        save_session(session, tmp_path / "saved.toml")
-        assert load_session(tmp_path / "saved.toml") == session
+def test_sessions_that_come_along_load_and_so_do_saved_ones(tmp_path: Path) -> None:
+    paths = sorted((ROOT / "sessions").glob("*.toml"))
+    assert len(paths) > 10
+    for path in paths:
+        for source in (None, "perturb", "pcs"):
+            session = load_session(path, {"hypotheses": {"source": source}} if source else None)
+            assert session.title, path
+            save_session(session, tmp_path / "saved.toml")
+            assert load_session(tmp_path / "saved.toml") == session, path

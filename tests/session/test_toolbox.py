@@ -11,15 +11,14 @@ import numpy as np
 import pytest
 
 from tests.fakes import box_problem
-from tests.scenes.bop_folder import Made, make
+from tests.scenes.bop_folder import make
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.settings import Change
-from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.scenes.instance_notes import within_reach
-from verefine_viz.session.files import changed, resolve
+from verefine_viz.session.files import resolve
 from verefine_viz.session.toolbox import Toolbox
 
 RAW: dict[str, Any] = {"scene": {"demo": "duck"}, "hypotheses": {"max_per_object": 2}, "method": {"iterations": 2}}
@@ -50,6 +49,8 @@ def test_the_order_can_change_at_the_start_of_a_run_and_the_rest_is_kept() -> No
     assert (back.notes, back.dependencies) == (problem.notes, problem.dependencies)
     with pytest.raises(SettingsError, match="unknown section that can change during a run 'dependency'"):
         box.changed({"dependency": {"order": ()}})
+    with pytest.raises(SettingsError, match="unknown section that can change during a run 'scene'"):
+        box.changed({"scene": {"seed": 3}})
     with pytest.raises(SettingsError, match="unknown section that can change at the start of a run 'scene'"):
         box.restarted({"scene": {"seed": 3}})
 
@@ -108,48 +109,6 @@ def test_physics_can_be_switched_off() -> None:
     assert box.simulator is None
     run = box.run(box.problem(box.frames[0]))
     assert run.step().path is None
-
-
-def test_the_scene_cannot_change_during_a_run() -> None:
-    with pytest.raises(SettingsError, match="unknown section that can change during a run 'scene'"):
-        changed(resolve(RAW), {"scene": {"seed": 3}})
-
-
-def with_estimates(made: Made, zs_mm: list[float], folder: Path) -> dict[str, Any]:
-    """A session of ``pir`` on object 5 of the made-up frame, from ground truth moved to each z; 0: to where it is."""
-    T = made.problem.instances[1].T_cam_obj_gt
-    assert T is not None
-    R, (x_mm, y_mm, true_mm) = " ".join(map(repr, T[:3, :3].ravel().tolist())), (1e3 * T[:3, 3]).tolist()
-    rows = [f"7,3,5,{1 - 0.1 * k},{R},{x_mm} {y_mm} {z_mm or true_mm},-1" for k, z_mm in enumerate(zs_mm)]
-    file = folder / "net_made-test.csv"
-    file.write_text("\n".join(["scene_id,im_id,obj_id,score,R,t,time", *rows]) + "\n")
-    return {
-        "scene": {"source": "bop", "dataset": str(made.root), "objects": [5], "model_points": 200},
-        "hypotheses": {"source": "results", "files": [str(file)]},
-        "method": {"name": "pir", "iterations": 2},
-        "physics": {"collider": "hull"},
-    }
-
-
-@pytest.mark.parametrize("method", [*METHOD_NAMES, "physim_mcts"])
-def test_a_initial_pose_out_of_reach_is_left_out_and_the_frame_goes_on(tmp_path: Path, method: str) -> None:
-    made = make(tmp_path)
-    raw = with_estimates(made, [1.5e5, 0, 9e6], tmp_path)
-    raw["method"]["name"] = method
-    box = Toolbox(resolve(raw))
-    problem = box.problem(made.frame)
-    assert [len(i.hypotheses) for i in problem.instances] == [1]
-    (note,) = [n for n in box.source.notes if "100 m" in n]
-    assert "2 rows give no pose: they lie more than 100 m from the camera" in note
-    run = box.run(problem)
-    run.finish()
-    assert [best is not None for best in run.final_state.best] == [True]
-
-
-def test_a_file_all_of_whose_poses_are_out_of_reach_is_refused(tmp_path: Path) -> None:
-    made = make(tmp_path)
-    with pytest.raises(InputError, match="every pose lies more than 100 m from the camera"):
-        Toolbox(resolve(with_estimates(made, [1e7], tmp_path))).problem(made.frame)
 
 
 def test_hypotheses_out_of_reach_are_left_out_with_a_note() -> None:

@@ -45,6 +45,8 @@ def test_the_timeline_says_whose_colour_a_block_has() -> None:
         assert f"background:rgb{arm_color(j)}" in shown
     assert "cosypose" in shown
     assert "<b>posecnn" not in shown
+    scene = strip(debugger().carry_out([TWO, c.ShowScene(), c.RunUntil("end")]).view())
+    assert "colours of the list of objects" in scene
 
 
 def test_estimators_are_named_where_hypotheses_are() -> None:

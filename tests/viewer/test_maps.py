@@ -77,7 +77,10 @@ def test_the_crop_holds_the_mask_and_keeps_its_shape(v: int, u: int, h: int, w: 
     assert crop.width / crop.height == pytest.approx(aspect, rel=0.1)
 
 
-def test_beyond_the_image_a_crop_is_filled() -> None:
+def test_beyond_the_image_a_crop_is_filled_and_of_an_empty_mask_it_is_the_whole_image() -> None:
+    crop = crop_around(np.zeros((60, 80), bool), 1.0)
+    assert crop.u0 <= 0 < 80 <= crop.u1
+    assert crop.v0 <= 0 < 60 <= crop.v1
     crop = Crop(-10, -10, 10, 10)
     out = crop.of(np.ones((60, 80, 3), np.uint8), 7)
     assert (out[:10] == 7).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,11 @@ import pytest
 
 from tests.progress import Countdown
 from verefine_viz.core.errors import Cancelled
+from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, PhysicsSettings, SceneSettings, Session
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.verify import verify
+from verefine_viz.scenes import demo
 from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
@@ -23,9 +26,25 @@ pytestmark = pytest.mark.usefixtures("processes")
 SESSION = Session(
     title="box",
     scene=SceneSettings(demo="failure_simulation_topples"),
-    hypotheses=HypothesesSettings(max_per_object=3),
+    hypotheses=HypothesesSettings(max_per_object=2),
     method=MethodSettings(iterations=2),
 )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def drawn_once() -> Iterator[None]:
+    """Draws each built-in scene once for all tests: that is the longest part of opening it."""
+    draw, known = demo.demo_problem, dict[str, Problem]()
+
+    def remembered(*given: Any) -> Problem:
+        key = " ".join(map(str, given[:4]))
+        if key not in known:
+            known[key] = draw(*given)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(demo, "demo_problem", remembered)
+        yield
 
 
 class NoServer:
@@ -51,8 +70,7 @@ def exported(debugger: Debugger) -> Path:
 
 def moved(debugger: Debugger, shift_m: float) -> list[c.Command]:
     debugger.carry_out([c.EditPose()])
-    T_cam_obj = debugger.options.T_cam_obj_edited
-    T_cam_obj = np.array(T_cam_obj)
+    T_cam_obj = np.array(debugger.options.T_cam_obj_edited)
     T_cam_obj[0, 3] += shift_m
     return [c.DragPose(tuple(float(x) for x in T_cam_obj.ravel())), c.ForkFromPose()]
 

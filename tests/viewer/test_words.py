@@ -12,7 +12,7 @@ from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing import pose_tables as tables
-from verefine_viz.viewer.drawing.bandit_tables import arm_history, arms_table, n_means
+from verefine_viz.viewer.drawing.bandit_tables import arm_history, arms_table, n_means, scene_arms_table
 from verefine_viz.viewer.drawing.markup import text
 from verefine_viz.viewer.panels.bandit_panel import chosen, pull_lines
 from verefine_viz.viewer.panels.errors_panel import errors_words
@@ -45,6 +45,11 @@ def test_words_depend_on_the_method() -> None:
     assert "bandit counted" in arms_table(after(c.Step()))
     for name in ("pir", "refine"):
         assert "bandit counted" not in arms_table(after(c.Restart((("method.name", name),)), c.Step())), name
+
+
+def test_objects_that_wait_for_their_turn_count_their_first_scores() -> None:
+    html = scene_arms_table(after(c.OpenFrame("0/2"), c.ShowScene(), c.Step()))
+    assert html.count('title="1 · 1 · 1"') == 2
 
 
 def test_a_far_start_is_found_until_the_run_arrives() -> None:
