@@ -359,6 +359,18 @@ def between_two_basins(rng: np.random.Generator) -> Broken:
             return broken
 
 
+def other_axes(rng: np.random.Generator) -> Broken:
+    """Ground truth is about a mesh whose y axis looks up, the mesh at hand has z up: each sees another object there."""
+    m = model(str(rng.choice(["jug", "mug", "carton"])))
+    T = standing(m, rng)
+    problem = frame_of([Thing(m, T, near(T, rng, 2, 10, 10))], rng)
+    (instance,) = problem.instances
+    assert instance.T_cam_obj_gt is not None
+    y_up = transform(axis_angle(np.array([1.0, 0, 0]), rng.choice([-1, 1]) * np.pi / 2), np.zeros(3))
+    spoilt = replace(problem, instances=(replace(instance, T_cam_obj_gt=instance.T_cam_obj_gt @ y_up),))
+    return broken_by(Cause.GROUND_TRUTH, spoilt, session_of())
+
+
 GENERATORS: dict[Cause, Callable[[np.random.Generator], Broken]] = {
     Cause.SYMMETRIC: undeclared_symmetry,
     Cause.DEPTH: bad_depth,
@@ -378,6 +390,7 @@ GENERATORS: dict[Cause, Callable[[np.random.Generator], Broken]] = {
     Cause.DISCARDED: outscored,
     Cause.UNDECIDED: between_two_basins,
     Cause.OUT_OF_RANGE: out_of_range,
+    Cause.GROUND_TRUTH: other_axes,
 }
 """A new one goes to the end: the place of a cause is part of its scenes' seeds."""
 

@@ -1,11 +1,11 @@
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.changing import replace
 from tests.fakes import box_problem
 from tests.recording.runs import new_run, recorded_run, session
 from verefine_viz.core.errors import InputError

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.changing import replace
 from tests.fakes import box_problem
 from tests.recording.runs import ends_of_messages, new_run, recorded_run, session
 from verefine_viz.core.arrays import Float
@@ -52,7 +51,7 @@ def record_changed(
         return Entry(change(iteration) if iteration.index == k else iteration, errors)
 
     with monkeypatch.context() as patched:
-        patched.setattr(recorder, "Entry", SimpleNamespace(of=changed))
+        patched.setattr(recorder, "Entry", changed)
         recorded_run(path, session())
 
 

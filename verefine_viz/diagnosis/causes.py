@@ -15,6 +15,7 @@ class Cause(StrEnum):
     Without a hypothesis nothing was done, so that nothing else is tested.
     """
 
+    GROUND_TRUTH = "ground_truth"
     SYMMETRIC = "symmetric"
     UNIT = "unit"
     DEPTH = "depth"
@@ -36,6 +37,7 @@ class Cause(StrEnum):
 
 
 TITLES: dict[Cause, str] = {
+    Cause.GROUND_TRUTH: "ground truth does not fit its image",
     Cause.SYMMETRIC: "symmetry of the shape not declared",
     Cause.UNIT: "initial poses in another unit",
     Cause.DEPTH: "depth missing or unregistered",

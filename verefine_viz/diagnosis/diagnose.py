@@ -42,7 +42,7 @@ _GIVEN = (*INPUT_TESTS, neighbour, preference, *WORLD_TESTS)
 _DONE = (discarded, ambiguous, simulation, *SEARCH_TESTS)
 """What the run did. A correct pose that it had is looked for first: whatever led away from others did not decide."""
 _TESTS: tuple[Callable[[Case], Finding | None], ...] = (*_GIVEN, *_DONE)
-_OF_THE_SCENE = (*INPUT_TESTS[:1], neighbour, preference, discarded, ambiguous, *SEARCH_TESTS)
+_OF_THE_SCENE = (*INPUT_TESTS[:2], neighbour, preference, discarded, ambiguous, *SEARCH_TESTS)
 """Where the object alone would have come right, no repair of what was given proves anything."""
 _BY_CHANCE = frozenset(
     {Cause.SIMULATION, Cause.ARM_STARVED, Cause.BUDGET, Cause.OUT_OF_RANGE, Cause.REFINER, Cause.POOL}

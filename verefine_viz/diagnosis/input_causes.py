@@ -16,6 +16,8 @@ from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Target
 from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.causes import Cause, Finding, instead
+from verefine_viz.diagnosis.frame_ground_truth import AGREES, TAU_M
+from verefine_viz.diagnosis.signs import ground_truth_is_unfit
 from verefine_viz.diagnosis.symmetry import undeclared_turn
 from verefine_viz.observation.normals import estimate_normals
 from verefine_viz.observation.observed_frame import segment_cloud
@@ -32,6 +34,35 @@ BORDER_PX = 2
 """Masks are not expected to be more exact than this [px]."""
 UNITS = {"metres": 1000.0, "centimetres": 10.0}
 """By what a translation would have to be multiplied, where millimetres are expected."""
+
+
+def ground_truth(case: Case) -> Finding | None:
+    """Ground truth does not lie on the measured surface, and the answer explains the image: axes or frame differ."""
+    outline, off = case.frame.outline(case.instance_id), case.frame.registration
+    if case.answer is None or not case.lab.traits.verifies or off.is_off:
+        return None
+    right, wrong = (case.lab.verifier.score(case.target, T[None])[0] for T in (case.T_gt, case.answer.T_cam_obj))
+    if not ground_truth_is_unfit(wrong, right):
+        return None
+    observed_m = case.target.observation.depth_m
+    measured = outline & (observed_m > 0)
+    apart_m = np.abs(observed_m[measured] - case.frame.depth_m[measured])
+    agreement = float(np.mean(apart_m < TAU_M)) if len(apart_m) else 0.0
+    if agreement > AGREES:  # The object is there, and the mask is that of something else.
+        return None
+    return Finding(
+        Cause.GROUND_TRUTH,
+        f"The ground truth of the {case.name} does not fit its image: it scores {right.score:.2f}, and on "
+        f"{agreement:.0%} of its pixels the measured depth is there; the answer scores {wrong.score:.2f}. The mesh may "
+        "have other axes than the poses are about (Y up, mirrored), or the poses another frame.",
+        {
+            "score_of_ground_truth": right.score,
+            "score": wrong.score,
+            "agreement": agreement,
+            "error": case.error,
+        },
+        True,
+    )
 
 
 def symmetric(case: Case) -> Finding | None:
@@ -164,7 +195,7 @@ def mask(case: Case) -> Finding | None:
     )
 
 
-INPUT_TESTS: tuple[Callable[[Case], Finding | None], ...] = (symmetric, unit, depth, mask)
+INPUT_TESTS: tuple[Callable[[Case], Finding | None], ...] = (ground_truth, symmetric, unit, depth, mask)
 
 
 def _with_depth(case: Case, depth_m: NDArray[np.floating], keep_support: bool) -> Target:

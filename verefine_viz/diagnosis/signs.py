@@ -25,6 +25,9 @@ FAR = 0.25
 STARVED = 0.3
 """A hypothesis that got at most this share of an even split of the iterations, or one of them, was starved."""
 LOW_SCORE = 0.45
+UNFIT_SCORE, FITTING_SCORE = 0.4, 0.7
+"""Ground truth that scores less than the one, where an answer scores more than the other, is not that of this image: a
+model with other axes (Y up) scored 0.08, its answers 0.94."""
 WORSE = 0.03
 """The answer is worse than a pose before by more than this share of the diameter …"""
 WORSE_BY = 1.2
@@ -72,6 +75,13 @@ class Course:
 def prefers(score: PoseScore, score_at_gt: PoseScore) -> bool:
     """Whether a pose scores at least as much as ground truth: then more iterations need not help."""
     return score.score >= score_at_gt.score
+
+
+def ground_truth_is_unfit(score: PoseScore | None, score_at_gt: PoseScore | None) -> bool:
+    """Whether ground truth explains next to nothing of the image where another pose explains most of it."""
+    if score is None or score_at_gt is None:
+        return False
+    return score_at_gt.score < UNFIT_SCORE and score.score > FITTING_SCORE
 
 
 def far_start(course: Course) -> tuple[int, PoseErrors] | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from verefine_viz.batch.summary import MUCH, MUCH_SCORE
 from verefine_viz.diagnosis.causes import DATA_FIRST, DECLARE, Cause, cause_title, distinct_texts
-from verefine_viz.diagnosis.signs import Course, far_start, is_low, leaks, out_of_range, starved
+from verefine_viz.diagnosis.signs import Course, far_start, ground_truth_is_unfit, is_low, leaks, out_of_range, starved
 from verefine_viz.methods.registry import method_of
 from verefine_viz.scenes.instance_notes import without
 from verefine_viz.viewer import commands as c
@@ -244,6 +244,13 @@ def _wrong_score(snapshot: Snapshot) -> list[Finding]:
         return []
     assert course.score is not None
     assert course.score_at_gt is not None
+    if ground_truth_is_unfit(course.score, course.score_at_gt):
+        text = (
+            f"The ground truth{_whose(snapshot)} does not fit this image: it scores {course.score_at_gt.score:.2f}, "
+            f"the answer {course.score.score:.2f}. The mesh may have other axes than the poses are about, or the poses "
+            "another frame."
+        )
+        return [Finding(text, True, False, c.ScoreGroundTruth(), SIDE_BY_SIDE, Cause.GROUND_TRUTH)]
     text = preferred_wrong(snapshot, course.score, course.score_at_gt)
     return [Finding(text, True, False, c.ScoreGroundTruth(), SIDE_BY_SIDE, Cause.SCORE)]
 

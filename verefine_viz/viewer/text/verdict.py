@@ -16,7 +16,7 @@ from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.diagnosis.ambiguity import in_short
 from verefine_viz.diagnosis.causes import TITLES, Cause, cause_title
 from verefine_viz.diagnosis.score_causes import blamed_pixels
-from verefine_viz.diagnosis.signs import Lost, far_start, is_low, leaks, out_of_range, starved
+from verefine_viz.diagnosis.signs import Lost, far_start, ground_truth_is_unfit, is_low, leaks, out_of_range, starved
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.pose_errors import add_where_add_s_is_below
 from verefine_viz.methods.registry import method_of
@@ -195,6 +195,10 @@ def cause_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
         return Reason(UNANSWERED)
     if entry is not None and entry.row.cause and _is_answer_of(entry, o):
         return Reason(cause_title(entry.row.cause), entry.row.worst_iteration)
+    if ground_truth_is_unfit(o.course.score, o.course.score_at_gt):
+        assert o.course.score_at_gt is not None
+        more = f": it scores {o.course.score_at_gt.score:.2f}, the answer {_score_of(o).score:.2f}"
+        return Reason(TITLES[Cause.GROUND_TRUTH], more=more, about=Cause.GROUND_TRUTH)
     if o.undeclared is not None:
         return Reason(TITLES[Cause.SYMMETRIC], more=f": turned by {o.undeclared.turn_deg:.0f}°", about=Cause.SYMMETRIC)
     course, score = o.course, _score_of(o)
