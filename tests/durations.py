@@ -1,4 +1,4 @@
-"""How long each test file takes: ``make durations`` writes it down, and every run begins with the files that take longest.
+"""How long each test file takes: ``make durations`` notes it, and every run begins with the files that take longest.
 
 A file is run by one process, so that one which takes long and comes last would leave the other process idle.
 """

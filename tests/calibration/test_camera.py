@@ -23,7 +23,7 @@ def with_camera(problem: Problem, fx: float = 1.0, fy: float = 1.0, dx: float = 
 
 
 def test_one_wrong_focal_length_is_named_with_its_factor() -> None:
-    for factor in [0.75, 0.88, 1.12, 1.3]:
+    for factor in (0.75, 0.88, 1.12, 1.3):
         size, off = ("wider", "small") if factor < 1 else ("narrower", "large")
         said = of_problem(with_camera(scene(), fx=factor))
         assert said.cause == "one focal length", factor
@@ -45,7 +45,7 @@ def test_focal_lengths_that_are_off_by_different_factors_are_both_named() -> Non
 
 
 def test_a_wrong_principal_point_is_named_with_its_pixels() -> None:
-    for dx, dy, found, advice in [
+    for dx, dy, found, advice in (
         (40, 0, "objects lie 40 px left of where their models are", "cx of cam_K looks 40 px too large;"),
         (0, -15, "objects lie 15 px below where their models are", "cy of cam_K looks 15 px too small;"),
         (
@@ -54,11 +54,11 @@ def test_a_wrong_principal_point_is_named_with_its_pixels() -> None:
             "30 px right of and 40 px above where",
             "cx of cam_K looks 30 px too small and cy of",
         ),
-    ]:
+    ):
         said = of_problem(with_camera(scene(), dx=dx, dy=dy))
-        assert said.cause == "principal point", (dx, dy, found, advice)
-        assert found in said.message, (dx, dy, found, advice)
-        assert advice in said.advice, (dx, dy, found, advice)
+        assert said.cause == "principal point", (dx, dy)
+        assert found in said.message, (dx, dy)
+        assert advice in said.advice, (dx, dy)
 
 
 def test_masks_that_are_all_displaced_are_reported_from_a_wrong_principal_point() -> None:

@@ -44,7 +44,7 @@ def hidden(problem: Problem, seed: int) -> tuple[Objects, Camera, Depth]:
 def test_parts_that_are_hidden_or_beyond_the_border_change_nothing() -> None:
     frames = [cropped(scene(), 200, 150, 250, 200), cropped(scene(), 140, 100, 280, 180)]
     frames += [hidden(scene(), seed) for seed in range(3)]
-    for focal in [0.85, 1.0, 1.18]:
+    for focal in (0.85, 1.0, 1.18):
         for of, camera, depth_m in frames:
             said = verdict(of, with_focal(camera, focal), depth_m)
             if focal == 1:

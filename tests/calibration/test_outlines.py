@@ -65,7 +65,7 @@ def test_depth_tells_a_displaced_camera_from_a_displaced_mask() -> None:
 
 
 def test_what_hides_a_part_changes_nothing() -> None:
-    for factor in [0.8, 1.0, 1.25]:
+    for factor in (0.8, 1.0, 1.25):
         mask, depth_m = seen(camera(factor))
         columns = np.flatnonzero(mask.any(axis=0))
         hiding = np.zeros_like(mask)

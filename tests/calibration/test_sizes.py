@@ -32,7 +32,7 @@ def test_a_wrong_focal_length_is_noticed_with_its_factor(factor: float) -> None:
 
 def test_a_camera_of_images_of_another_size_is_reported_from_a_wrong_focal_length() -> None:
     camera = scene().observation.camera
-    for factor in [0.5, 0.8, 0.92, 1.08, 1.3, 2.0]:
+    for factor in (0.5, 0.8, 0.92, 1.08, 1.3, 2.0):
         K = np.diag([factor, factor, 1.0]) @ (camera.K + HALF_A_PIXEL)
         K[:2, 2] -= 0.5
         said = verdict(objects(scene()), Camera(K, camera.width, camera.height), scene().observation.depth_m)
@@ -50,7 +50,7 @@ def moved_away(of: Objects, factor: float) -> Objects:
 
 def test_models_distances_and_depth_of_another_size_are_reported_apart() -> None:
     camera, depth_m = scene().observation.camera, scene().observation.depth_m
-    for factor in [0.75, 0.88, 1.12, 1.3]:
+    for factor in (0.75, 0.88, 1.12, 1.3):
         said = verdict(resized(objects(scene()), factor), camera, depth_m)
         assert said.cause == "models", factor
         assert fitting(said) == pytest.approx(1 / factor, rel=0.03), factor

@@ -70,10 +70,10 @@ def test_its_session_file_is_a_session() -> None:
     assert len(session.hypotheses.files) == 2
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "sessions").glob("*.toml")), ids=lambda p: p.stem)
-def test_every_shipped_session_is_one(path: Path) -> None:
-    session = load_session(path)
-    assert session.title
+def test_every_shipped_session_is_one() -> None:
+    for path in sorted((ROOT / "sessions").glob("*.toml")):
+        session = load_session(path)
+        assert session.title, path
 
 
 def test_its_frame_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.estimators.views import random_pose, target_of, view
+from tests.estimators.views import bits, random_pose, target_of, view
 from tests.progress import asked, cancelled_everywhere, hearing
 from verefine_viz.core.algorithm_settings import PcsSettings
 from verefine_viz.core.geometry import apply, transform
-from verefine_viz.core.problem import Hypothesis, Target
+from verefine_viz.core.problem import Target
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators.clouds import segment_cloud, thinned
@@ -40,10 +40,6 @@ def pcs() -> Pcs:
 def seen(name: str, seed: int) -> Target:
     model = demo_model(name, 2000, 0)
     return view(model, random_pose(seed, model), seed=seed)
-
-
-def bits(pool: tuple[Hypothesis, ...]) -> list[tuple[bytes, float, str]]:
-    return [(h.T_cam_obj.tobytes(), h.confidence, h.source) for h in pool]
 
 
 @pytest.mark.parametrize("name", ["duck", "teddy", "jug", "bracket"])
@@ -111,7 +107,7 @@ def test_another_process_has_the_same_answer(pcs: Pcs) -> None:
 
 def test_too_little_says_nothing(pcs: Pcs) -> None:
     target = seen("duck", 0)
-    for kind in ["nothing", "a corner", "a straight line", "no depth"]:
+    for kind in ("nothing", "a corner", "a straight line", "no depth"):
         depth, mask = target.observation.depth_m.astype(float), target.instance.mask
         v, u = np.nonzero(mask)
         few = np.zeros_like(mask)

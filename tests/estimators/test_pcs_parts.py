@@ -65,9 +65,13 @@ def test_no_base_is_larger_than_the_model() -> None:
             assert diameter(base.points) <= 0.2
 
 
-def test_no_base_in_nothing_a_point_or_a_line() -> None:
-    for cloud in [np.zeros((0, 3)), np.zeros((50, 3)), np.linspace(0, 1, 90).reshape(30, 3)]:
+def test_nothing_a_point_or_a_line_has_no_base_and_no_rotation() -> None:
+    for cloud in (np.zeros((0, 3)), np.zeros((50, 3)), np.linspace(0, 1, 90).reshape(30, 3)):
         assert draw_base(cloud, diameter(cloud), DELTA_M, np.random.default_rng(0)) is None
+    line = np.linspace(0, 0.1, 12).reshape(4, 3)
+    N, R = np.empty((4, 4)), np.empty((3, 3))
+    _, root = fit_rms(line + 0.3, line, N)
+    assert not rotation_of(N, root, R)
 
 
 @given(seed=seeds)
@@ -133,13 +137,6 @@ def test_the_fit_is_that_of_a_singular_value_decomposition(seed: int, noise_m: f
     if noise_m == 0 and np.linalg.svd(b - b.mean(axis=0))[1][1] > 0.01:
         assert np.allclose(R, expected.as_matrix(), atol=1e-6)
         assert np.allclose(R, T[:3, :3], atol=1e-6)
-
-
-def test_points_in_a_line_have_no_rotation() -> None:
-    line = np.linspace(0, 0.1, 12).reshape(4, 3)
-    N, R = np.empty((4, 4)), np.empty((3, 3))
-    _, root = fit_rms(line + 0.3, line, N)
-    assert not rotation_of(N, root, R)
 
 
 @given(seed=seeds)

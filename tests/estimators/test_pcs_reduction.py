@@ -55,12 +55,9 @@ def test_few_poses_each_with_the_rotation_and_the_lcp_of_a_bin_that_was_kept(
         assert ((few[:, :3, 3] >= low) & (few[:, :3, 3] <= high)).all()
 
 
-def test_poses_of_lcp_zero_are_no_poses() -> None:
+def test_poses_of_lcp_zero_are_none_and_few_bins_are_listed_as_they_are() -> None:
     assert len(reduced(poses(np.random.default_rng(0), 30), np.zeros(30), NO_SYMMETRY, 0.2, 100, 5,
                        np.random.default_rng(0))[0]) == 0  # fmt: skip
-
-
-def test_few_bins_are_listed_as_they_are() -> None:
     rng = np.random.default_rng(0)
     Ts, lcps = poses(rng, 4), np.array([0.2, 0.4, 0.3, 0.35])
     few, scores = reduced(Ts, lcps, NO_SYMMETRY, 0.1, 2000, 5, rng)
@@ -105,7 +102,7 @@ def test_clusters_that_lie_apart_are_reported_apart() -> None:
 
 
 def test_no_more_translations_than_clusters() -> None:
-    for n in [1, 3, 5]:
+    for n in (1, 3, 5):
         translations = np.repeat(np.arange(n, dtype=float)[:, None] @ np.ones((1, 3)), 4, axis=0)
         label = clusters_of_translations(translations, 5, np.random.default_rng(0))
         assert np.array_equal(label, np.repeat(np.arange(n), 4)), n

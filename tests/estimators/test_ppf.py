@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.estimators.views import CAMERA, random_pose, target_of, view
+from tests.estimators.views import CAMERA, bits, random_pose, target_of, view
 from tests.progress import asked, cancelled_everywhere
 from verefine_viz.core.algorithm_settings import PpfSettings
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.core.problem import Hypothesis, Target
+from verefine_viz.core.problem import Target
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators.ppf import Ppf
@@ -45,10 +45,6 @@ def ppf(folder: Path) -> Ppf:
 def seen(name: str, seed: int) -> Target:
     model = demo_model(name, 500, 0)
     return view(model, random_pose(seed, model), seed=seed)
-
-
-def bits(pool: tuple[Hypothesis, ...]) -> list[tuple[bytes, float, str]]:
-    return [(h.T_cam_obj.tobytes(), h.confidence, h.source) for h in pool]
 
 
 @pytest.mark.parametrize("name", ["duck", "teddy", "jug", "bracket"])
@@ -84,7 +80,7 @@ def test_the_pose_moves_with_the_object(ppf: Ppf) -> None:
 
 
 def test_no_two_hypotheses_look_the_same(ppf: Ppf) -> None:
-    for name in ["block", "can", "bracket"]:
+    for name in ("block", "can", "bracket"):
         target = seen(name, 2)
         pool = ppf.hypotheses(target, 8)
         assert len(pool) >= 2, name
@@ -96,7 +92,7 @@ def test_no_two_hypotheses_look_the_same(ppf: Ppf) -> None:
 
 def test_no_more_are_given_than_were_asked_for(ppf: Ppf) -> None:
     target = seen("bracket", 0)
-    for n in [1, 3]:
+    for n in (1, 3):
         assert bits(ppf.hypotheses(target, n)) == bits(ppf.hypotheses(target, 8))[:n], n
         assert len(ppf.hypotheses(target, n)) == n, n
 
@@ -134,7 +130,7 @@ def _without(target: Target, what: str) -> Target:
 def test_a_segment_that_says_nothing_gives_no_hypothesis(ppf: Ppf) -> None:
     target = seen("duck", 0)
     assert ppf.hypotheses(target, 5)
-    for what in ["mask", "depth", "all but four pixels"]:
+    for what in ("mask", "depth", "all but four pixels"):
         assert ppf.hypotheses(_without(target, what), 5) == (), what
 
 

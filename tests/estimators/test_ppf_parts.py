@@ -62,7 +62,7 @@ def test_the_local_rotation_turns_the_normal_onto_x(seed: int) -> None:
 
 
 def test_the_local_rotation_has_no_singular_direction() -> None:
-    for z in [-1.0, 1.0]:
+    for z in (-1.0, 1.0):
         assert np.allclose(local_rotation(np.array([0, 0, z])) @ [0, 0, z], [1, 0, 0]), z
 
 
@@ -94,7 +94,7 @@ def test_segment_normals_point_to_the_camera_and_points_lie_on_the_object() -> N
 def test_a_limited_table_stands_for_all_pairs() -> None:
     model = demo_model("block", 10, 0)
     cloud = thinned_surface(model_surface(model, 0), 0.1 * model.diameter_m)
-    for limit in [7, 10**9]:
+    for limit in (7, 10**9):
         table = pair_table(cloud, 0.05 * model.diameter_m, np.deg2rad(12), limit)
         kept = np.diff(table.starts)
         assert kept.max() <= limit, limit

@@ -10,7 +10,7 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
-from verefine_viz.core.problem import Instance, Target
+from verefine_viz.core.problem import Hypothesis, Instance, Target
 from verefine_viz.observation.normals import estimate_normals
 
 CAMERA = Camera(np.array([[420.0, 0, 120.0], [0, 420.0, 120.0], [0, 0, 1]]), 241, 241)
@@ -37,3 +37,7 @@ def random_pose(seed: int, model: ObjectModel) -> Float:
     z = 3.5 * model.diameter_m
     t = [*rng.uniform(-0.15 * model.diameter_m, 0.15 * model.diameter_m, 2), z]
     return transform(axis_angle(rng.normal(size=3), rng.uniform(0, np.pi)), t)
+
+
+def bits(pool: tuple[Hypothesis, ...]) -> list[tuple[bytes, float, str]]:
+    return [(h.T_cam_obj.tobytes(), h.confidence, h.source) for h in pool]

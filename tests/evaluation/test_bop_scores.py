@@ -17,7 +17,7 @@ from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.evaluation.answers import correct_share, mean_errors
 from verefine_viz.evaluation.bop_scores import Scores, bop_scores
-from verefine_viz.evaluation.ground_truth import ProblemGroundTruth, Targets, Task, visible_targets
+from verefine_viz.evaluation.ground_truth import ProblemGroundTruth, Targets, visible_targets
 from verefine_viz.evaluation.pose_table import OwnPart, PoseTable, read_pose_table
 from verefine_viz.scenes.results_csv import ResultRow, write_results
 
@@ -83,7 +83,7 @@ def test_what_is_missing_is_not_found(demo: DemoSet) -> None:
     assert sum(a.row is None for a in scores.answers) == scores.counts.missing
 
 
-def test_only_as_many_hypotheses_as_instances_count_and_the_best_scores_do(demo: DemoSet) -> None:
+def test_only_the_best_scores_and_of_equal_ones_the_first_in_the_file_count(demo: DemoSet) -> None:
     wrong = demo.rows(lambda k, truth: transform(np.eye(3), [0.05, 0, 0]) @ T_of(truth), score=lambda k: 0.3)
     right = demo.rows(perfect, score=lambda k: 0.7)
     scores = scored(demo, [*wrong, *right])
@@ -92,6 +92,9 @@ def test_only_as_many_hypotheses_as_instances_count_and_the_best_scores_do(demo:
     turned = scored(demo, [*(replace(row, score=0.9) for row in wrong), *right])
     assert numbers(turned) == numbers(scored(demo, wrong))
     assert numbers(turned)[1] < 0.9
+    right, wrong = demo.rows(perfect), demo.rows(lambda k, t: transform(np.eye(3), [0, 0, 0.2]) @ T_of(t))
+    assert numbers(scored(demo, [*right, *wrong])) == (1.0, 1.0, 1.0)
+    assert numbers(scored(demo, [*wrong, *right])) == numbers(scored(demo, wrong))
 
 
 def test_unknown_ids_are_ignored(demo: DemoSet) -> None:
@@ -104,12 +107,6 @@ def test_unknown_ids_are_ignored(demo: DemoSet) -> None:
     scores = scored(demo, [*strange, *rows])
     assert numbers(scores) == numbers(scored(demo, rows))
     assert scores.counts.unasked == 3
-
-
-def test_of_equal_scores_the_first_in_the_file_counts(demo: DemoSet) -> None:
-    right, wrong = demo.rows(perfect), demo.rows(lambda k, t: transform(np.eye(3), [0, 0, 0.2]) @ T_of(t))
-    assert numbers(scored(demo, [*right, *wrong])) == (1.0, 1.0, 1.0)
-    assert numbers(scored(demo, [*wrong, *right])) == numbers(scored(demo, wrong))
 
 
 def test_a_pose_that_is_no_pose_is_not_found(demo: DemoSet) -> None:
@@ -209,41 +206,43 @@ def test_a_rigid_motion_of_the_file_s_pose_never_beats_the_truth(demo: DemoSet, 
     assert (np.diff(scores.recalls.vsd, axis=0) >= 0).all()  # nor does a looser tolerance
 
 
-@pytest.mark.parametrize("task", ["localization", "detection"])
-def test_the_score_of_own_images_is_that_of_targets_without_the_others(demo: DemoSet, task: Task) -> None:
+def test_the_score_of_own_images_is_that_of_targets_without_the_others(demo: DemoSet) -> None:
     tables = [table(demo.rows(disturbed), "a"), table(demo.rows(perfect)[::2], "b")]
     some, none, few = list(demo.targets.counts)[1:3], None, list(demo.targets.counts)[:1]
-    found = bop_scores(tables, demo.truth, demo.targets, task, own_parts=[own(some), none])
-    plain = bop_scores(tables, demo.truth, demo.targets, task)
-    assert found[1].own is None
-    assert [s.own for s in plain] == [None, None]
-    assert [every_number(s) for s in found] == [every_number(s) for s in plain]
-    first, second = (
-        bop_scores(tables, demo.truth, replace(demo.targets, counts={i: demo.targets.counts[i] for i in images}), task)
-        for images in (some, few)
-    )
-    assert found[0].own is not None
-    assert every_number(found[0].own) == every_number(first[0]) != every_number(plain[0])
-    both = bop_scores(tables, demo.truth, demo.targets, task, own_parts=[own(some), own(few)])
-    assert [every_number(s.own) for s in both if s.own] == [every_number(first[0]), every_number(second[1])]
+    for task in ("localization", "detection"):
+        found = bop_scores(tables, demo.truth, demo.targets, task, own_parts=[own(some), none])
+        plain = bop_scores(tables, demo.truth, demo.targets, task)
+        assert found[1].own is None
+        assert [s.own for s in plain] == [None, None], task
+        assert [every_number(s) for s in found] == [every_number(s) for s in plain], task
+        first, second = (
+            bop_scores(
+                tables, demo.truth, replace(demo.targets, counts={i: demo.targets.counts[i] for i in images}), task
+            )
+            for images in (some, few)
+        )
+        assert found[0].own is not None
+        assert every_number(found[0].own) == every_number(first[0]) != every_number(plain[0]), task
+        both = bop_scores(tables, demo.truth, demo.targets, task, own_parts=[own(some), own(few)])
+        assert [every_number(s.own) for s in both if s.own] == [every_number(first[0]), every_number(second[1])], task
 
 
 def own(images: list[tuple[int, int]], objects: frozenset[int] | None = None) -> OwnPart:
     return OwnPart(frozenset(images), "run", objects)
 
 
-@pytest.mark.parametrize("task", ["localization", "detection"])
-def test_the_score_of_own_objects_is_that_of_targets_without_the_others(demo: DemoSet, task: Task) -> None:
+def test_the_score_of_own_objects_is_that_of_targets_without_the_others(demo: DemoSet) -> None:
     tables = [table(demo.rows(disturbed), "a")]
     images = list(demo.targets.counts)[:3]
     some = frozenset(list(demo.targets.counts[images[0]])[:2])
-    (found,) = bop_scores(tables, demo.truth, demo.targets, task, own_parts=[own(images, some)])
-    assert found.own is not None
-    if task == "localization":
-        counts = {i: {o: n for o, n in demo.targets.counts[i].items() if o in some} for i in images}
-        (alone,) = bop_scores(tables, demo.truth, replace(demo.targets, counts=counts), task)
-        assert every_number(found.own) == every_number(alone)
-    assert set(found.own.recalls_by_object) | set(found.own.precision_by_object) == some
+    for task in ("localization", "detection"):
+        (found,) = bop_scores(tables, demo.truth, demo.targets, task, own_parts=[own(images, some)])
+        assert found.own is not None
+        if task == "localization":
+            counts = {i: {o: n for o, n in demo.targets.counts[i].items() if o in some} for i in images}
+            (alone,) = bop_scores(tables, demo.truth, replace(demo.targets, counts=counts), task)
+            assert every_number(found.own) == every_number(alone), task
+        assert set(found.own.recalls_by_object) | set(found.own.precision_by_object) == some, task
 
 
 def every_number(scores: Scores) -> list[object]:

@@ -52,15 +52,12 @@ def moved(T: Float, x_m: float) -> Float:
     return transform(np.eye(3), [x_m, 0, 0]) @ T
 
 
-def test_each_estimate_takes_the_instance_it_fits(made: Made) -> None:
+def test_each_estimate_takes_the_instance_it_fits_and_two_of_one_find_it_once(made: Made) -> None:
     left, middle, right = true_poses(made)
     scores = scored(made, [row(2, 0.5, right), row(5, 0.1, middle), row(2, 0.9, left)])
     assert scores.recalls is not None
     assert scores.recalls.ar == 1.0
     assert [(a.gt_id, a.row) for a in scores.answers] == [(0, 2), (2, 0), (1, 1)]
-
-
-def test_two_estimates_of_one_instance_find_it_once(made: Made) -> None:
     left, middle, _ = true_poses(made)
     scores = scored(made, [row(2, 0.5, left), row(2, 0.9, left), row(5, 0.1, middle)])
     assert scores.recalls is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -28,34 +29,29 @@ def off_by(rotation_deg: float, shift_m: float, seed: int) -> Float:
     return transform(R @ T_GT[:3, :3], R @ (T_GT[:3, 3] - middle) + middle + shift_m * random_unit_vector(rng))
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize(
-    ("rotation_deg", "shift_radii"), [(0, 0.3), (10, 0.0), (59, 0.7), (61, 0.1), (20, 0.9), (179, 2)]
-)
-def test_a_start_is_beyond_the_range_by_its_rotation_or_by_the_shift_of_its_middle(
-    rotation_deg: float, shift_radii: float, seed: int
-) -> None:
-    assert T_GT is not None
-    start = start_of(
-        replace(MODEL, symmetries=np.eye(4)[None]), off_by(rotation_deg, shift_radii * RADIUS_M, seed), T_GT
-    )
-    assert start.rotation_deg == pytest.approx(rotation_deg, abs=1e-6)
-    assert start.shift_mm == pytest.approx(1e3 * shift_radii * RADIUS_M, abs=1e-6)
-    assert start.is_beyond(TRAINED) == (rotation_deg > 60 or shift_radii > 0.8)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_brought_within_a_start_keeps_its_direction_and_what_is_already_small(seed: int) -> None:
+def test_a_start_is_beyond_the_range_by_its_rotation_or_by_the_shift_of_its_middle() -> None:
     assert T_GT is not None
     model = replace(MODEL, symmetries=np.eye(4)[None])
-    far = start_of(model, off_by(120, 0.2 * RADIUS_M, seed), T_GT)
-    near = start_of(model, far.brought_within(TRAINED, 0.5), T_GT)
-    assert near.turn == pytest.approx(far.turn / 4, abs=1e-9)
-    assert near.shift_m == pytest.approx(far.shift_m, abs=1e-9)
-    shifted = start_of(model, off_by(10, 1.6 * RADIUS_M, seed), T_GT)
-    near = start_of(model, shifted.brought_within(TRAINED, 0.5), T_GT)
-    assert near.turn == pytest.approx(shifted.turn, abs=1e-9)
-    assert near.shift_m == pytest.approx(shifted.shift_m / 4, abs=1e-9)
+    cases = (0, 0.3), (10, 0.0), (59, 0.7), (61, 0.1), (20, 0.9), (179, 2)
+    for seed, (rotation_deg, shift_radii) in itertools.product(range(4), cases):
+        start = start_of(model, off_by(rotation_deg, shift_radii * RADIUS_M, seed), T_GT)
+        assert start.rotation_deg == pytest.approx(rotation_deg, abs=1e-6), seed
+        assert start.shift_mm == pytest.approx(1e3 * shift_radii * RADIUS_M, abs=1e-6), seed
+        assert start.is_beyond(TRAINED) == (rotation_deg > 60 or shift_radii > 0.8), (rotation_deg, shift_radii)
+
+
+def test_brought_within_a_start_keeps_its_direction_and_what_is_already_small() -> None:
+    assert T_GT is not None
+    model = replace(MODEL, symmetries=np.eye(4)[None])
+    for seed in range(4):
+        far = start_of(model, off_by(120, 0.2 * RADIUS_M, seed), T_GT)
+        near = start_of(model, far.brought_within(TRAINED, 0.5), T_GT)
+        assert near.turn == pytest.approx(far.turn / 4, abs=1e-9), seed
+        assert near.shift_m == pytest.approx(far.shift_m, abs=1e-9), seed
+        shifted = start_of(model, off_by(10, 1.6 * RADIUS_M, seed), T_GT)
+        near = start_of(model, shifted.brought_within(TRAINED, 0.5), T_GT)
+        assert near.turn == pytest.approx(shifted.turn, abs=1e-9), seed
+        assert near.shift_m == pytest.approx(shifted.shift_m / 4, abs=1e-9), seed
 
 
 def test_a_turn_that_looks_the_same_is_no_distance() -> None:

@@ -48,12 +48,9 @@ def test_without_a_free_grasp_nothing_is_carried_out(duck: Problem) -> None:
     assert not attempt.is_free.any()
 
 
-def test_an_object_wider_than_the_gripper_is_named_before_anything_is_solved(duck: Problem) -> None:
+def test_objects_without_ground_truth_or_wider_than_the_gripper_are_named(duck: Problem) -> None:
     with pytest.raises(InputError, match=r"frame 0/0: no object can be gripped.*grasp.opening_m = 0.02"):
         _scene(duck, GraspSettings(opening_m=0.02)).check_any_grasp()
-
-
-def test_an_object_without_ground_truth_is_named(duck: Problem) -> None:
     unknown = replace(duck, instances=tuple(replace(i, T_cam_obj_gt=None) for i in duck.instances))
     with pytest.raises(InputError, match=r"frame 0/0: object 2 has no ground truth"):
         _scene(unknown, GraspSettings())

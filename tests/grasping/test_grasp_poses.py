@@ -26,21 +26,16 @@ def test_a_file_named_after_the_object_is_read(tmp_path: Path, block: ObjectMode
     np.testing.assert_allclose(grasps.T_obj_gripper, poses, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("poses", "message"),
-    [
+def test_what_is_no_grasp_of_the_object_is_refused(tmp_path: Path, block: ObjectModel) -> None:
+    for poses, message in (
         (transform(np.eye(3), [0.0, 0.0, 0.4])[None], "another object"),
         (np.diag([2.0, 1.0, 1.0, 1.0])[None], "4×4 transforms in metres"),
         (np.zeros((3, 5)), "is no .npy file of 4×4 transforms"),
         (np.zeros((0, 16)), "holds no grasp"),
-    ],
-)
-def test_what_is_no_grasp_of_the_object_is_refused(
-    tmp_path: Path, block: ObjectModel, poses: np.ndarray, message: str
-) -> None:
-    np.save(tmp_path / "block.npy", poses)
-    with pytest.raises(InputError, match=message):
-        grasps_of(block, GraspSettings(folder=str(tmp_path)))
+    ):
+        np.save(tmp_path / "block.npy", poses)
+        with pytest.raises(InputError, match=message):
+            grasps_of(block, GraspSettings(folder=str(tmp_path)))
 
 
 def test_a_folder_without_grasps_is_refused(tmp_path: Path, block: ObjectModel) -> None:

@@ -13,7 +13,7 @@ from verefine_viz.scenes.source import open_scene
 
 pytestmark = [pytest.mark.data, pytest.mark.usefixtures("long_run", "processes")]
 
-MOST = 5
+MOST = 3
 """Free grasps per object that are carried out, spread over the list."""
 
 

@@ -113,52 +113,39 @@ def test_classes_and_points_of_official_weights_are_known(tmp_path: Path) -> Non
     assert not {3, 7} & set(lm.obj_ids)
 
 
-@pytest.mark.parametrize(
-    ("n_classes", "settings", "said"),
-    [
+def test_another_number_of_classes_is_one_line(tmp_path: Path) -> None:
+    for n_classes, settings, said in (
         (21, {"classes": (1, 2)}, "have 21 classes, densefusion.classes names 2 objects"),
         (7, {}, "have 7 classes, neither the 21 of YCB-Video nor the 13 of LINEMOD; name the ids"),
-    ],
-)
-def test_another_number_of_classes_is_one_line(
-    tmp_path: Path, n_classes: int, settings: dict[str, Any], said: str
-) -> None:
-    with pytest.raises(InputError, match=re.escape(said)) as raised:
-        pose_of(tmp_path, pose_network(QUAT, OFFSET, OFFSET, n_classes), **settings)
-    assert "\n" not in str(raised.value)
-    with pytest.raises(InputError, match=re.escape(said)):
-        steps_of(tmp_path, refine_network(QUAT, 0.0, n_classes), **settings)
+    ):
+        with pytest.raises(InputError, match=re.escape(said)) as raised:
+            pose_of(tmp_path, pose_network(QUAT, OFFSET, OFFSET, n_classes), **settings)
+        assert "\n" not in str(raised.value), said
+        with pytest.raises(InputError, match=re.escape(said)):
+            steps_of(tmp_path, refine_network(QUAT, 0.0, n_classes), **settings)
 
 
-def test_an_object_that_the_network_does_not_know_is_one_line(tmp_path: Path) -> None:
+def test_unknown_objects_frames_without_colour_and_the_wrong_network_are_one_line(tmp_path: Path) -> None:
     net = pose_of(tmp_path, pose_network(QUAT, OFFSET, OFFSET, 2, classes=[4, 6]))
     with pytest.raises(InputError, match=r"pose\.onnx: unknown object 1; available: 4, 6"):
         net.poses(coloured_target(1))
-
-
-@pytest.mark.parametrize(
-    ("quat", "said"), [([np.nan] * 4, "give NaN or infinity"), ([0.0] * 4, "give a quaternion without length")]
-)
-def test_answers_that_are_no_pose_are_one_line(tmp_path: Path, quat: list[float], said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        pose_of(tmp_path, pose_network(np.array(quat), OFFSET, OFFSET, 1, classes=[1])).poses(coloured_target())
-    steps = steps_of(tmp_path, refine_network(np.array(quat), 0.0, 1, classes=[1]))
-    with pytest.raises(InputError, match=said):
-        steps.refined(POSE, some_colours(np.random.default_rng(0), POSE), coloured_target().model, 1)
-
-
-def test_without_colour_it_says_so(tmp_path: Path) -> None:
     net = pose_of(tmp_path, pose_network(QUAT, OFFSET, OFFSET, 1, classes=[1]))
     target = coloured_target()
     with pytest.raises(InputError, match="needs a colour image, and this frame has none"):
         net.poses(replace(target, observation=replace(target.observation, rgb=None)))
-
-
-def test_the_wrong_network_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(
         InputError, match=r"hold densefusion_refine, .* expected densefusion_pose, .* train densefusion writes"
     ):
         pose_of(tmp_path, refine_network(QUAT, 0.0, 1))
+
+
+def test_answers_that_are_no_pose_are_one_line(tmp_path: Path) -> None:
+    for quat, said in (([np.nan] * 4, "give NaN or infinity"), ([0.0] * 4, "give a quaternion without length")):
+        with pytest.raises(InputError, match=said):
+            pose_of(tmp_path, pose_network(np.array(quat), OFFSET, OFFSET, 1, classes=[1])).poses(coloured_target())
+        steps = steps_of(tmp_path, refine_network(np.array(quat), 0.0, 1, classes=[1]))
+        with pytest.raises(InputError, match=said):
+            steps.refined(POSE, some_colours(np.random.default_rng(0), POSE), coloured_target().model, 1)
 
 
 def test_rotations_of_quaternions_of_any_length(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -36,55 +37,54 @@ def stepped(name: str, problem: Problem, n: int, **fields: object) -> Run:
     return run
 
 
-@pytest.mark.parametrize("name", METHOD_NAMES)
-@pytest.mark.parametrize("k", [0, 1, 2])
-def test_the_next_iteration_works_on_the_moved_hypothesis_whatever_it_scores(name: str, k: int) -> None:
-    run = stepped(name, box_problem(3, 1), k)
-    for arm in range(len(run.state.objects[0].arms)):
-        fork = run.fork(k, edit=(0, arm, PUT))
-        fork.step()
-        first = fork.iterations[k]
-        assert first.arm == arm
-        assert np.array_equal(first.stages[0].T_cam_obj, PUT)
-        assert "edited" in [e.kind for e in first.events]
-        if name in CHOOSING:
-            assert first.choice is not None
-            assert first.choice.arm == arm
-            assert first.choice.reason == f"hypothesis {arm + 1}: its pose was edited and is played first"
-        assert fork.state.objects[0].edited_arms == ()
+def test_the_next_iteration_works_on_the_moved_hypothesis_whatever_it_scores() -> None:
+    for name, k in itertools.product(METHOD_NAMES, (0, 1, 2)):
+        run = stepped(name, box_problem(3, 1), k)
+        for arm in range(len(run.state.objects[0].arms)):
+            fork = run.fork(k, edit=(0, arm, PUT))
+            fork.step()
+            first = fork.iterations[k]
+            assert first.arm == arm, (name, k)
+            assert np.array_equal(first.stages[0].T_cam_obj, PUT), (name, k)
+            assert "edited" in [e.kind for e in first.events], (name, k)
+            if name in CHOOSING:
+                assert first.choice is not None
+                assert first.choice.arm == arm, (name, k)
+                assert first.choice.reason == f"hypothesis {arm + 1}: its pose was edited and is played first"
+            assert fork.state.objects[0].edited_arms == (), (name, k)
 
 
-@pytest.mark.parametrize("name", METHOD_NAMES)
-def test_the_rest_of_the_run_goes_its_usual_way_and_a_replay_repeats_it(name: str) -> None:
+def test_the_rest_of_the_run_goes_its_usual_way_and_a_replay_repeats_it() -> None:
     problem = clustered(box_problem(3, 2), (0, 1))
-    run = stepped(name, problem, 2)
-    instance, arm = (1, len(run.state.objects[1].arms) - 1)
-    fork = run.fork(2, edit=(instance, arm, PUT))
-    fork.finish()
-    assert fork.length == fork.n_iterations == run.n_iterations
-    by_hand = [i.index for i in fork.iterations if "edited" in [e.kind for e in i.events]]
-    assert len(by_hand) == 1, "played first, once"
-    again = Run(method_of(name), problem, edits=fork.edits)
-    again.finish()
-    assert first_difference(fork.iterations, again.iterations) is None
-    rewound = fork.fork(5)
-    rewound.finish()
-    assert first_difference(fork.iterations, rewound.iterations) is None
+    for name in METHOD_NAMES:
+        run = stepped(name, problem, 2)
+        instance, arm = (1, len(run.state.objects[1].arms) - 1)
+        fork = run.fork(2, edit=(instance, arm, PUT))
+        fork.finish()
+        assert fork.length == fork.n_iterations == run.n_iterations, name
+        by_hand = [i.index for i in fork.iterations if "edited" in [e.kind for e in i.events]]
+        assert len(by_hand) == 1, f"{name} plays it first, once"
+        again = Run(method_of(name), problem, edits=fork.edits)
+        again.finish()
+        assert first_difference(fork.iterations, again.iterations) is None, name
+        rewound = fork.fork(5)
+        rewound.finish()
+        assert first_difference(fork.iterations, rewound.iterations) is None, name
 
 
-@pytest.mark.parametrize("name", METHOD_NAMES)
-def test_another_object_is_worked_on_ahead_of_its_turn_and_then_the_turns_go_on(name: str) -> None:
+def test_another_object_is_worked_on_ahead_of_its_turn_and_then_the_turns_go_on() -> None:
     problem = clustered(box_problem(2, 3), (0, 1, 2))
-    fork = stepped(name, problem, 1).fork(1, edit=(2, 0, PUT))
-    fork.finish()
-    own = [i.instance_id for i in fork.iterations]
-    if name == "vf_depth":  # A pass needs its order: it comes when it is next in turn.
-        assert own[:4] == [0, 1, 2, 0]
-        assert np.array_equal(fork.iterations[2].stages[0].T_cam_obj, PUT)
-    else:
-        assert own[:3] == [0, 2, 0]
-        assert sorted(own[2:]) == own[2:]
-        assert np.array_equal(fork.iterations[1].stages[0].T_cam_obj, PUT)
+    for name in METHOD_NAMES:
+        fork = stepped(name, problem, 1).fork(1, edit=(2, 0, PUT))
+        fork.finish()
+        own = [i.instance_id for i in fork.iterations]
+        if name == "vf_depth":  # A pass needs its order: it comes when it is next in turn.
+            assert own[:4] == [0, 1, 2, 0], name
+            assert np.array_equal(fork.iterations[2].stages[0].T_cam_obj, PUT), name
+        else:
+            assert own[:3] == [0, 2, 0], name
+            assert sorted(own[2:]) == own[2:], name
+            assert np.array_equal(fork.iterations[1].stages[0].T_cam_obj, PUT), name
 
 
 def test_what_went_ahead_is_judged_again_among_the_objects_that_were_solved_meanwhile() -> None:
@@ -101,15 +101,15 @@ def test_what_went_ahead_is_judged_again_among_the_objects_that_were_solved_mean
     assert np.array_equal(last.placed[0].T_cam_obj, final.T_cam_obj)
 
 
-@pytest.mark.parametrize("name", ["rir", "vf_breadth"])
-def test_a_moved_hypothesis_begins_anew_with_the_score_of_its_pose_as_the_first_play(name: str) -> None:
-    run = stepped(name, box_problem(3, 1), 4)
-    arm = run.iterations[-1].arm
-    before = run.state.objects[0].arms[arm]
-    edited = run.fork(4, edit=(0, arm, PUT)).state.objects[0].arms[arm]
-    assert before.plays > 1
-    assert (edited.plays, edited.mean) == (1.0, edited.current.score.score)
-    assert edited.n_iterations == before.n_iterations, "iterations were spent on it all the same"
+def test_a_moved_hypothesis_begins_anew_with_the_score_of_its_pose_as_the_first_play() -> None:
+    for name in ("rir", "vf_breadth"):
+        run = stepped(name, box_problem(3, 1), 4)
+        arm = run.iterations[-1].arm
+        before = run.state.objects[0].arms[arm]
+        edited = run.fork(4, edit=(0, arm, PUT)).state.objects[0].arms[arm]
+        assert before.plays > 1, name
+        assert (edited.plays, edited.mean) == (1.0, edited.current.score.score), name
+        assert edited.n_iterations == before.n_iterations, "iterations were spent on it all the same"
 
 
 def test_a_second_play_counts_beside_the_pose_that_was_put_there() -> None:
@@ -121,13 +121,13 @@ def test_a_second_play_counts_beside_the_pose_that_was_put_there() -> None:
     assert (arm.plays, arm.mean) == (2.0, pytest.approx((score + reward) / 2))
 
 
-@pytest.mark.parametrize("prior", ["scene", "object"])
-def test_in_passes_its_first_play_is_worth_what_that_of_any_hypothesis_is(prior: str) -> None:
+def test_in_passes_its_first_play_is_worth_what_that_of_any_hypothesis_is() -> None:
     problem = clustered(box_problem(2, 2), (0, 1))
-    run = stepped("vf_depth", problem, 0, scene_prior=prior)
-    pose = run.state.objects[1].arms[0].current.T_cam_obj
-    unmoved = run.fork(0, edit=(1, 0, pose)).state.objects[1].arms[0]
-    assert unmoved.mean == pytest.approx(run.state.objects[1].arms[0].mean, abs=1e-12), "put where it was"
+    for prior in ("scene", "object"):
+        run = stepped("vf_depth", problem, 0, scene_prior=prior)
+        pose = run.state.objects[1].arms[0].current.T_cam_obj
+        unmoved = run.fork(0, edit=(1, 0, pose)).state.objects[1].arms[0]
+        assert unmoved.mean == pytest.approx(run.state.objects[1].arms[0].mean, abs=1e-12), "put where it was"
 
 
 def test_the_latest_of_several_moved_hypotheses_comes_first_and_all_come() -> None:
@@ -164,13 +164,13 @@ def test_even_gives_every_hypothesis_its_share_all_the_same() -> None:
     assert [arms.count(j) for j in range(3)] == [3, 3, 3]
 
 
-@pytest.mark.parametrize("name", METHOD_NAMES)
-def test_without_budget_a_moved_pose_is_scored_but_waits_for_nothing(name: str) -> None:
-    run = stepped(name, box_problem(2, 1), 0)
-    run.finish()
-    fork = run.fork(run.length, edit=(0, 0, PUT))
-    assert fork.is_done
-    assert fork.state.objects[0].edited_arms == ()
+def test_without_budget_a_moved_pose_is_scored_but_waits_for_nothing() -> None:
+    for name in METHOD_NAMES:
+        run = stepped(name, box_problem(2, 1), 0)
+        run.finish()
+        fork = run.fork(run.length, edit=(0, 0, PUT))
+        assert fork.is_done, name
+        assert fork.state.objects[0].edited_arms == (), name
 
 
 def test_after_other_settings_of_the_score_the_answer_is_the_best_pose_also_among_the_first_ones() -> None:

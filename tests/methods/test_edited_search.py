@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -44,17 +43,17 @@ def test_the_search_takes_the_shortest_way_to_where_it_can_be_placed(
         assert selection.choices[-1] == f"hypothesis {arm + 1}: its pose was edited and is placed first"
 
 
-@pytest.mark.parametrize("instance_id", [0, 1, 2])
-def test_it_is_placed_next_below_what_is_placed_already(instance_id: int) -> None:
-    run = stepped(10, (0, 1, 2))
-    deep = max(node.level for node in run.state.searches[0].tree.nodes)
-    fork = run.fork(10, edit=(instance_id, 1, PUT))
-    while fork.state.objects[instance_id].edited_arms:
-        fork.step()
-    made = fork.iterations[10:]
-    assert len(made) == max(1, instance_id - deep + 1)
-    assert (made[-1].instance_id, made[-1].arm) == (instance_id, 1)
-    assert np.array_equal(made[-1].stages[0].T_cam_obj, PUT)
+def test_it_is_placed_next_below_what_is_placed_already() -> None:
+    for instance_id in (0, 1, 2):
+        run = stepped(10, (0, 1, 2))
+        deep = max(node.level for node in run.state.searches[0].tree.nodes)
+        fork = run.fork(10, edit=(instance_id, 1, PUT))
+        while fork.state.objects[instance_id].edited_arms:
+            fork.step()
+        made = fork.iterations[10:]
+        assert len(made) == max(1, instance_id - deep + 1), instance_id
+        assert (made[-1].instance_id, made[-1].arm) == (instance_id, 1), instance_id
+        assert np.array_equal(made[-1].stages[0].T_cam_obj, PUT), instance_id
 
 
 def test_until_then_it_completes_every_scene() -> None:

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Problem, Target
-from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings
 from verefine_viz.methods.arms import ObjectState
 from verefine_viz.methods.bandit import Ucb
@@ -42,17 +41,17 @@ class Throwing(FakeRefiner):
         return T
 
 
-@pytest.mark.parametrize("name", METHOD_NAMES)
-def test_a_step_out_of_reach_is_not_taken_and_the_frame_goes_on(name: str, tmp_path: Path) -> None:
+def test_a_step_out_of_reach_is_not_taken_and_the_frame_goes_on(tmp_path: Path) -> None:
     problem = box_problem(2, 2)
     simulator = BulletSimulator(PhysicsSettings(collider="hull"), tmp_path)
-    settings = MethodSettings.model_validate({"name": name, "iterations": 2})
-    run = Run(make_method(settings, simulator, Throwing(), FakeVerifier(), 3), problem)
-    run.finish()
-    assert run.length == run.n_iterations
-    stages = [stage for it in run.iterations for stage in it.stages]
-    assert max(np.linalg.norm(stage.T_cam_obj[:3, 3]) for stage in stages) < 10
-    assert "refiner_stuck" in {event.kind for it in run.iterations for event in it.events}
+    for name in METHOD_NAMES:
+        settings = MethodSettings.model_validate({"name": name, "iterations": 2})
+        run = Run(make_method(settings, simulator, Throwing(), FakeVerifier(), 3), problem)
+        run.finish()
+        assert run.length == run.n_iterations, name
+        stages = [stage for it in run.iterations for stage in it.stages]
+        assert max(np.linalg.norm(stage.T_cam_obj[:3, 3]) for stage in stages) < 10, name
+        assert "refiner_stuck" in {event.kind for it in run.iterations for event in it.events}, name
 
 
 class Straying(FakeRefiner):
@@ -65,17 +64,16 @@ class Straying(FakeRefiner):
         return T
 
 
-@pytest.mark.parametrize("name", ["refine", "pir", "sir", "rir", "phys_after"])
-@pytest.mark.parametrize("seed", range(4))
-def test_a_new_best_scores_more_than_every_pose_that_was_accepted_before(name: str, seed: int) -> None:
-    settings = MethodSettings.model_validate({"name": name, "iterations": 6})
-    run = Run(make_method(settings, FakeSimulator(), Straying(), FakeVerifier(), 3), box_problem(2, 1, seed))
-    run.finish()
-    for k, it in enumerate(run.iterations):
-        if any(event.kind == "new_best" for event in it.events):
-            before = [one.accepted_stage.score for one in run.iterations[:k]]
-            before += [one.stages[0].score for one in run.iterations[: k + 1]]
-            assert it.best.score.score > max(score.score for score in before if score is not None)
+def test_a_new_best_scores_more_than_every_pose_that_was_accepted_before() -> None:
+    for name, seed in itertools.product(("refine", "pir", "sir", "rir", "phys_after"), range(4)):
+        settings = MethodSettings.model_validate({"name": name, "iterations": 6})
+        run = Run(make_method(settings, FakeSimulator(), Straying(), FakeVerifier(), 3), box_problem(2, 1, seed))
+        run.finish()
+        for k, it in enumerate(run.iterations):
+            if any(event.kind == "new_best" for event in it.events):
+                before = [one.accepted_stage.score for one in run.iterations[:k]]
+                before += [one.stages[0].score for one in run.iterations[: k + 1]]
+                assert it.best.score.score > max(score.score for score in before if score is not None), (name, seed)
 
 
 problems = st.builds(box_problem, st.integers(1, 5), st.integers(1, 2), st.integers(0, 1000))
@@ -217,8 +215,6 @@ def test_physics_comes_once_before_or_once_after() -> None:
 
 
 def test_an_instance_without_hypotheses_is_passed_over() -> None:
-    from dataclasses import replace
-
     problem = box_problem(2, 2)
     empty = replace(problem, instances=(replace(problem.instances[0], hypotheses=()), problem.instances[1]))
     run = run_of("rir", empty)
@@ -227,23 +223,17 @@ def test_an_instance_without_hypotheses_is_passed_over() -> None:
     assert {it.instance_id for it in run.iterations} == {1}
 
 
-@pytest.mark.parametrize("name", [n for n in METHOD_NAMES if not n.startswith("vf_")])
-def test_an_instance_is_solved_alike_alone_and_in_company(name: str) -> None:
+def test_an_instance_is_solved_alike_alone_and_in_company() -> None:
     problem = box_problem(3, 2)
-    together = run_of(name, problem)
-    alone = run_of(name, problem.only([1]))
-
-    def answer(run: Run) -> list[Iteration]:
-        return [it for it in run.iterations if it.instance_id == 1]
-
-    for a, b in zip(answer(together), answer(alone), strict=True):
-        assert first_difference(a.stages, b.stages) is None
-        assert first_difference(a.choice, b.choice) is None
+    for name in (n for n in METHOD_NAMES if not n.startswith("vf_")):
+        runs = run_of(name, problem), run_of(name, problem.only([1]))
+        together, alone = ([it for it in run.iterations if it.instance_id == 1] for run in runs)
+        for a, b in zip(together, alone, strict=True):
+            assert first_difference(a.stages, b.stages) is None, name
+            assert first_difference(a.choice, b.choice) is None, name
 
 
 def test_without_support_the_run_goes_on_and_says_so() -> None:
-    from dataclasses import replace
-
     problem = box_problem(2)
     observation = replace(problem.observation, support=None, support_note="no plane found")
     run = run_of("sir", replace(problem, observation=observation))
@@ -267,29 +257,36 @@ def test_a_hypothesis_whose_plays_count_nothing_comes_first() -> None:
     assert Ucb(0.0).choose(state_of([1.0, 0.0, 0.0], [0.9, 0.1, 0.2])).arm == 0
 
 
-@pytest.mark.parametrize("lead", [0.2, 0.02, 0.004, 0.0004, 0.00002])
-def test_the_sentence_shows_which_sum_is_larger(lead: float) -> None:
-    choice = Ucb(0.7).choose(state_of([3.0, 3.0], [0.5049, 0.5049 + lead]))
-    first, second = (part.split(": ")[1] for part in choice.reason.split(" > "))
-    a, b = (sum(map(float, part.split(" + "))) for part in (first, second))
-    assert choice.arm == 1
-    assert a > b
+def test_the_sentence_shows_which_sum_is_larger() -> None:
+    for lead in (0.2, 0.02, 0.004, 0.0004, 0.00002):
+        choice = Ucb(0.7).choose(state_of([3.0, 3.0], [0.5049, 0.5049 + lead]))
+        first, second = (part.split(": ")[1] for part in choice.reason.split(" > "))
+        a, b = (sum(map(float, part.split(" + "))) for part in (first, second))
+        assert choice.arm == 1, lead
+        assert a > b, lead
 
 
-@pytest.mark.parametrize("scale", [1.0, 1e-2, 1e-3])
-def test_the_event_shows_which_pose_scored_better(scale: float) -> None:
-    class Alike(FakeVerifier):
-        def score(self, target, Ts_cam_obj, placed=()):  # type: ignore[no-untyped-def]
-            found = super().score(target, Ts_cam_obj, placed)
-            return replace(found, score=0.9 + scale * found.score)
+@dataclass(frozen=True)
+class Alike(FakeVerifier):
+    """Scores all poses nearly alike."""
 
-    run = Run(make_method(MethodSettings(name="rir"), FakeSimulator(), FakeRefiner(), Alike(), 3), box_problem(3))
-    run.finish()
-    for it in run.iterations:
-        text = next(e.text for e in it.events if e.kind in ("kept_refined", "kept_simulated"))
-        simulated, refined = map(float, re.findall(r"(?:simulated|refined) (\d\.\d+)", text))
-        a, b = it.stage("simulated").score.score, it.stage("refined").score.score
-        assert np.sign(simulated - refined) == (0 if abs(a - b) < 1e-6 else np.sign(a - b))
+    scale: float = 1.0
+
+    def score(self, target, Ts_cam_obj, placed=()):  # type: ignore[no-untyped-def]
+        found = super().score(target, Ts_cam_obj, placed)
+        return replace(found, score=0.9 + self.scale * found.score)
+
+
+def test_the_event_shows_which_pose_scored_better() -> None:
+    for scale in (1.0, 1e-2, 1e-3):
+        method = make_method(MethodSettings(name="rir"), FakeSimulator(), FakeRefiner(), Alike(scale=scale), 3)
+        run = Run(method, box_problem(3))
+        run.finish()
+        for it in run.iterations:
+            text = next(e.text for e in it.events if e.kind in ("kept_refined", "kept_simulated"))
+            simulated, refined = map(float, re.findall(r"(?:simulated|refined) (\d\.\d+)", text))
+            a, b = it.stage("simulated").score.score, it.stage("refined").score.score
+            assert np.sign(simulated - refined) == (0 if abs(a - b) < 1e-6 else np.sign(a - b)), scale
 
 
 class Foreseeing(FakeVerifier):
@@ -316,8 +313,6 @@ def test_scoring_beside_the_refiner_changes_nothing(problem: Problem, name: str,
 def test_a_score_that_is_not_a_number_counts_as_zero() -> None:
     class Broken(FakeVerifier):
         def score(self, target, Ts_cam_obj, placed=()):  # type: ignore[no-untyped-def]
-            from dataclasses import replace
-
             good = super().score(target, Ts_cam_obj, placed)
             return replace(good, score=np.where(np.arange(len(good)) == 0, np.nan, good.score))
 

@@ -259,7 +259,7 @@ def test_clusters_have_trees_of_their_own_and_do_not_see_each_other() -> None:
 # What can go wrong ----------------------------------------------------------------------------------------------------
 
 
-def test_an_object_without_hypotheses_is_left_out_and_the_rest_goes_on() -> None:
+def test_objects_and_frames_without_hypotheses_are_left_out() -> None:
     problem = box_problem(2, 3)
     instances = list(problem.instances)
     instances[1] = replace(instances[1], hypotheses=())
@@ -270,9 +270,6 @@ def test_an_object_without_hypotheses_is_left_out_and_the_rest_goes_on() -> None
     assert {it.instance_id for it in run.iterations} == {0, 2}
     assert run.length == 3 + 9
     assert [p.instance_id for p in run.iterations[-1].tree.incumbent] == [0, 2]
-
-
-def test_a_frame_without_any_hypothesis_is_over_at_once() -> None:
     problem = box_problem(0, 2)
     run = Run(method_of(problem), problem)
     assert run.is_done
@@ -313,23 +310,17 @@ def test_a_moved_hypothesis_is_tried_from_where_it_was_put_and_a_replay_repeats_
     assert first_difference(fork.iterations, again.iterations) is None
 
 
-@pytest.mark.parametrize(
-    ("edit", "error", "says"),
-    [
+def test_an_impossible_edit_is_said_in_one_line() -> None:
+    problem = box_problem(2)
+    method = method_of(problem)
+    for edit, error, says in (
         ((7, 0, np.eye(4)), InputError, "unknown instance 7"),
         ((0, 9, np.eye(4)), ShapeError, "no hypothesis 10; this object has 3"),
         ((0, 0, 2 * np.eye(4)), ShapeError, "not rigid"),
-    ],
-)
-def test_an_impossible_edit_is_said_in_one_line(edit: tuple, error: type[Exception], says: str) -> None:
-    problem = box_problem(2)
-    method = method_of(problem)
-    with pytest.raises(error, match=says) as caught:
-        method.edit(method.start(problem), *edit)
-    assert "\n" not in str(caught.value)
-
-
-def test_an_object_without_hypotheses_cannot_be_edited() -> None:
+    ):
+        with pytest.raises(error, match=says) as caught:
+            method.edit(method.start(problem), *edit)
+        assert "\n" not in str(caught.value), says
     problem = box_problem(0)
     method = method_of(problem)
     with pytest.raises(InputError, match="instance 0 has no hypothesis"):

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from verefine_viz.core.problem import Edge
-from verefine_viz.observation.dependency_order import Ordering, connected, ordered
+from verefine_viz.observation.dependency_order import connected, ordered
 
 Case = tuple[dict[int, float], tuple[Edge, ...]]
 
@@ -28,10 +28,6 @@ def cases(draw: st.DrawFn) -> Case:
     return depths_m, tuple(edges)
 
 
-def place(found: Ordering) -> dict[int, int]:
-    return {i: k for k, i in enumerate(i for cluster in found.clusters for i in cluster)}
-
-
 def brute_force_components(ids: set[int], pairs: set[frozenset[int]]) -> set[frozenset[int]]:
     """Merges whatever shares a pair until nothing changes."""
     groups = {frozenset((i,)) for i in ids}
@@ -43,19 +39,16 @@ def brute_force_components(ids: set[int], pairs: set[frozenset[int]]) -> set[fro
 
 
 @given(cases())
-def test_what_carries_comes_before_what_it_carries(case: Case) -> None:
+def test_each_instance_comes_once_what_carries_first_in_the_cluster_it_is_connected_with(case: Case) -> None:
     found = ordered(*case)
-    at = place(found)
-    for edge in found.edges:
-        if edge.kind == "support" and edge.state == "used":
-            assert at[edge.first] < at[edge.second]
-
-
-@given(cases())
-def test_every_instance_appears_once(case: Case) -> None:
-    found = ordered(*case)
-    assert sorted(i for cluster in found.clusters for i in cluster) == sorted(case[0])
-    assert [i for chain in found.support_lists for i in chain] == [i for cluster in found.clusters for i in cluster]
+    in_order = [i for cluster in found.clusters for i in cluster]
+    assert sorted(in_order) == sorted(case[0])
+    assert [i for chain in found.support_lists for i in chain] == in_order
+    at = {i: k for k, i in enumerate(in_order)}
+    used = [e for e in found.edges if e.kind == "support" and e.state == "used"]
+    assert all(at[edge.first] < at[edge.second] for edge in used)
+    pairs = {frozenset((e.first, e.second)) for e in case[1]}
+    assert {frozenset(c) for c in found.clusters} == brute_force_components(set(case[0]), pairs)
 
 
 @given(cases(), st.randoms(use_true_random=False))
@@ -65,13 +58,6 @@ def test_the_order_of_the_input_does_not_matter(case: Case, random: object) -> N
     random.shuffle(ids)  # type: ignore[attr-defined]
     random.shuffle(shuffled)  # type: ignore[attr-defined]
     assert ordered({i: depths_m[i] for i in ids}, shuffled) == ordered(depths_m, edges)
-
-
-@given(cases())
-def test_clusters_are_the_connected_components(case: Case) -> None:
-    found = ordered(*case)
-    pairs = {frozenset((e.first, e.second)) for e in case[1]}
-    assert {frozenset(c) for c in found.clusters} == brute_force_components(set(case[0]), pairs)
 
 
 @given(cases(), st.data())
@@ -108,17 +94,15 @@ def test_the_weakest_of_a_circle_goes() -> None:
     assert found.clusters == ((3, 1, 2),)
 
 
-def test_base_objects_go_front_to_back_each_followed_by_what_it_carries() -> None:
+def test_what_carries_comes_first_front_to_back() -> None:
     edges = [Edge("support", 1, 2, 1, ""), Edge("support", 2, 3, 1, ""), Edge("support", 1, 4, 1, ""),
              Edge("contact", 1, 5, 1, ""), Edge("occlusion", 5, 6, 1, "")]  # fmt: skip
     found = ordered({1: 0.8, 2: 0.7, 3: 0.9, 4: 0.6, 5: 0.5, 6: 1.0, 7: 0.4}, edges)
     assert found.clusters == ((7,), (5, 1, 4, 2, 3, 6))
     assert found.support_lists == ((7,), (5,), (1, 4, 2, 3), (6,))
-
-
-def test_what_rests_on_two_things_comes_after_both() -> None:
     edges = [Edge("support", 1, 3, 1, ""), Edge("support", 2, 3, 1, "")]
     assert ordered({1: 0.5, 2: 0.6, 3: 0.4}, edges).clusters == ((1, 2, 3),)
+    assert ordered({}, ()).clusters == ()
 
 
 def test_a_star_is_one_group() -> None:
@@ -126,7 +110,3 @@ def test_a_star_is_one_group() -> None:
     edges = [Edge("contact", 0, leaf, 1.0, "") for leaf in (1, 2, 3)]
     assert connected(range(4), edges) == [[0, 1, 2, 3]]
     assert len(ordered(dict.fromkeys(range(4), 1.0), edges).clusters) == 1
-
-
-def test_no_instance_no_cluster() -> None:
-    assert ordered({}, ()).clusters == ()

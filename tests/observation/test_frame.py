@@ -25,16 +25,13 @@ def test_puts_everything_together() -> None:
     assert first_difference(observation, again) is None
 
 
-def test_a_frame_without_a_plane_is_no_error() -> None:
+def test_a_frame_without_a_plane_or_the_worlds_gravity_is_no_error() -> None:
     camera = box_problem().observation.camera
     observation = observe(camera, np.zeros(camera.shape), None, [], SceneSettings())
     assert observation.support is None
     assert observation.support_note.startswith("no support plane: ")
     assert "\n" not in observation.support_note
     assert not observation.object_mask.any()
-
-
-def test_world_gravity_that_the_frame_does_not_have_is_noted() -> None:
     depth, mask = scene()
     observation = observe(CAMERA, depth, None, [mask], SceneSettings(gravity="world"))
     assert observation.support is None

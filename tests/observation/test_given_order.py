@@ -40,15 +40,12 @@ def test_a_given_order_wins_and_the_evidence_is_still_shown() -> None:
     assert found.notes == ()
 
 
-def test_an_object_that_is_there_twice_is_named_with_both_instances() -> None:
+def test_an_object_that_is_there_twice_is_named_and_unknown_ids_are_ignored() -> None:
     found = graph(((8, 2), (3,)))
     assert found.clusters == ((0, 1), (2, 3))
     (note,) = found.notes
     assert "object 3 is in the frame 2 times, as box3 (#2) and box3 (#3)" in note
     assert '"#2" or "#3"' in note
-
-
-def test_unknown_ids_are_ignored_and_said() -> None:
     found = graph(((99, 8, 2), ("#77",), ("#2", "#3")))
     assert found.clusters == ((0, 1), (2, 3))
     assert found.notes == (
@@ -95,9 +92,9 @@ def test_orders_of_a_file_hold_for_their_frame(tmp_path: Path) -> None:
     assert graph((("#3",), (8, 2), ("#2",)), str(path)).source == "given"  # the session's own order wins
 
 
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
+def test_a_malformed_file_is_refused_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "orders.json"
+    for content, said in (
         ("", "is not JSON"),
         ("{", "is not JSON"),
         ("[" * 100_000, "is not JSON"),
@@ -111,16 +108,13 @@ def test_orders_of_a_file_hold_for_their_frame(tmp_path: Path) -> None:
         ('{"0/1": [[null]]}', "entry None"),
         ('{"0/1": [[[8]]]}', "entry [8]"),
         ('{"0/9": [["#-1"]]}', "entry '#-1'"),
-    ],
-)
-def test_a_malformed_file_is_refused_in_one_line(tmp_path: Path, content: str, said: str) -> None:
-    path = tmp_path / "orders.json"
-    path.write_text(content)
-    with pytest.raises(SettingsError) as error:
-        graph(order_file=str(path))
-    assert said in str(error.value)
-    assert str(path) in str(error.value)
-    assert "\n" not in str(error.value)
+    ):
+        path.write_text(content)
+        with pytest.raises(SettingsError) as error:
+            graph(order_file=str(path))
+        assert said in str(error.value), said
+        assert str(path) in str(error.value), said
+        assert "\n" not in str(error.value), said
 
 
 def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:

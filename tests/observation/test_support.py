@@ -60,20 +60,20 @@ def heights_of_table_mm(support: Support) -> np.ndarray:
     return apply(support.T_world_cam, table)[:, 2] * 1000
 
 
-@pytest.mark.parametrize("noise_m", [0.0, 0.002])
-def test_finds_the_table(noise_m: float) -> None:
-    depth, mask = scene(noise_m)
-    support = find_support(depth, CAMERA, mask, "plane", None, 0)
-    assert np.rad2deg(np.arccos(min(1.0, float(up_cam(support) @ UP)))) < 0.2
-    assert np.abs(heights_of_table_mm(support)).max() < 1.0
-    assert np.allclose(support.normal_world, [0, 0, 1], atol=1e-12)
-    assert support.gravity_source == "plane"
-    assert support.inlier_share > 0.95
-    assert support.rms_m == pytest.approx(noise_m * float(-UP[2]), abs=0.0007)
-    # Right-handed, x along the camera's right, and the camera above the table.
-    assert np.linalg.det(support.T_world_cam[:3, :3]) == pytest.approx(1)
-    assert support.T_world_cam[0, 0] > 0.99
-    assert support.T_world_cam[2, 3] == pytest.approx(TABLE_OFFSET_M, abs=0.001)
+def test_finds_the_table() -> None:
+    for noise_m in (0.0, 0.002):
+        depth, mask = scene(noise_m)
+        support = find_support(depth, CAMERA, mask, "plane", None, 0)
+        assert np.rad2deg(np.arccos(min(1.0, float(up_cam(support) @ UP)))) < 0.2, noise_m
+        assert np.abs(heights_of_table_mm(support)).max() < 1.0, noise_m
+        assert np.allclose(support.normal_world, [0, 0, 1], atol=1e-12), noise_m
+        assert support.gravity_source == "plane", noise_m
+        assert support.inlier_share > 0.95, noise_m
+        assert support.rms_m == pytest.approx(noise_m * float(-UP[2]), abs=0.0007), noise_m
+        # Right-handed, x along the camera's right, and the camera above the table.
+        assert np.linalg.det(support.T_world_cam[:3, :3]) == pytest.approx(1), noise_m
+        assert support.T_world_cam[0, 0] > 0.99, noise_m
+        assert support.T_world_cam[2, 3] == pytest.approx(TABLE_OFFSET_M, abs=0.001), noise_m
 
 
 def test_prefers_the_plane_that_carries_the_objects_to_larger_ones() -> None:
@@ -95,7 +95,7 @@ def test_same_bits_every_time_and_for_any_history() -> None:
     assert first.inlier_share == again.inlier_share
 
 
-def test_gravity_of_the_data_set() -> None:
+def test_gravity_of_the_data_set_or_as_a_vector() -> None:
     depth, mask = scene()
     # The table leans by 3° against the data set's world, as in the Extended APC frame.
     R_world_cam = axis_angle([1, 1, 0], np.deg2rad(3)) @ T_world_cam_true()[:3, :3]
@@ -105,9 +105,6 @@ def test_gravity_of_the_data_set() -> None:
     assert np.rad2deg(np.arccos(support.normal_world[2])) == pytest.approx(3, abs=0.05)
     table = apply(inverse(T_world_cam_true()), np.random.default_rng(1).uniform(-0.2, 0.2, (50, 3)) * [1, 1, 0])
     assert np.abs(apply(support.T_world_cam, table) @ support.normal_world).max() < 0.001
-
-
-def test_gravity_as_a_vector() -> None:
     depth, mask = scene()
     down = axis_angle([1, 0, 0], np.deg2rad(5)) @ -UP * 9.81
     support = find_support(depth, CAMERA, mask, (float(down[0]), float(down[1]), float(down[2])), None, 0)
@@ -135,22 +132,16 @@ def test_origin_lies_on_the_plane_near_the_objects() -> None:
 # No plane -------------------------------------------------------------------------------------------------------------
 
 
-def test_no_depth_no_plane() -> None:
-    zero = np.zeros(CAMERA.shape)
-    with pytest.raises(NoSupportError, match=r"^no support plane: 0 background pixels .* physics is off"):
-        find_support(zero, CAMERA, np.zeros(CAMERA.shape, bool), "plane", None, 0)
-
-
-def test_everything_masked_no_plane() -> None:
-    depth, _ = scene()
-    with pytest.raises(NoSupportError, match="0 background pixels"):
-        find_support(depth, CAMERA, np.ones(CAMERA.shape, bool), "plane", None, 0)
-
-
-def test_scattered_depth_is_no_plane() -> None:
-    depth = np.random.default_rng(0).uniform(0.3, 3.0, CAMERA.shape)
-    with pytest.raises(NoSupportError, match=r"the largest plane holds [0-9]%"):
-        find_support(depth, CAMERA, np.zeros(CAMERA.shape, bool), "plane", None, 0)
+def test_nothing_or_scattered_depth_is_no_plane() -> None:
+    nothing, everything = np.zeros(CAMERA.shape, bool), np.ones(CAMERA.shape, bool)
+    scattered = np.random.default_rng(0).uniform(0.3, 3.0, CAMERA.shape)
+    for depth, mask, said in (
+        (np.zeros(CAMERA.shape), nothing, r"^no support plane: 0 background pixels .* physics is off"),
+        (scene()[0], everything, "0 background pixels"),
+        (scattered, nothing, r"the largest plane holds [0-9]%"),
+    ):
+        with pytest.raises(NoSupportError, match=said):
+            find_support(depth, CAMERA, mask, "plane", None, 0)
 
 
 def test_a_plane_above_the_objects_does_not_carry_them() -> None:
@@ -163,29 +154,17 @@ def test_a_plane_above_the_objects_does_not_carry_them() -> None:
         find_support(depth, CAMERA, mask, "plane", None, 0)
 
 
-def test_gravity_that_no_plane_fits() -> None:
+def test_gravity_that_cannot_be_is_reported() -> None:
     depth, mask = scene()
-    with pytest.raises(NoSupportError, match=r"carries the objects is tilted by 90° against .* most 30°; ph"):
-        find_support(depth, CAMERA, mask, (1.0, 0.0, 0.0), None, 0)
-
-
-def test_gravity_that_points_upwards_is_said_to() -> None:
-    depth, mask = scene()
-    with pytest.raises(NoSupportError, match=r"tilted by 180° against .*; reverse it \(an accelerometer at rest"):
-        find_support(depth, CAMERA, mask, tuple(9.81 * UP), None, 0)
-
-
-def test_world_gravity_without_a_world() -> None:
-    depth, mask = scene()
-    with pytest.raises(NoSupportError, match=r'gravity = "world" needs .*cam_R_w2c.* set gravity = "plane"'):
-        find_support(depth, CAMERA, mask, "world", None, 0)
-
-
-@pytest.mark.parametrize("vector", [(0.0, 0.0, 0.0), (float("nan"), 0.0, 1.0), (float("inf"), 0.0, 1.0)])
-def test_a_vector_without_direction(vector: tuple[float, float, float]) -> None:
-    depth, mask = scene()
-    with pytest.raises(NoSupportError, match="no direction"):
-        find_support(depth, CAMERA, mask, vector, None, 0)
+    nan, inf = float("nan"), float("inf")
+    for gravity, said in (
+        ((1.0, 0.0, 0.0), r"carries the objects is tilted by 90° against .* most 30°; ph"),
+        (tuple(9.81 * UP), r"tilted by 180° against .*; reverse it \(an accelerometer at rest"),
+        ("world", r'gravity = "world" needs .*cam_R_w2c.* set gravity = "plane"'),
+        *((vector, "no direction") for vector in ((0.0, 0.0, 0.0), (nan, 0.0, 1.0), (inf, 0.0, 1.0))),
+    ):
+        with pytest.raises(NoSupportError, match=said):
+            find_support(depth, CAMERA, mask, gravity, None, 0)
 
 
 @pytest.mark.data

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from tests.physics.bodies import angle, ball, box, model, ring
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.core.model import ObjectModel
-from verefine_viz.physics.colliders import build, collider, reduced_hull, signed_distance
+from verefine_viz.physics.colliders import Collider, build, collider, reduced_hull, signed_distance
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.scenes.demo_models import demo_model
 
@@ -44,14 +43,13 @@ def test_centre_and_principal_axes_follow_the_mesh(angle: float, shift: float):
     assert np.linalg.det(solid.T_obj_com[:3, :3]) == pytest.approx(1)
 
 
-@pytest.mark.usefixtures("processes")
-def test_ring_is_hollow_when_decomposed_and_full_as_a_hull():
-    hull, hollow = build(ring(), "hull"), build(ring(), "decomposition")
-    center = np.zeros((1, 3))
+def test_ring_is_hollow_when_decomposed_and_full_as_a_hull(hollow_ring: Collider):
+    hull, center = build(ring(), "hull"), np.zeros((1, 3))
     assert signed_distance(hull.parts, center)[0] < -0.02
-    assert signed_distance(hollow.parts, center)[0] > 0.035
+    assert signed_distance(hollow_ring.parts, center)[0] > 0.035
     assert hull.deviation_m == pytest.approx(0.040, abs=0.004)  # from the middle of the lid to the inner wall
-    assert hollow.deviation_m < 0.005
+    assert hollow_ring.deviation_m < 0.005
+    assert hollow_ring.note == ""
 
 
 def drilled() -> trimesh.Trimesh:
@@ -71,29 +69,17 @@ def doubled() -> trimesh.Trimesh:
     return trimesh.util.concatenate(parts)
 
 
-@pytest.mark.parametrize(
-    ("thing", "is_hull"),
-    [
-        (box(0.06, 0.04, 0.1), True),
-        (ball(), True),
-        (model(drilled()), True),
-        (model(opened(drilled())), False),
-        (model(doubled()), False),
-        (ring(), False),
-        (angle(), False),
-        (demo_model("mug", 100, 0), False),
-        (demo_model("bottle", 100, 0), False),
-    ],
-    ids=["box", "ball", "drilled disc", "the same, not closed", "doubled", "ring", "L", "mug", "bottle"],
-)
-def test_only_what_is_nearly_convex_is_its_hull_without_a_decomposition(
-    thing: ObjectModel, is_hull: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_what_is_nearly_convex_is_its_hull_without_a_decomposition(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
     monkeypatch.setattr("verefine_viz.physics.colliders.decomposed", lambda name, *_: asked.append(name) or [])
-    solid = build(thing, "decomposition")
-    assert (asked == []) == is_hull
-    assert first_difference(solid.parts, build(thing, "hull").parts) is None
+    convex = {"box": box(0.06, 0.04, 0.1), "ball": ball(), "drilled disc": model(drilled())}
+    hollow = {"not closed": model(opened(drilled())), "doubled": model(doubled()), "ring": ring(), "L": angle()}
+    hollow |= {name: demo_model(name, 100, 0) for name in ("mug", "bottle")}
+    for name, thing in (convex | hollow).items():
+        asked.clear()
+        solid = build(thing, "decomposition")
+        assert bool(asked) == (name in hollow), name
+        assert first_difference(solid.parts, build(thing, "hull").parts) is None, name
 
 
 def test_mesh_with_a_hole_takes_its_mass_from_the_parts():
@@ -126,40 +112,39 @@ FLAT = {
 }
 
 
-@pytest.mark.parametrize("case", FLAT)
-def test_mesh_without_volume_is_refused_by_name(case: str, tmp_path: Path):
-    flat = model(trimesh.Trimesh(FLAT[case], [[0, 1, 2], [1, 3, 2]], process=False), 7, "poster")
-    with pytest.raises(ShapeError, match=r"object 7 \(poster\).*solid mesh.*physics\.enabled = false") as caught:
-        collider(flat, "decomposition", tmp_path)
-    assert "\n" not in str(caught.value)
-    assert list(tmp_path.iterdir()) == []
+def test_mesh_without_volume_is_refused_by_name(tmp_path: Path):
+    for case in FLAT:
+        flat = model(trimesh.Trimesh(FLAT[case], [[0, 1, 2], [1, 3, 2]], process=False), 7, "poster")
+        with pytest.raises(ShapeError, match=r"object 7 \(poster\).*solid mesh.*physics\.enabled = false") as caught:
+            collider(flat, "decomposition", tmp_path)
+        assert "\n" not in str(caught.value), case
+        assert list(tmp_path.iterdir()) == [], case
 
 
-@pytest.mark.usefixtures("processes")
-def test_kept_collider_is_the_built_one_and_is_not_built_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    first = collider(ring(), "decomposition", tmp_path)
+def test_hull_and_decomposition_are_kept_apart_and_not_built_again(
+    hollow_ring: Collider, cache: Path, monkeypatch: pytest.MonkeyPatch
+):
+    hull = collider(ring(), "hull", cache)
+    assert len(hull.parts) == 1
+    assert len(hollow_ring.parts) > 1
     monkeypatch.setattr("verefine_viz.physics.colliders.build", lambda *_: pytest.fail("built again"))
-    assert first_difference(first, collider(ring(), "decomposition", tmp_path)) is None
-    assert [path.suffix for path in tmp_path.iterdir()] == [".npz"]
+    assert first_difference(hull, collider(ring(), "hull", cache)) is None
+    assert first_difference(hollow_ring, collider(ring(), "decomposition", cache)) is None
+    assert {path.suffix for path in cache.iterdir()} == {".npz"}
 
 
-@pytest.mark.usefixtures("processes")
-def test_hull_and_decomposition_are_kept_apart(tmp_path: Path):
-    assert len(collider(ring(), "hull", tmp_path).parts) == 1
-    assert len(collider(ring(), "decomposition", tmp_path).parts) > 1
-
-
-@pytest.mark.parametrize("damage", [b"", b"not a zip", b"half"])
-def test_damaged_cache_is_rebuilt(tmp_path: Path, damage: bytes, caplog: pytest.LogCaptureFixture):
+def test_damaged_cache_is_rebuilt(tmp_path: Path, caplog: pytest.LogCaptureFixture):
     thing = box(0.06, 0.04, 0.1)
     first = collider(thing, "hull", tmp_path)
     (path,) = tmp_path.iterdir()
     intact = path.read_bytes()
-    path.write_bytes(intact[: len(intact) // 2] if damage == b"half" else damage)
-    with caplog.at_level(logging.WARNING):
-        assert first_difference(first, collider(thing, "hull", tmp_path)) is None
-    assert f"{path} is damaged and made again" in caplog.text
-    assert path.read_bytes() == intact
+    for damage in (b"", b"not a zip", intact[: len(intact) // 2]):
+        path.write_bytes(damage)
+        caplog.clear()
+        with caplog.at_level(logging.WARNING):
+            assert first_difference(first, collider(thing, "hull", tmp_path)) is None
+        assert f"{path} is damaged and made again" in caplog.text, damage[:20]
+        assert path.read_bytes() == intact, damage[:20]
 
 
 def test_cache_that_cannot_be_written_only_warns(tmp_path: Path, caplog: pytest.LogCaptureFixture):

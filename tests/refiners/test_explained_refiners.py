@@ -41,24 +41,27 @@ def test_only_learned_refiners_explain_themselves() -> None:
     assert learned == {"depth_net", "depth_net_icp"}
 
 
-@pytest.mark.parametrize("T", STARTS)
-def test_the_steps_of_an_explanation_are_those_that_were_made(T: np.ndarray) -> None:
+def test_the_steps_of_an_explanation_are_those_that_were_made() -> None:
     """Turn and shift of each step against the poses before and after it."""
-    poses = [T, *(step.Ts_cam_obj[0] for step in NET.steps(TARGET, T))]
     centre = (TARGET.model.vertices.min(axis=0) + TARGET.model.vertices.max(axis=0)) / 2
-    for (before, after), step in zip(pairwise(poses), NET.explain(TARGET, T), strict=True):
-        moved_m = np.linalg.norm((after - before)[:3, :3] @ centre + (after - before)[:3, 3])
-        turned_rad = angle_between(after[:3, :3], before[:3, :3])
-        assert turned_rad == pytest.approx(np.linalg.norm(step.turn) if step.is_taken else 0, abs=1e-6)
-        assert moved_m == pytest.approx(np.linalg.norm(step.shift_m) if step.is_taken else 0, abs=1e-9)
+    for T in STARTS:
+        poses = [T, *(step.Ts_cam_obj[0] for step in NET.steps(TARGET, T))]
+        for (before, after), step in zip(pairwise(poses), NET.explain(TARGET, T), strict=True):
+            moved_m = np.linalg.norm((after - before)[:3, :3] @ centre + (after - before)[:3, 3])
+            turned_rad = angle_between(after[:3, :3], before[:3, :3])
+            assert turned_rad == pytest.approx(np.linalg.norm(step.turn) if step.is_taken else 0, abs=1e-6), T
+            assert moved_m == pytest.approx(np.linalg.norm(step.shift_m) if step.is_taken else 0, abs=1e-9), T
 
 
-def test_explaining_changes_no_answer() -> None:
+def test_explaining_changes_no_answer_and_out_of_sight_there_is_nothing_to_explain() -> None:
     refiner = make_refiner("depth_net_icp", Session())
     assert isinstance(refiner, LearnedRefiner)
     first = refiner.refine(TARGET, STARTS[0])
     refiner.explain(TARGET, STARTS[1])
     assert np.array_equal(refiner.refine(TARGET, STARTS[0]), first)
+    away = np.array(STARTS[0])
+    away[2, 3] = -1.0
+    assert NET.explain(TARGET, away) == []
 
 
 def test_a_step_that_is_not_taken_and_one_that_is_shortened_say_so(tmp_path: Path) -> None:
@@ -87,12 +90,6 @@ def test_the_line_over_the_rendered_crop_is_the_shift(tmp_path: Path) -> None:
     assert len(changed)
     assert (changed[:, 0] < height / 2).all()
     assert (changed[:, 1] >= 3 * width / 4 - 6).all()
-
-
-def test_out_of_sight_nothing_is_explained() -> None:
-    away = np.array(STARTS[0])
-    away[2, 3] = -1.0
-    assert NET.explain(TARGET, away) == []
 
 
 class Shift:
@@ -139,18 +136,15 @@ def test_what_a_users_own_refiner_says_wrongly_is_one_line(monkeypatch: pytest.M
     assert raised_by_refiner(raised.value).startswith("the refiner 'own' raised ZeroDivisionError")
 
 
-@pytest.mark.parametrize(
-    "given",
-    [
+def test_a_step_that_cannot_be_drawn_is_refused() -> None:
+    for given in (
         {"crops": {}},
         {"crops": {"a": np.zeros((4, 4)), "b": np.zeros((4, 5))}},
         {"crops": {"a": np.zeros((4, 4, 2))}},
         {"crops": {"a": np.zeros((4, 4))}, "turn": np.zeros((3, 3))},
-    ],
-)
-def test_a_step_that_cannot_be_drawn_is_refused(given: dict[str, Any]) -> None:
-    with pytest.raises(ShapeError, match="of a RefinerStep"):
-        RefinerStep(**given)
+    ):
+        with pytest.raises(ShapeError, match="of a RefinerStep"):
+            RefinerStep(**given)
 
 
 def test_where_a_call_began_is_said_against_the_range() -> None:

@@ -46,31 +46,22 @@ def line_of(words: str) -> int:
     return 1 + next(k for k, line in enumerate(HERE.read_text().splitlines()) if words in line)
 
 
-def test_it_is_named_with_its_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_refiner_that_raises_is_named_with_the_line_that_called(monkeypatch: pytest.MonkeyPatch) -> None:
     error = error_of(lambda session: Broken(lambda: 1 / 0), monkeypatch)
     line = line_of("Broken(lambda: 1 / " + "0)")
     assert raised_by_refiner(error) == f"the refiner 'nudge' raised ZeroDivisionError: division by zero ({HERE}:{line})"
-
-
-def test_what_a_library_raises_is_reported_where_the_refiner_called_it(monkeypatch: pytest.MonkeyPatch) -> None:
     error = error_of(lambda session: Broken(lambda: np.linalg.inv(np.zeros((2, 2)))), monkeypatch)
     assert raised_by_refiner(error).endswith(f"Singular matrix ({HERE}:{line_of('np.linalg.' + 'inv')})")
-
-
-def test_what_this_program_raises_when_it_is_called_wrongly_is_the_refiners_too(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
     error = error_of(lambda session: Broken(lambda: Icp(None).refine(TARGET, None)), monkeypatch)  # type: ignore[arg-type]
     assert raised_by_refiner(error).endswith(f"({HERE}:{line_of('Icp(No' + 'ne)')})")
 
 
-def test_without_a_frame_of_its_own_it_is_named_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_frame_of_its_own_or_where_it_cannot_be_built_it_is_named_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     said = raised_by_refiner(error_of(lambda session: TakesTwo(), monkeypatch))
     assert said.startswith("the refiner 'nudge' raised TypeError: ")
     assert said.endswith("were given")
-
-
-def test_one_that_cannot_be_built_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     error = error_of(lambda session: Broken(sys.nothing), monkeypatch)  # type: ignore[attr-defined]
     assert raised_by_refiner(error).startswith("the refiner 'nudge' raised AttributeError: ")
 

@@ -134,22 +134,19 @@ def test_weight_0_is_the_score_of_a_model_without_colours(make: MakeVerifier) ->
     assert maps.rendered_rgb is None
 
 
-def test_the_flip_of_a_uniformly_coloured_box_changes_nothing(make: MakeVerifier) -> None:
+def test_without_print_or_image_there_is_no_term(make: MakeVerifier) -> None:
     one, Ts = target(uniform()), around(8)
     scores = make(colour_weight=W).score(one, Ts)
     assert scores.colour_fit is None
     np.testing.assert_array_equal(scores.score, make().score(one, Ts).score)
-
-
-def test_without_a_colour_image_there_is_no_term(make: MakeVerifier) -> None:
     one = target()
     grey = Target(replace(one.observation, rgb=None), one.instance, one.model)
-    assert make(colour_weight=W).score(grey, around(3)).colour_fit is None
+    assert make(colour_weight=W).score(grey, Ts[:3]).colour_fit is None
 
 
 def test_gain_and_offset_of_the_image_hardly_matter(make: MakeVerifier) -> None:
     verifier, Ts = make(colour_weight=W), around(8)
-    for gain, offset in [(0.6, 0.0), (0.7, 60.0), (0.4, 20.0)]:
+    for gain, offset in ((0.6, 0.0), (0.7, 60.0), (0.4, 20.0)):
         plain, changed = (verifier.score(t, Ts).colour_fit for t in (target(), target(gain=gain, offset=offset)))
         assert plain is not None
         assert changed is not None
@@ -237,7 +234,7 @@ def coloured(**fields: object) -> ScoreSettings:
 def test_both_verifiers_agree(needs_gl: None) -> None:
     T_left, T_right = (transform(T_BOX[:3, :3], [x, 0.0, 0.42]) for x in (-0.05, 0.05))
     both = seen_by([(painted(1), T_left), (painted(2), T_right)])
-    for pixels in ["classes", "observed", "published"]:
+    for pixels in ("classes", "observed", "published"):
         settings = coloured(pixels=pixels)
         cpu, gl = CpuVerifier(settings), GlVerifier(settings)
         try:

@@ -57,7 +57,7 @@ def test_a_pixel_is_explained_within_ten_millimetres(renderer: ExplainedPixels) 
     problem = box_problem(1)
     seen = bare(problem)
     (box,) = true_scene(problem)
-    for shift_m, explains in [(0.0, True), (0.009, True), (-0.009, True), (0.012, False), (-0.012, False)]:
+    for shift_m, explains in ((0.0, True), (0.009, True), (-0.009, True), (0.012, False), (-0.012, False)):
         moved = replace(box, T_cam_obj=transform(np.eye(3), [0, 0, shift_m]) @ box.T_cam_obj)
         front = problem.instances[0].mask & (renderer.depth_m(seen, [moved]) > 0)
         assert front.sum() > 50, (shift_m, explains)
@@ -139,12 +139,9 @@ def test_the_table_of_a_frame_goes_and_its_boxes_stay() -> None:
     assert np.array_equal(left[above], problem.observation.depth_m[above])
 
 
-def test_without_a_plane_the_masks_say_what_is_an_object() -> None:
+def test_without_a_plane_masks_show_objects_and_odd_depth_was_not_measured() -> None:
     o = replace(box_problem(1).observation, support=None)
     assert np.array_equal(without_table(o), np.where(o.object_mask, o.depth_m, 0))
-
-
-def test_depth_that_is_no_number_was_not_measured() -> None:
     o = box_problem(1).observation
     broken = o.depth_m.copy()
     broken[::7], broken[1::7], broken[2::7] = np.nan, np.inf, -1.0

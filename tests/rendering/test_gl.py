@@ -24,7 +24,7 @@ from verefine_viz.rendering.verifier import make_verifier
 def test_both_verifiers_agree() -> None:
     frame = target_of()
     placed = [Placed(7, box(), T_BOX), Placed(8, table(), T_TABLE)]
-    for pixels in ["published", "observed", "classes"]:
+    for pixels in ("published", "observed", "classes"):
         settings = ScoreSettings.model_validate({"pixels": pixels, "simplify_mm": 0})
         cpu, gl = CpuVerifier(settings), GlVerifier(settings)
         for target in (frame, Target(frame.observation, frame.instance, shell())):

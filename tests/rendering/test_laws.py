@@ -126,14 +126,6 @@ def test_a_batch_gives_what_single_calls_give(make: MakeVerifier) -> None:
                 assert single.score[0] == pytest.approx(batch.score[i], abs=3e-4), pixels
 
 
-def test_the_bits_do_not_depend_on_threads_or_history() -> None:
-    target, Ts = target_of(), disturbed(23)
-    one, several = CpuVerifier(ScoreSettings(simplify_mm=0)), CpuVerifier(ScoreSettings(simplify_mm=0))
-    one._n_threads, several._n_threads = 1, 5
-    several.score(target, Ts[::-1])
-    assert one.score(target, Ts).score.tobytes() == several.score(target, Ts).score.tobytes()
-
-
 def test_what_is_begun_comes_to_the_same_bits() -> None:
     """Also while other poses of another target are scored."""
     target, Ts = target_of(), disturbed(9)
@@ -176,20 +168,14 @@ def test_bad_poses_score_0_and_leave_the_others_alone(make: MakeVerifier) -> Non
         assert not maps.f_d.any(), pixels
 
 
-def test_no_poses_give_no_scores(make: MakeVerifier) -> None:
-    assert len(make().score(target_of(), np.zeros((0, 4, 4)))) == 0
-
-
-def test_poses_of_another_shape_are_refused(make: MakeVerifier) -> None:
+def test_no_poses_give_no_scores_and_other_shapes_are_refused(make: MakeVerifier) -> None:
+    target, verifier = target_of(), make()
+    assert len(verifier.score(target, np.zeros((0, 4, 4)))) == 0
     with pytest.raises(ShapeError, match="expected n×4×4"):
-        make().score(target_of(), np.eye(4))
-
-
-def test_a_mask_of_another_size_is_refused(make: MakeVerifier) -> None:
-    target = target_of()
+        verifier.score(target, np.eye(4))
     wrong = Target(target.observation, Instance(3, 1, np.ones((5, 7), bool), np.zeros((0, 3)), ()), target.model)
     with pytest.raises(ShapeError, match="the mask of instance 3 is 7×5, but the frame is 323×241"):
-        make().score(wrong, T_TORUS[None])
+        verifier.score(wrong, T_TORUS[None])
 
 
 def test_a_pose_cannot_hide_where_nothing_was_measured(make: MakeVerifier) -> None:

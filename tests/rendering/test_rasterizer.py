@@ -48,7 +48,7 @@ def test_pixel_centres_are_at_integers() -> None:
 
 
 def test_depth_is_that_of_ray_casting() -> None:
-    for model in [torus(), box(), shell(), table()]:
+    for model in (torus(), box(), shell(), table()):
         rng = np.random.default_rng(5)
         for _ in range(8):
             T = transform(axis_angle(rng.normal(size=3), rng.uniform(0, np.pi)), [*rng.normal(0, 0.05, 2), 0.5])

@@ -107,20 +107,9 @@ def test_an_object_does_not_hide_itself(make: MakeVerifier) -> None:
     assert np.array_equal(verifier.score(target, Ts, [itself]).counts, verifier.score(target, Ts).counts)
 
 
-def test_classes_add_up_to_rendered_and_own_pixels(make: MakeVerifier) -> None:
-    target, Ts = target_of(), disturbed(8)
-    for pixels in MODES:
-        verifier = make(pixels=pixels)
-        scores = verifier.score(target, Ts)
-        own = target.instance.mask & (target.observation.depth_m > 0)
-        for i, T in enumerate(Ts):
-            maps = verifier.maps(target, T)
-            assert scores.counts[i].sum() == ((maps.rendered_m > 0) | own).sum(), pixels
-            assert np.array_equal(np.bincount(maps.classes.ravel(), minlength=6)[1:], scores.counts[i]), pixels
-
-
 def test_maps_are_the_score_pixel_by_pixel(make: MakeVerifier) -> None:
     target, Ts = target_of(), disturbed(5)
+    own = target.instance.mask & (target.observation.depth_m > 0)
     for pixels in MODES:
         verifier = make(pixels=pixels)
         scores = verifier.score(target, Ts)
@@ -131,5 +120,7 @@ def test_maps_are_the_score_pixel_by_pixel(make: MakeVerifier) -> None:
             assert maps.f_n[maps.counted].mean() == pytest.approx(scores.normal_fit[i], abs=2e-6), pixels
             assert not maps.f_d[~maps.counted].any(), pixels
             assert not maps.f_n[~maps.counted].any(), pixels
+            assert scores.counts[i].sum() == ((maps.rendered_m > 0) | own).sum(), pixels
+            assert np.array_equal(np.bincount(maps.classes.ravel(), minlength=6)[1:], scores.counts[i]), pixels
             one_missing = (maps.rendered_m == 0) | (target.observation.depth_m == 0)
             assert np.array_equal(np.isnan(maps.depth_difference_m), one_missing), pixels

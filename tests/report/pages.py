@@ -28,6 +28,11 @@ def without_plotly(html: str) -> str:
     return re.sub(r"<script>/\*.*?</script>", "", html, count=1, flags=re.DOTALL)
 
 
+def size_of_1000_frames(size_of_50: int, size_of_100: int) -> float:
+    """The size of a page if it goes on growing as it does from 50 frames to 100 [bytes]."""
+    return size_of_100 + (1000 - 100) * (size_of_100 - size_of_50) / 50
+
+
 def fill_cards(monkeypatch: pytest.MonkeyPatch) -> None:
     """Gives every card of a gallery the largest pictures and the longest curve."""
     rng = np.random.default_rng(0)

@@ -24,57 +24,36 @@ def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
     return lines[0]
 
 
-def test_another_folder_is_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_no_run_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "is no folder of a batch" in refused(capsys, tmp_path)
     assert "does not exist; expected the folder of a batch run" in refused(capsys, tmp_path / "nowhere")
-
-
-def test_a_run_without_a_result_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "without a single finished frame" in refused(capsys, write_run(tmp_path / "a", []))
 
 
-def test_runs_on_other_data_are_not_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    a = write_run(tmp_path / "a", [row(1)], DEMO)
-    b = write_run(tmp_path / "b", [row(1)], {"scene": {"source": "demo", "demo": "clutter"}})
-    assert "only runs on the same data compare" in refused(capsys, a, b)
-
-
-def test_runs_without_a_common_object_are_not_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    a, b = write_run(tmp_path / "a", [row(1)], DEMO), write_run(tmp_path / "b", [row(2)], DEMO)
-    assert "have no object in common" in refused(capsys, a, b)
-
-
-def test_a_run_is_not_compared_with_itself(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    a = write_run(tmp_path / "a", [row(1)])
+def test_runs_that_cannot_be_compared_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    a, other_object = write_run(tmp_path / "a", [row(1)], DEMO), write_run(tmp_path / "b", [row(2)], DEMO)
+    other_data = write_run(tmp_path / "c", [row(1)], {"scene": {"source": "demo", "demo": "clutter"}})
+    assert "only runs on the same data compare" in refused(capsys, a, other_data)
+    assert "have no object in common" in refused(capsys, a, other_object)
     assert "are the same folder" in refused(capsys, a, a)
-
-
-def test_a_folder_is_no_file_to_write(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    a = write_run(tmp_path / "a", [row(1)])
     assert "expected the name of a file" in refused(capsys, a, "--out", tmp_path)
     assert "expected 0 to 10000" in refused(capsys, a, "--failures", "-1")
 
 
-def test_failures_are_wrong_or_missing_answers_worst_first(tmp_path: Path) -> None:
+def test_failures_are_wrong_or_missing_answers_worst_first_or_the_lowest_scores(tmp_path: Path) -> None:
     rows = [row(1), row(2, add_s_mm=30.0), row(3, add_s_mm=50.0), row(4, add_s_mm=None, status="no_answer")]
     run = load(write_run(tmp_path / "a", rows))
     assert [r.im_id for r in run.failures] == [4, 3, 2]
-
-
-def test_without_ground_truth_the_lowest_scores_come_first(tmp_path: Path) -> None:
     rows = [row(k, has_truth=False, add_s_mm=None, score=score) for k, score in ((1, 0.9), (2, 0.1), (3, 0.5))]
     run = load(write_run(tmp_path / "a", rows))
     assert [r.im_id for r in run.failures] == [2, 3, 1]
 
 
-def test_answers_belong_to_their_instances(tmp_path: Path) -> None:
+def test_answers_belong_to_their_instances_and_two_runs_are_called_a_and_b(tmp_path: Path) -> None:
     rows = [row(1, 0), row(1, 1, status="no_answer", add_s_mm=None), row(1, 2)]
     run = load(write_run(tmp_path / "a", rows))
     assert sorted(run.index.answers("1/1")) == [0, 2]
     assert run.index.answers("1/99") == {}
-
-
-def test_two_runs_are_called_a_and_b(tmp_path: Path) -> None:
     a, b = load_pair(write_run(tmp_path / "a", [row(1)]), write_run(tmp_path / "b", [row(1)]))
     assert (a.label, b.label) == ("A", "B")
 

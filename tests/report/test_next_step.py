@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
-
-import pytest
 
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
@@ -52,13 +51,10 @@ def test_a_tie_is_said_to_be_one() -> None:
     assert found.begin.frame == "1/0"
 
 
-def test_few_cases_are_said_to_be_few() -> None:
+def test_few_cases_and_causes_that_nobody_explained_are_said_to_be_so() -> None:
     assert "few cases, which say little about other frames" in said("pool", "pool", "mask")
     assert "few cases" not in said(*["pool"] * 4, "mask")
     assert said("pool").startswith("The only wrong answer of 5 has the cause “no good hypothesis in the pool”: ")
-
-
-def test_what_nobody_explained_is_not_counted_as_explained() -> None:
     assert "2 not explained" in said("pool", "", "pool", "", "pool")
     assert said("", "").startswith("No cause is known for 2 wrong answers; begin with the worst,")
 
@@ -70,8 +66,9 @@ def test_what_the_answers_have_in_common_is_said_where_it_is_all_of_them() -> No
     assert ", all" not in said("pool", name="bowl")
 
 
-def test_nothing_wrong_nothing_to_do() -> None:
+def test_nothing_wrong_is_nothing_to_do_and_an_unknown_cause_is_shown_as_it_is() -> None:
     assert step() is None
+    assert said("moon_phase").startswith("The only wrong answer of 5 has the cause “moon phase”: look at ")
 
 
 def test_without_ground_truth_the_lowest_score_comes_first() -> None:
@@ -81,15 +78,11 @@ def test_without_ground_truth_the_lowest_score_comes_first() -> None:
     assert (found.text, found.begin.im_id) == ("Which answers are wrong is not known; begin with the lowest score,", 2)
 
 
-def test_a_cause_of_another_version_is_shown_as_it_is() -> None:
-    assert said("moon_phase").startswith("The only wrong answer of 5 has the cause “moon phase”: look at ")
-
-
-@pytest.mark.parametrize("cause", Cause)
-def test_every_cause_has_advice_that_fits_the_method(cause: Cause) -> None:
-    assert cause in ADVICE
-    for method in ALL_METHOD_NAMES:
+def test_every_cause_has_advice_that_fits_the_method() -> None:
+    assert set(Cause) <= ADVICE.keys()
+    for cause, method in itertools.product(Cause, ALL_METHOD_NAMES):
         told = advice(cause, method)
-        assert ("mcts." in told) == (method == "physim_mcts" and cause in (Cause.ARM_STARVED, Cause.BUDGET))
+        is_of_the_tree = method == "physim_mcts" and cause in (Cause.ARM_STARVED, Cause.BUDGET)
+        assert ("mcts." in told) == is_of_the_tree, (cause, method)
         # Only these weigh exploration against what they know.
-        assert "method.exploration" not in told or method in ("rir", "vf_breadth", "vf_depth")
+        assert "method.exploration" not in told or method in ("rir", "vf_breadth", "vf_depth"), (cause, method)

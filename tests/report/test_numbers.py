@@ -49,13 +49,10 @@ def test_an_object_without_an_answer_is_not_found() -> None:
     assert numbers.mean_mm == pytest.approx((2 + 40 + 2) / 3)
 
 
-def test_failed_frames_are_counted_apart() -> None:
+def test_failed_frames_and_what_they_held_are_counted_apart() -> None:
     failed = ObjectRow(scene_id=1, im_id=9, status="failed", message="no depth")
     numbers = numbers_of(run_of(row(1), failed))
     assert (numbers.n_frames, numbers.n_failed_frames, numbers.n_objects) == (2, 1, 1)
-
-
-def test_what_a_failed_frame_held_is_missed() -> None:
     failed = [row(9, k, status="failed", add_s_mm=None, score=None, ms_total=0.0) for k in range(2)]
     left_out = row(1, 5, status="left_out", add_s_mm=None, score=None, ms_total=0.0)
     run = run_of(row(1), *failed, left_out)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.report.pages import GONE, figures, fill_cards, without_plotly
+from tests.report.pages import GONE, figures, fill_cards, size_of_1000_frames, without_plotly
 from tests.report.runs import row, write_run
 from tests.scenes.bop_folder import box_ply, make
 from verefine_viz import cli
@@ -23,14 +23,17 @@ NO_RECORDING = "Some frames have no recording (recording.keep), and so no curve.
 @pytest.mark.usefixtures("long_run")
 def test_a_large_run_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fill_cards(monkeypatch)
-    errors = np.random.default_rng(0).gamma(1.0, 8.0, (1000, 6))
-    rows = [row(k, i, add_s_mm=float(errors[k, i]), score=0.5 + 0.01 * i) for k in range(1000) for i in range(6)]
-    other = [row(k, i, add_s_mm=float(errors[-k, i]), score=0.4 + 0.01 * i) for k in range(1000) for i in range(6)]
-    a, b = write_run(tmp_path / "a", rows, GONE), write_run(tmp_path / "b", other, GONE)
-    write_report(a, b, tmp_path / "report.html")
-    assert (tmp_path / "report.html").stat().st_size < 30e6
-    html = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert html.count('<article class="entry"') == 60
+    sizes = []
+    for n in (50, 100):
+        errors = np.random.default_rng(0).gamma(1.0, 8.0, (n, 6))
+        rows = [row(k, i, add_s_mm=float(errors[k, i]), score=0.5 + 0.01 * i) for k in range(n) for i in range(6)]
+        other = [row(k, i, add_s_mm=float(errors[-k, i]), score=0.4 + 0.01 * i) for k in range(n) for i in range(6)]
+        a, b = write_run(tmp_path / f"a{n}", rows, GONE), write_run(tmp_path / f"b{n}", other, GONE)
+        write_report(a, b, tmp_path / "report.html")
+        html = (tmp_path / "report.html").read_text(encoding="utf-8")
+        assert html.count('<article class="entry"') == 60
+        sizes.append(len(html.encode()))
+    assert size_of_1000_frames(*sizes) < 30e6
     assert len(figures(html)["change"]["data"]) == 4
 
 

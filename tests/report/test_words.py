@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,11 +20,10 @@ from verefine_viz.report.run_sentences import data_doubts, session_title, signed
 from verefine_viz.session.files import resolve
 
 
-@pytest.mark.parametrize(
-    ("value", "shown"), [(0.0, "0.0"), (-0.04, "0.0"), (0.04, "0.0"), (-0.06, "−0.1"), (2.0, "+2.0"), (-12.34, "−12.3")]
-)
-def test_what_rounds_to_zero_has_no_sign(value: float, shown: str) -> None:
-    assert signed(value) == shown
+def test_what_rounds_to_zero_has_no_sign_and_names_break_between_words() -> None:
+    values = (0.0, -0.04, 0.04, -0.06, 2.0, -12.34)
+    assert [signed(value) for value in values] == ["0.0", "0.0", "0.0", "−0.1", "+2.0", "−12.3"]
+    assert breakable("icp.stop max_iterations 0.7 <b>") == "icp.<wbr>stop max_<wbr>iterations 0.7 &lt;b&gt;"
 
 
 @given(st.floats(allow_nan=True, allow_infinity=True), st.integers(0, 3))
@@ -37,21 +35,13 @@ def test_what_shows_as_zero_has_no_colour(value: float, digits: int) -> None:
         assert tone(value, digits) == ("" if math.isnan(value) else "good" if value > 0 else "bad")
 
 
-def test_names_break_between_words_and_not_in_numbers() -> None:
-    assert breakable("icp.stop max_iterations 0.7 <b>") == "icp.<wbr>stop max_<wbr>iterations 0.7 &lt;b&gt;"
-
-
 def run(folder: str = "run", label: str = "", **settings: Any) -> LoadedRun:
     return LoadedRun(label, BatchIndex(Path(folder), resolve({"title": "One of many", **settings}), RunFile(), ()))
 
 
-def test_a_run_is_called_what_it_is_and_not_what_its_session_is_called() -> None:
+def test_runs_are_called_by_what_differs_and_not_by_the_title_of_their_session() -> None:
     assert title(run(method={"name": "pir"}, scene={"source": "bop", "dataset": "/data/ycbv"})) == "pir on ycbv/test"
-
-
-@pytest.mark.parametrize(
-    ("a", "b", "said"),
-    [
+    for a, b, said in (
         ({"method": {"name": "pir"}}, {"method": {"name": "rir"}}, "pir (A) against rir (B)"),
         ({}, {"method": {"exploration": 0.2}}, "rir: method.exploration 0.7 (A) against method.exploration 0.2 (B)"),
         ({}, {"preset": "published"}, "rir: recommended (A) against published (B)"),
@@ -62,13 +52,8 @@ def test_a_run_is_called_what_it_is_and_not_what_its_session_is_called() -> None
             "pir, seeds 3, 0 (A) against rir, seed 0 (B)",
         ),
         ({}, {"title": "Another"}, "rir: before (A) against after (B)"),
-    ],
-)
-def test_two_runs_are_called_by_what_differs(a: dict[str, Any], b: dict[str, Any], said: str) -> None:
-    assert title(run("before", "A", **a), run("after", "B", **b)) == said
-
-
-def test_a_title_is_that_of_all_sessions_or_of_none() -> None:
+    ):
+        assert title(run("before", "A", **a), run("after", "B", **b)) == said, said
     assert session_title([run(), run()]) == "One of many"
     assert session_title([run(), run(title="Another")]) == ""
 

@@ -92,9 +92,10 @@ def test_method_of_a_file_name() -> None:
         assert method_of(f"/some/where/{name}") == method
 
 
-def of(path: Path) -> HypothesesSettings:
-    """Initial poses out of this file."""
-    return HypothesesSettings(source="results", files=(str(path),))
+def results(folder: Path, *lines: str, name: str = "est_x-test.csv") -> HypothesesSettings:
+    """Initial poses out of a results file of these lines."""
+    (folder / name).write_text("\n".join(lines))
+    return HypothesesSettings(source="results", files=(str(folder / name),))
 
 
 def line(obj_id: int, score: float, T: np.ndarray) -> str:
@@ -107,9 +108,7 @@ def test_each_row_goes_to_the_instance_it_overlaps(tmp_path: Path) -> None:
     left, middle, right = made.truth
     shift = transform(np.eye(3), [0.01, 0, 0])
     lines = [line(2, 0.9, right), line(2, 0.8, left), line(2, 0.7, shift @ left), line(5, 0.6, middle)]
-    path = tmp_path / "est_x-test.csv"
-    path.write_text("\n".join([HEADER, *lines]))
-    problem = made.read(of(path))
+    problem = made.read(results(tmp_path, HEADER, *lines))
     assert [[h.confidence for h in i.hypotheses] for i in problem.instances] == [[0.8, 0.7], [0.6], [0.9]]
     # With one of the two instances selected, the other one's rows still belong to the other one.
     np.testing.assert_allclose(problem.instances[2].hypotheses[0].T_cam_obj, right, atol=1e-12)
@@ -118,25 +117,21 @@ def test_each_row_goes_to_the_instance_it_overlaps(tmp_path: Path) -> None:
 
 def test_a_row_beside_all_masks_goes_to_the_nearest(tmp_path: Path) -> None:
     made = make(tmp_path)
-    right = made.truth[2]
-    path = tmp_path / "est_x-test.csv"
-    path.write_text(line(2, 1.0, transform(np.eye(3), [0, -0.2, 0]) @ right))
-    problem = made.read(of(path))
+    aside = transform(np.eye(3), [0, -0.2, 0]) @ made.truth[2]
+    problem = made.read(results(tmp_path, line(2, 1.0, aside)))
     assert [len(i.hypotheses) for i in problem.instances] == [0, 0, 1]
 
 
 def test_files_take_turns_and_none_is_starved(tmp_path: Path) -> None:
     made = make(tmp_path)
     T = made.truth[1]
-    many = tmp_path / "many_x-test.csv"
-    few = tmp_path / "few_x-test.csv"
     apart = [transform(np.eye(3), [0.001 * k, 0, 0]) @ T for k in range(4)]
-    many.write_text("\n".join([HEADER, *(line(5, s, X) for s, X in zip((0.5, 0.9, 0.7, 0.6), apart, strict=True))]))
-    few.write_text("\n".join([HEADER, line(5, 0.01, apart[0]), line(5, 0.02, apart[1])]))
-    files = (str(many), str(few))
+    lines = [line(5, score, X) for score, X in zip((0.5, 0.9, 0.7, 0.6), apart, strict=True)]
+    many = results(tmp_path, *lines, name="many_x-test.csv")
+    few = results(tmp_path, line(5, 0.01, apart[0]), line(5, 0.02, apart[1]), name="few_x-test.csv")
     pools = {}
     for n in (3, 5, 9):
-        h = HypothesesSettings(source="results", files=files, max_per_object=n)
+        h = HypothesesSettings(source="results", files=many.files + few.files, max_per_object=n)
         pools[n] = [(p.source, p.confidence) for p in made.read(h).instances[1].hypotheses]
     assert pools[9] == [("many", 0.9), ("few", 0.02), ("many", 0.7), ("few", 0.01), ("many", 0.6), ("many", 0.5)]
     assert pools[5] == pools[9][:5]
@@ -146,15 +141,13 @@ def test_files_take_turns_and_none_is_starved(tmp_path: Path) -> None:
 def test_a_pose_that_is_there_twice_is_tried_once(tmp_path: Path) -> None:
     made = make(tmp_path)
     other, T, _ = made.truth
-    path = tmp_path / "est_x-test.csv"
     moved = transform(np.eye(3), [0.001, 0, 0]) @ T
     rows = [line(5, 0.9, T), line(5, 0.8, moved), line(2, 0.7, other)]
-    h = of(path)
-    path.write_text("\n".join([HEADER, *rows]))
+    h = results(tmp_path, *rows)
     assert made.open(h).notes == ()
     once = made.read(h)
     for again, said in ((rows, "3 rows repeat"), ([line(5, 0.1, T)], "1 row repeats")):
-        path.write_text("\n".join([HEADER, *rows, *again]))
+        results(tmp_path, *rows, *again)
         note = f"est_x-test.csv: {said} a pose of the same object in the same frame; each pose is tried once"
         assert made.open(h).notes == (note,)
         for before, now in zip(once.instances, made.read(h).instances, strict=True):
@@ -173,9 +166,7 @@ def test_equal_scores_keep_the_order_of_the_file(tmp_path: Path) -> None:
     made = make(tmp_path)
     T = made.truth[1]
     shifts = [transform(np.eye(3), [0.001 * k, 0, 0]) @ T for k in range(4)]
-    path = tmp_path / "est_x-test.csv"
-    path.write_text("\n".join([HEADER, *(line(5, 1.0, s) for s in shifts)]))
-    pool = made.read(of(path)).instances[1].hypotheses
+    pool = made.read(results(tmp_path, *(line(5, 1.0, s) for s in shifts))).instances[1].hypotheses
     assert np.argsort([h.T_cam_obj[0, 3] for h in pool]).tolist() == [0, 1, 2, 3]
     assert all(angle_between(h.T_cam_obj[:3, :3], T[:3, :3]) < 1e-9 for h in pool)
 
@@ -183,12 +174,8 @@ def test_equal_scores_keep_the_order_of_the_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("scale", "is_noted"), [(1e-3, True), (0.1, False)])
 def test_translations_that_look_like_metres_are_noted(tmp_path: Path, scale: float, is_noted: bool) -> None:
     made = make(tmp_path)
-    path = tmp_path / "est_x-test.csv"
-    lines = []
-    for obj_id, T in zip((2, 5, 2), made.truth, strict=True):
-        lines.append(line(obj_id, 0.9, transform(T[:3, :3], scale * T[:3, 3])))
-    path.write_text("\n".join([HEADER, *lines]))
-    source = made.open(of(path))
+    scaled = [transform(T[:3, :3], scale * T[:3, 3]) for T in made.truth]
+    source = made.open(results(tmp_path, *(line(k, 0.9, T) for k, T in zip((2, 5, 2), scaled, strict=True))))
     said = (
         "est_x-test.csv: every pose lies within 20 mm of the camera, so t looks like metres; BOP wants millimetres: "
         "multiply t by 1000"
@@ -199,15 +186,12 @@ def test_translations_that_look_like_metres_are_noted(tmp_path: Path, scale: flo
 
 def test_one_pose_at_the_camera_is_no_sign_of_metres(tmp_path: Path) -> None:
     made = make(tmp_path)
-    far = made.truth[0]
-    path = tmp_path / "est_x-test.csv"
-    path.write_text("\n".join([line(2, 0.9, np.eye(4)), line(2, 0.8, far)]))
-    assert made.open(of(path)).notes == ()
+    lines = line(2, 0.9, np.eye(4)), line(2, 0.8, made.truth[0])
+    assert made.open(results(tmp_path, *lines)).notes == ()
 
 
 def results_file(folder: Path, ids: str, name: str = "est_x-test.csv") -> HypothesesSettings:
-    (folder / name).write_text(f"{HEADER}\n{ids},1.0,1 0 0 0 1 0 0 0 1,0 0 500,-1\n")
-    return HypothesesSettings(source="results", files=(str(folder / name),))
+    return results(folder, HEADER, f"{ids},1.0,1 0 0 0 1 0 0 0 1,0 0 500,-1\n", name=name)
 
 
 def test_rows_that_are_all_of_something_else_are_refused_before_a_frame_is_read(tmp_path: Path) -> None:
@@ -254,17 +238,12 @@ def test_rows_of_another_scene_cannot_start_a_demo(tmp_path: Path) -> None:
 
 def test_an_instance_without_rows_says_so(tmp_path: Path) -> None:
     made = make(tmp_path)
-    T = made.truth[1]
-    path = tmp_path / "est_x-test.csv"
-    path.write_text(line(2, 1.0, T))
-    notes = made.read(of(path)).notes
+    notes = made.read(results(tmp_path, line(2, 1.0, made.truth[1]))).notes
     assert any("obj_000005 (#1) has no hypothesis: no row for object 5 of this frame in est" in note for note in notes)
 
 
 def notes_of(made: Made, *lines: str) -> list[str]:
-    path = made.root / "est_x-test.csv"
-    path.write_text("\n".join(lines))
-    return [note for note in made.read(of(path)).notes if "#" in note]
+    return [note for note in made.read(results(made.root, *lines)).notes if "#" in note]
 
 
 def test_an_instance_whose_rows_another_one_took_says_which(tmp_path: Path) -> None:
@@ -298,14 +277,11 @@ def test_estimates_far_from_their_depth_are_named(tmp_path: Path) -> None:
 
 def test_rows_out_of_reach_give_no_pose_and_the_others_do(tmp_path: Path) -> None:
     made = make(tmp_path / "boxes")
-    near, far = "7,3,5,1,1 0 0 0 1 0 0 0 1,0 0 500,-1\n", "7,3,5,2,1 0 0 0 1 0 0 0 1,0 0 1e30,-1\n"
-    path = tmp_path / "net_x-test.csv"
-    path.write_text(near + far)
-    source = made.open(of(path))
-    said = "net_x-test.csv: 1 row gives no pose: it lies more than 100 m from the camera; BOP wants t in millimetres"
+    near, far = "7,3,5,1,1 0 0 0 1 0 0 0 1,0 0 500,-1", "7,3,5,2,1 0 0 0 1 0 0 0 1,0 0 1e30,-1"
+    source = made.open(results(tmp_path, near, far))
+    said = "est_x-test.csv: 1 row gives no pose: it lies more than 100 m from the camera; BOP wants t in millimetres"
     assert source.notes == (said,)
     (instance,) = [i for i in source.problem("7/3").instances if i.obj_id == 5]
     assert [h.confidence for h in instance.hypotheses] == [1.0]
-    path.write_text(far)
     with pytest.raises(InputError, match="every pose lies more than 100 m from the camera"):
-        made.open(of(path))
+        made.open(results(tmp_path, far))

@@ -37,8 +37,8 @@ def test_a_line_is_the_mean_and_lies_in_its_band(values: list[float]) -> None:
         assert (line.ar <= line.high + 1e-12).all()
 
 
-def test_verdicts_look_at_pairs_and_not_at_means() -> None:
-    for gain, word in [(0.2, "holds"), (-0.2, "does not hold"), (0.0, "the same")]:
+def test_verdicts_look_at_pairs_and_gains_that_cancel_are_too_close_to_tell() -> None:
+    for gain, word in ((0.2, "holds"), (-0.2, "does not hold"), (0.0, "the same")):
         rng = np.random.default_rng(0)
         hard = rng.uniform(0.3, 0.7, 30)  # frames differ far more than the curves
         outcomes = [_outcome("A", 0.0, k, float(v + gain)) for k, v in enumerate(hard)]
@@ -47,9 +47,6 @@ def test_verdicts_look_at_pairs_and_not_at_means() -> None:
         assert verdict.word == word, (gain, word)
         assert verdict.difference == pytest.approx(gain), (gain, word)
         assert f"A over B: {word}" in str(verdict), (gain, word)
-
-
-def test_gains_and_losses_that_cancel_are_too_close_to_tell() -> None:
     outcomes = [_outcome("A", 0.0, k, 0.5 + 0.1 * (-1) ** k) for k in range(10)]
     outcomes += [_outcome("B", 0.0, k, 0.5) for k in range(10)]
     (verdict,) = verdicts(_panel(), points_of(outcomes))
@@ -57,7 +54,7 @@ def test_gains_and_losses_that_cancel_are_too_close_to_tell() -> None:
 
 
 def test_a_handful_of_pairs_shows_nothing_even_if_all_gain() -> None:
-    for n, word in [(1, "too few to tell"), (5, "too few to tell"), (6, "holds")]:
+    for n, word in ((1, "too few to tell"), (5, "too few to tell"), (6, "holds")):
         outcomes = [_outcome("A", 0.0, k, 0.5 + 0.05 * (k + 1)) for k in range(n)]
         outcomes += [_outcome("B", 0.0, k, 0.5) for k in range(n)]
         (verdict,) = verdicts(_panel(), points_of(outcomes))
@@ -74,18 +71,15 @@ def test_what_one_disturbance_does_at_many_x_counts_as_one_piece_of_evidence() -
     assert (repeated.low, repeated.high) == pytest.approx((alone.low, alone.high))
 
 
-def test_pairs_without_a_partner_are_left_out() -> None:
-    outcomes = [_outcome("A", 0.0, 0, 0.9), _outcome("B", 0.0, 0, 0.4), _outcome("A", 1.0, 0, 0.0)]
-    (verdict,) = verdicts(_panel(), points_of(outcomes))
-    assert verdict.difference == pytest.approx(0.5)
-    assert verdicts(_panel(), points_of(outcomes[:1])) == []
-
-
-def test_a_row_per_curve_and_x() -> None:
+def test_a_row_per_curve_and_x_and_pairs_without_a_partner_are_left_out() -> None:
     outcomes = [_outcome(c, x, 0, 0.5) for c in "AB" for x in (0.0, 1.0)]
     found = list(rows(Study("s", "t", (_panel(),)), points_of(outcomes)))
     assert [(r["curve"], r["x"], r["n"]) for r in found] == [("A", 0.0, 1), ("A", 1.0, 1), ("B", 0.0, 1), ("B", 1.0, 1)]
     assert all(r["ms_per_object"] == 2.0 and r["below_10_percent"] == 1.0 for r in found)
+    outcomes = [_outcome("A", 0.0, 0, 0.9), _outcome("B", 0.0, 0, 0.4), _outcome("A", 1.0, 0, 0.0)]
+    (verdict,) = verdicts(_panel(), points_of(outcomes))
+    assert verdict.difference == pytest.approx(0.5)
+    assert verdicts(_panel(), points_of(outcomes[:1])) == []
 
 
 def test_quality_is_full_for_the_truth_nothing_without_an_answer_and_falls_with_the_error() -> None:

@@ -35,7 +35,7 @@ def test_found_and_success_are_counted_apart() -> None:
 
 
 def test_the_order_is_tested_on_the_trials_that_both_rows_have() -> None:
-    for n, word in [(3, "too close to tell"), (8, "as in the paper")]:
+    for n, word in ((3, "too close to tell"), (8, "as in the paper")):
         rir = [_outcome(k, "can", "success") for k in range(n + 1)]
         sir = [_outcome(k, "can", "slipped" if k else "success", "ICP + SIR, 2") for k in range(n + 5)]
         (order,) = grasp_order(grasping().panels[0], rir + sir)
@@ -52,7 +52,7 @@ def test_trials_are_of_the_objects_as_they_lie_and_turned() -> None:
 
 @pytest.mark.usefixtures("long_run", "processes")
 def test_the_ground_truth_is_lifted_and_workers_do_not_matter(tmp_path: Path) -> None:
-    scene = {"demo": "duck"}
+    scene = {"demo": "duck", "model_points": 200, "cloud_points": 200}
     sessions = {"duck": load_session(None, {"preset": "published", "scene": scene})}
     request = StudyRequest("grasping", quick=True)
     one = run_study(request, sessions, 1, 1, tmp_path / "one", lambda done, total: None)

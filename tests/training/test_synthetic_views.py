@@ -53,7 +53,7 @@ def test_the_sensor_measures_the_object_where_ground_truth_has_it() -> None:
 
 
 def test_shapes_are_centred_and_of_the_stated_size() -> None:
-    for held_out in [False, True]:
+    for held_out in (False, True):
         for k in range(40):
             shape = draw_shape(np.random.default_rng((1, k)), held_out)
             v = shape.mesh.vertices
