@@ -35,8 +35,6 @@ class Told:
 def started_with(path: Path) -> ModuleType:
     """A module as a new start of the program reads it: with nothing in memory."""
     spec = importlib.util.spec_from_file_location("kernel_of_test", path)
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
