@@ -106,4 +106,7 @@ def test_who_waited_keeps_no_other_waiting(tmp_path: Path) -> None:
     time.sleep(0.2)
     first.end()
     thread.join()
-    CompilingTurn(file).take()
+    third = threading.Thread(target=CompilingTurn(file).take, daemon=True)
+    third.start()
+    third.join(60)
+    assert not third.is_alive()
