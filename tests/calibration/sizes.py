@@ -71,7 +71,6 @@ def of_problem(problem: Problem, focal: float = 1.0) -> Verdict:
 def fitting(said: Verdict) -> float:
     """The factor that a verdict advises."""
     found = re.search(r"about ([0-9.]+) times as much would fit", said.advice)
-    assert found is not None
     return float(found[1])
 
 

@@ -16,7 +16,6 @@ CLUTTER = scene()
 
 def moved(instance: Instance, by_mm: Float) -> Float:
     """The ground-truth pose, somewhere else."""
-    assert instance.T_cam_obj_gt is not None
     T = np.array(instance.T_cam_obj_gt)
     T[:3, 3] += 1e-3 * by_mm
     return T

@@ -70,7 +70,6 @@ class Jump(Own):
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
         T_gt = target.instance.T_cam_obj_gt
-        assert T_gt is not None
         return T_gt if angle_between(T_cam_obj[:3, :3], T_gt[:3, :3]) < np.deg2rad(20) else T_cam_obj
 
 

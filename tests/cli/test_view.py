@@ -26,7 +26,6 @@ def test_the_page_is_served_until_ctrl_c_or_a_signal_to_end(number: signal.Signa
         program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path, start_new_session=True
     )
     with child:
-        assert child.stdout is not None
         line = child.stdout.readline()
         found = re.search(r"http://127\.0\.0\.1:\d+", line)
         assert found, line + child.communicate()[1]

@@ -19,6 +19,8 @@ from verefine_viz.session.toolbox import Toolbox
 pytestmark = pytest.mark.usefixtures("processes")
 
 BY_PPF = ("--hypotheses.source", "ppf", "--ppf.step", "0.08")
+ALONE = ("--workers", "1")
+"""Each worker takes seconds to start."""
 
 
 @pytest.fixture(autouse=True)
@@ -96,7 +98,7 @@ def test_a_frame_that_fails_is_named_and_the_others_are_written(
     # Mended and tried again: the frames that are done stay as they are.
     (made.scene / "depth" / "000001.png").write_bytes((made.scene / "depth" / "000000.png").read_bytes())
     before = {row.im_id: row.time_s for row in read_results(out)}
-    assert run(session, "--out", out, *BY_PPF, "--retry-failed") == 0
+    assert run(session, "--out", out, *BY_PPF, *ALONE, "--retry-failed") == 0
     assert "(2 done before)" in capsys.readouterr().out
     after = {row.im_id: row.time_s for row in read_results(out)}
     assert after.keys() == {0, 1, 2}
@@ -110,12 +112,12 @@ def test_an_object_whose_model_is_damaged_is_named_and_tried_again_when_asked(
     made = make_frames(tmp_path / "data", 2)
     session, out, file = write_session(tmp_path, made), tmp_path / "pool.csv", made.root / "models" / "obj_000005.ply"
     with damaged(file):
-        assert run(session, "--out", out, *BY_PPF) == 1
+        assert run(session, "--out", out, *BY_PPF, *ALONE) == 1
     said = capsys.readouterr().out.splitlines()
     assert f"frame 7/0: no hypothesis for obj_000005 (#1), left out: {file} holds no triangles" in said[1]
     assert said[-1].startswith("2 objects were not solved, as a model or mask is missing or damaged (see above)")
     assert {row.obj_id for row in read_results(out)} == {2}
-    assert run(session, "--out", out, *BY_PPF, "--retry-failed") == 0
+    assert run(session, "--out", out, *BY_PPF, *ALONE, "--retry-failed") == 0
     assert {row.obj_id for row in read_results(out)} == {2, 5}
     assert not out.with_name("pool.csv.journal").exists()
 
@@ -126,7 +128,7 @@ def test_nothing_found_leaves_an_older_file_alone(tmp_path: Path, capsys: pytest
     (made.scene / "depth" / "000000.png").unlink()
     out = tmp_path / "pool.csv"
     out.write_text("older")
-    assert run(session, "--out", out, *BY_PPF) == 1
+    assert run(session, "--out", out, *BY_PPF, *ALONE) == 1
     assert "was not written" in capsys.readouterr().out
     assert out.read_text() == "older"
 

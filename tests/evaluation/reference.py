@@ -71,7 +71,6 @@ def _errors(
 
 
 def vsd(model: EvalModel, R: Float, t_mm: Float, truth: GtInstance, image: GtImage) -> list[float]:
-    assert image.depth_mm is not None
     shape, K, d = image.depth_mm.shape, image.K, model.diameter_mm
     if t_mm[2] == 0:
         return [1.0] * 10

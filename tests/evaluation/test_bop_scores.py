@@ -35,13 +35,11 @@ def scored(demo: DemoSet, rows: Sequence[ResultRow] | PoseTable) -> Scores:
 
 
 def numbers(scores: Scores) -> tuple[float, float, float]:
-    assert scores.recalls is not None
     return scores.recalls.ar_vsd, scores.recalls.ar_mssd, scores.recalls.ar_mspd
 
 
 def test_perfect_poses_score_1(demo: DemoSet) -> None:
     scores = scored(demo, demo.rows(perfect))
-    assert scores.recalls is not None
     assert scores.recalls.ar == 1.0
     assert numbers(scores) == (1.0, 1.0, 1.0)
     n = len(demo.asked)
@@ -199,7 +197,6 @@ def test_a_rigid_motion_of_the_file_s_pose_never_beats_the_truth(demo: DemoSet, 
     rng = np.random.default_rng(seed)
     T = transform(axis_angle(rng.normal(size=3), rng.uniform(0, 3)), rng.normal(size=3) * 0.02)
     scores = scored(demo, demo.rows(lambda k, truth: T_of(truth) @ T))
-    assert scores.recalls is not None
     assert 0 <= scores.recalls.ar <= 1
     for recalls in (scores.recalls.vsd, scores.recalls.mssd[None], scores.recalls.mspd[None]):
         assert (np.diff(recalls, axis=1) >= 0).all()  # a looser threshold finds no fewer
@@ -237,7 +234,6 @@ def test_the_score_of_own_objects_is_that_of_targets_without_the_others(demo: De
     some = frozenset(list(demo.targets.counts[images[0]])[:2])
     for task in ("localization", "detection"):
         (found,) = bop_scores(tables, demo.truth, demo.targets, task, own_parts=[own(images, some)])
-        assert found.own is not None
         if task == "localization":
             counts = {i: {o: n for o, n in demo.targets.counts[i].items() if o in some} for i in images}
             (alone,) = bop_scores(tables, demo.truth, replace(demo.targets, counts=counts), task)

@@ -33,14 +33,11 @@ def test_a_known_disturbance_is_measured(axis, angle, offset, t) -> None:  # typ
     assert errors.add_s_mm == errors.add_mm
 
 
-def test_a_pure_translation_is_its_own_add() -> None:
+def test_a_pure_translation_is_its_own_add_and_symmetric_poses_are_no_error() -> None:
     errors = pose_errors(MODEL, transform(np.eye(3), [0.003, 0.004, 1]), transform(np.eye(3), [0, 0, 1]))
     assert abs(errors.add_mm - 5.0) < 1e-9
     assert errors.rotation_deg < 1e-9
     assert abs(errors.relative - 5.0 / (MODEL.diameter_m * 1e3)) < 1e-12
-
-
-def test_symmetric_poses_are_no_error() -> None:
     half_turn = transform(axis_angle([0, 0, 1], np.pi), [0, 0, 0])
     model = replace(MODEL, symmetries=np.array([np.eye(4), half_turn]))
     T_gt = transform(axis_angle([1, 2, 3], 0.7), [0.1, 0.2, 0.9])

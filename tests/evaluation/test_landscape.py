@@ -46,7 +46,6 @@ def target_of(name: str) -> Target:
 @cache
 def landscape_of(name: str) -> Landscape:
     target = target_of(name)
-    assert target.instance.T_cam_obj_gt is not None
     return landscape(VERIFIER, target, target.instance.T_cam_obj_gt)
 
 
@@ -73,7 +72,6 @@ def test_a_declared_axis_of_symmetry_is_undetermined_however_coarse_the_mesh() -
     twelve_sides = lathe([(0, 0), (0.035, 0), (0.035, 0.1), (0, 0.1)], 12)
     target = target_of("cylinder")
     T = target.instance.T_cam_obj_gt
-    assert T is not None
     info = {"symmetries_continuous": [{"axis": [0, 0, 1], "offset": [0, 0, 0]}]}
     declared = replace(modelled(twelve_sides, "prism"), symmetries=symmetry_transforms(info, "prism"))
     around = undetermined(VERIFIER, replace(target, model=declared), T)
@@ -93,7 +91,6 @@ def test_the_missing_faces_of_a_box_seen_frontally_leave_its_depth_free() -> Non
     """One face in sight and no outline: where the mask ends nothing is observed, so that the box may slide and grow."""
     target = target_of("frontal box")
     T = target.instance.T_cam_obj_gt
-    assert T is not None
     # Only a part of the front face is in the mask, and nothing was measured around it.
     v, u = np.nonzero(target.instance.mask)
     part = np.zeros_like(target.instance.mask)
@@ -133,7 +130,6 @@ def test_noise_as_it_was_measured_is_measured_again() -> None:
 def test_the_noise_of_a_difference_is_that_of_resampled_images(name: str) -> None:
     target = target_of(name)
     T, frame = target.instance.T_cam_obj_gt, target.observation
-    assert T is not None
     poses = [a.moved(T, s * x) for a in axes_of(target, T)[:6] for x in (1.5, 4.0) for s in (-1, 1)]
     rng, noise = np.random.default_rng(7), depth_noise(frame)
     differences = []
@@ -156,7 +152,6 @@ def test_the_noise_of_a_difference_is_that_of_resampled_images(name: str) -> Non
 def test_a_batch_has_the_same_widths_as_the_page_bit_for_bit() -> None:
     target = target_of("box")
     T = target.instance.T_cam_obj_gt
-    assert T is not None
     page, batch = landscape_of("box"), undetermined(CpuVerifier(VERIFIER.settings), target, T)
     assert [(c.low, c.high) for c in page.curves] == [(c.low, c.high) for c in batch.curves]
     assert (page.undetermined_mm, page.undetermined_deg) == (batch.undetermined_mm, batch.undetermined_deg)
@@ -166,7 +161,6 @@ def test_a_batch_has_the_same_widths_as_the_page_bit_for_bit() -> None:
 def test_the_same_pose_has_the_same_landscape() -> None:
     target = target_of("cylinder")
     T = target.instance.T_cam_obj_gt
-    assert T is not None
     one, again = landscape_of("cylinder"), landscape(VERIFIER, target, T)
     for a, b in zip(one.curves, again.curves, strict=True):
         np.testing.assert_array_equal(a.scores, b.scores)
@@ -196,8 +190,6 @@ def test_a_slice_holds_the_scores_of_its_poses() -> None:
 def test_axes_are_unit_and_at_right_angles_whatever_way_the_camera_is_held() -> None:
     target = target_of("box")
     T, frame = target.instance.T_cam_obj_gt, target.observation
-    assert T is not None
-    assert frame.support is not None
     for roll_deg in (0, 90):
         roll = transform(axis_angle([0, 0, 1], np.deg2rad(roll_deg)), np.zeros(3))
         support = replace(frame.support, T_world_cam=frame.support.T_world_cam @ roll)

@@ -55,12 +55,10 @@ def moved(T: Float, x_m: float) -> Float:
 def test_each_estimate_takes_the_instance_it_fits_and_two_of_one_find_it_once(made: Made) -> None:
     left, middle, right = true_poses(made)
     scores = scored(made, [row(2, 0.5, right), row(5, 0.1, middle), row(2, 0.9, left)])
-    assert scores.recalls is not None
     assert scores.recalls.ar == 1.0
     assert [(a.gt_id, a.row) for a in scores.answers] == [(0, 2), (2, 0), (1, 1)]
     left, middle, _ = true_poses(made)
     scores = scored(made, [row(2, 0.5, left), row(2, 0.9, left), row(5, 0.1, middle)])
-    assert scores.recalls is not None
     assert scores.recalls.ar_mssd == pytest.approx(2 / 3)
 
 
@@ -68,7 +66,6 @@ def test_the_best_score_chooses_first_and_nothing_is_given_back(made: Made) -> N
     left, _, right = true_poses(made)
     # The first is nearest to the left one, which the second fits exactly.
     scores = scored(made, [row(2, 0.9, moved(left, 0.002)), row(2, 0.5, left), row(2, 0.4, right)])
-    assert scores.recalls is not None
     assert scores.recalls.mssd[-1] < 2 / 3
     assert scores.counts.surplus == 1
 
@@ -95,8 +92,6 @@ def test_detection_counts_every_estimate(made: Made) -> None:
     far = moved(left, 0.5)
     better = scored(made, [*everything, row(2, 0.1, far)], "detection")
     worse = scored(made, [*everything, row(2, 0.99, far)], "detection")
-    assert better.precision is not None
-    assert worse.precision is not None
     assert better.precision.map == 1.0  # all was found before it came
     # Object 2: half, then two thirds of the estimates are right; object 5 is found.
     assert worse.precision.map == pytest.approx((2 / 3 + 1) / 2)
@@ -109,7 +104,6 @@ def test_detection_ignores_what_is_hardly_visible(made: Made) -> None:
     missing = scored(made, [row(2, 0.8, right), row(5, 0.7, middle)], "detection")
     found_too = scored(made, [row(2, 0.9, left), row(2, 0.8, right), row(5, 0.7, middle)], "detection")
     for scores in (missing, found_too):
-        assert scores.precision is not None
         assert scores.precision.map == 1.0
         assert scores.precision.n_targets == 2
 

@@ -22,7 +22,6 @@ RADIUS_M = MODEL.diameter_m / 2
 
 def off_by(rotation_deg: float, shift_m: float, seed: int) -> Float:
     """The ground truth turned about the object's middle, and shifted, both in random directions."""
-    assert T_GT is not None
     rng = np.random.default_rng(seed)
     middle = apply(T_GT, ((MODEL.vertices.min(axis=0) + MODEL.vertices.max(axis=0)) / 2)[None])[0]
     R = axis_angle(random_unit_vector(rng), np.deg2rad(rotation_deg))
@@ -30,7 +29,6 @@ def off_by(rotation_deg: float, shift_m: float, seed: int) -> Float:
 
 
 def test_a_start_is_beyond_the_range_by_its_rotation_or_by_the_shift_of_its_middle() -> None:
-    assert T_GT is not None
     model = replace(MODEL, symmetries=np.eye(4)[None])
     cases = (0, 0.3), (10, 0.0), (59, 0.7), (61, 0.1), (20, 0.9), (179, 2)
     for seed, (rotation_deg, shift_radii) in itertools.product(range(4), cases):
@@ -41,7 +39,6 @@ def test_a_start_is_beyond_the_range_by_its_rotation_or_by_the_shift_of_its_midd
 
 
 def test_brought_within_a_start_keeps_its_direction_and_what_is_already_small() -> None:
-    assert T_GT is not None
     model = replace(MODEL, symmetries=np.eye(4)[None])
     for seed in range(4):
         far = start_of(model, off_by(120, 0.2 * RADIUS_M, seed), T_GT)
@@ -55,7 +52,6 @@ def test_brought_within_a_start_keeps_its_direction_and_what_is_already_small() 
 
 
 def test_a_turn_that_looks_the_same_is_no_distance() -> None:
-    assert T_GT is not None
     half_turn = transform(axis_angle([0, 0, 1], np.pi), np.zeros(3))
     model = replace(MODEL, symmetries=np.stack([np.eye(4), half_turn]))
     assert start_of(model, T_GT @ half_turn, T_GT).rotation_deg == pytest.approx(0, abs=1e-6)

@@ -28,16 +28,13 @@ def problem() -> Problem:
 def test_a_pose_far_off_ends_otherwise_than_the_ground_truth(problem: Problem) -> None:
     (target,) = problem.targets
     T_gt = target.instance.T_cam_obj_gt
-    assert T_gt is not None
     support = problem.observation.support
-    assert support is not None
     T_high = T_gt.copy()
     T_high[:3, 3] += 0.15 * support.T_world_cam[:3, :3].T @ support.normal_world
     pair = answer_grasps(problem, [T_high], SETTINGS).pairs[target.instance.instance_id]
     assert pair.ground_truth.verdict == "success"
     assert pair.answer.verdict == "no contact"
     path = pair.ground_truth.path
-    assert path is not None
     assert len(path.contacts) == path.n_moments
     last = path.contacts[-1]
     assert {contact.instance_id for contact in last} == {target.instance.instance_id}

@@ -29,7 +29,6 @@ def _scene(problem: Problem, settings: GraspSettings) -> GraspScene:
 def test_of_the_free_grasps_the_one_nearest_to_the_middle_lifts_the_object(duck: Problem) -> None:
     scene = _scene(duck, GraspSettings())
     T_gt = duck.instances[0].T_cam_obj_gt
-    assert T_gt is not None
     attempt = scene.attempt(0, T_gt)
     assert attempt.chosen is not None
     assert attempt.is_free[attempt.chosen]
@@ -40,7 +39,6 @@ def test_without_a_free_grasp_nothing_is_carried_out(duck: Problem) -> None:
     """Below the table every approach meets it."""
     scene = _scene(duck, GraspSettings())
     T_gt = duck.instances[0].T_cam_obj_gt
-    assert T_gt is not None
     T_sunk = np.array(T_gt)
     T_sunk[:3, 3] -= 0.3 * scene.around.support.T_world_cam[:3, :3].T @ scene.around.support.normal_world
     attempt = scene.attempt(0, T_sunk)

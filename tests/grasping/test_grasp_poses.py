@@ -26,7 +26,7 @@ def test_a_file_named_after_the_object_is_read(tmp_path: Path, block: ObjectMode
     np.testing.assert_allclose(grasps.T_obj_gripper, poses, atol=1e-12)
 
 
-def test_what_is_no_grasp_of_the_object_is_refused(tmp_path: Path, block: ObjectModel) -> None:
+def test_what_holds_no_grasp_of_the_object_is_refused(tmp_path: Path, block: ObjectModel) -> None:
     for poses, message in (
         (transform(np.eye(3), [0.0, 0.0, 0.4])[None], "another object"),
         (np.diag([2.0, 1.0, 1.0, 1.0])[None], "4×4 transforms in metres"),
@@ -36,9 +36,7 @@ def test_what_is_no_grasp_of_the_object_is_refused(tmp_path: Path, block: Object
         np.save(tmp_path / "block.npy", poses)
         with pytest.raises(InputError, match=message):
             grasps_of(block, GraspSettings(folder=str(tmp_path)))
-
-
-def test_a_folder_without_grasps_is_refused(tmp_path: Path, block: ObjectModel) -> None:
+    (tmp_path / "block.npy").unlink()
     with pytest.raises(InputError, match=r"holds no \.npy files"):
         grasps_of(block, GraspSettings(folder=str(tmp_path)))
     with pytest.raises(InputError, match="is no folder"):

@@ -58,7 +58,6 @@ def test_a_points_pose_is_its_quaternion_and_the_point_with_its_offset(tmp_path:
     towards = np.array([0.0, 0.0, 5.0])
     net = pose_of(tmp_path, pose_network(QUAT, OFFSET, towards, 3, classes=[7, 1, 4], points=200))
     poses = net.poses(target)
-    assert poses is not None
     assert len(poses.Ts_cam_obj) == 200
     assert np.allclose(poses.Ts_cam_obj[:, :3, :3], rotation_of_quat_wxyz(QUAT / np.linalg.norm(QUAT)), atol=1e-6)
     points = poses.Ts_cam_obj[:, :3, 3] - OFFSET
@@ -98,8 +97,6 @@ def test_official_ycbv_poses_are_moved_to_bops_models(tmp_path: Path) -> None:
     official = pose_of(tmp_path, pose_network(QUAT, OFFSET, OFFSET, 21)).poses(target)
     plain = pose_of(tmp_path, pose_network(QUAT, OFFSET, OFFSET, 21), classes=tuple(range(1, 22)), points=1000)
     ours = plain.poses(target)
-    assert official is not None
-    assert ours is not None
     point = np.array([0.01, 0.02, -0.03, 1.0])
     moved = point + np.append(YCBV_SHIFTS_MM[4], 0) / 1000
     np.testing.assert_allclose(official.Ts_cam_obj @ moved, ours.Ts_cam_obj @ point, atol=1e-9)

@@ -123,7 +123,7 @@ def test_what_is_in_front_or_not_in_the_mask_is_no_part_of_the_object() -> None:
     assert (crop[OBSERVED][seen_left] == -DEEPEST).all()
 
 
-def test_where_nothing_can_be_seen_the_crop_is_not_used() -> None:
+def test_where_nothing_can_be_seen_or_was_measured_the_crop_is_not_used() -> None:
     depth_m, mask, camera = pictured(transform(np.eye(3), [0.0, 0.0, 0.6]))
     for place, why in (
         ((0, 0, -0.6), "behind"),
@@ -131,9 +131,6 @@ def test_where_nothing_can_be_seen_the_crop_is_not_used() -> None:
         ((40, 0, 0.6), "beside the image"),
     ):
         assert not at(transform(np.eye(3), place), depth_m, mask, camera).is_usable[0], why
-
-
-def test_bad_pixels_are_not_measured() -> None:
     T = transform(np.eye(3), [0.0, 0.0, 0.6])
     depth_m, mask, camera = pictured(T)
     for bad in (np.nan, np.inf, -1.0, 0.0):

@@ -48,7 +48,6 @@ def test_the_next_iteration_works_on_the_moved_hypothesis_whatever_it_scores() -
             assert np.array_equal(first.stages[0].T_cam_obj, PUT), (name, k)
             assert "edited" in [e.kind for e in first.events], (name, k)
             if name in CHOOSING:
-                assert first.choice is not None
                 assert first.choice.arm == arm, (name, k)
                 assert first.choice.reason == f"hypothesis {arm + 1}: its pose was edited and is played first"
             assert fork.state.objects[0].edited_arms == (), (name, k)
@@ -96,7 +95,6 @@ def test_what_went_ahead_is_judged_again_among_the_objects_that_were_solved_mean
     assert not fork.final_state.objects[1].was_ahead
     last = fork.iterations[-1]
     final = fork.final_state.best[0]
-    assert final is not None
     assert [p.instance_id for p in last.placed] == [0]
     assert np.array_equal(last.placed[0].T_cam_obj, final.T_cam_obj)
 
@@ -141,7 +139,6 @@ def test_the_latest_of_several_moved_hypotheses_comes_first_and_all_come() -> No
 def test_expl_stays_with_a_pose_by_hand_that_scores_best_and_leaves_one_that_does_not() -> None:
     problem = box_problem(3, 1)
     truth = problem.instances[0].T_cam_obj_gt
-    assert truth is not None
     run = stepped("expl", problem, 1)
     usual = run.iterations[0].arm
     other = (usual + 1) % 3
@@ -149,7 +146,6 @@ def test_expl_stays_with_a_pose_by_hand_that_scores_best_and_leaves_one_that_doe
     near.finish()
     assert [i.arm for i in near.iterations[1:]] == [other] * 8
     said = near.iterations[2].choice
-    assert said is not None
     assert said.reason.endswith("its edited pose scored best, 1.00")
     far = run.fork(1, edit=(0, other, transform(np.eye(3), [0.5, 0, 2])))
     far.finish()
@@ -183,7 +179,6 @@ def test_after_other_settings_of_the_score_the_answer_is_the_best_pose_also_amon
     entry = replace(o.arms[best].entries[0], T_cam_obj=transform(np.eye(3), [0.5, 0, 2]), stage="refined", iteration=1)
     fallen = tuple(replace(a, entries=(*a.entries, entry)) if j == best else a for j, a in enumerate(fallen))
     judged = method.rescored(state.with_object(0, replace(o, arms=fallen))).objects[0]
-    assert judged is not None
     assert judged.best.score.score == max(o.initial.score)
 
 
@@ -191,10 +186,8 @@ def test_rescored_an_edited_hypothesis_still_begins_where_it_was_put() -> None:
     fork = stepped("rir", box_problem(3, 1), 3).fork(3, edit=(0, 1, PUT))
     fork.step()
     o = method_of("rir").rescored(fork.state).objects[0]
-    assert o is not None
     put, kept = o.arms[1].entries[-2:]
     assert put.stage == "edited"
     assert o.arms[1].mean == pytest.approx((put.score.score + kept.score.score) / 2)
     waiting = method_of("rir").rescored(stepped("rir", box_problem(3, 1), 3).fork(3, edit=(0, 1, PUT)).state)
-    assert waiting.objects[0] is not None
     assert waiting.objects[0].edited_arms == (1,)

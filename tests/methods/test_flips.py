@@ -33,7 +33,6 @@ WEIGHT = 0.2
 
 def gap_m(target: Target, T_cam_obj: Float) -> float:
     """Mean distance of the model's points to where ground truth has them."""
-    assert target.instance.T_cam_obj_gt is not None
     points = target.model.points
     difference = apply(T_cam_obj, points) - apply(target.instance.T_cam_obj_gt, points)
     return float(np.linalg.norm(difference, axis=1).mean())
@@ -162,14 +161,12 @@ def test_flips_of_promising_poses_are_scored_and_the_budget_stays(turns: list[in
     for i in run.iterations:
         candidates = [s for s in (i.stage("simulated"), i.stage("refined")) if s is not None and s.score is not None]
         start = max(candidates, key=lambda s: s.score.score if s.score else 0)
-        assert start.score is not None
         flipped = i.stage("flipped")
         highest = Looks().score(problem.targets[0], start.T_cam_obj @ HALF_TURNS).score.max()
         is_promising = i.arm_iteration == 1 or start.score.score > best
         wins = is_promising and highest - start.score.score > LEAST_GAIN * WEIGHT
         assert (flipped is not None) == (i.accepted == "flipped") == wins
         if flipped is not None:
-            assert flipped.score is not None
             assert flipped.score.score == highest
         best = max(best, i.best.score.score)
         assert i.best.score.score == best
@@ -198,7 +195,6 @@ class Stays:
 def test_a_small_gain_is_enough_for_a_small_turn_only() -> None:
     """Beyond it some hundredths of correlation are chance."""
     (instance,) = box_problem(1).instances
-    assert instance.T_cam_obj_gt is not None
     s = MethodSettings(name="sir", iterations=1)
     wins = []
     for deg, correlation in ((8, 0.02), (16, 0.02), (180, 0.12), (8, -0.02), (32, 0.02), (180, 0.08)):

@@ -44,7 +44,6 @@ class GapRenderer:
         cost = 1000 * (len(self.problem.instances) - len(scene))
         for placed in scene:
             truth = self.problem.target(placed.instance_id).instance.T_cam_obj_gt
-            assert truth is not None
             points = placed.model.points
             gap_m = np.linalg.norm(apply(placed.T_cam_obj, points) - apply(truth, points), axis=1).mean()
             cost += min(int(gap_m * 1e4), 1000)
@@ -83,7 +82,6 @@ def toy() -> Problem:
     problem = box_problem(1, 2)
     instances = []
     for i in problem.instances:
-        assert i.T_cam_obj_gt is not None
         wrong = [i.T_cam_obj_gt @ transform(np.eye(3), t) for t in ([0.03, 0, 0], [0.05, 0.02, 0])]
         pool = [Hypothesis(T, 1.0, "toy") for T in (*wrong, i.T_cam_obj_gt)]
         # The segment lies where the first, wrong hypothesis puts the model.
@@ -217,7 +215,6 @@ def test_each_pool_gets_its_best_overlap_aligned_as_one_more() -> None:
         assert pool[-1].source == REFINED_BEST
         best = int(np.argmax(overlaps(given_to, np.array([h.T_cam_obj for h in pool[:-1]]))))
         assert np.array_equal(pool[-1].T_cam_obj, FakeRefiner().refine(given_to, pool[best].T_cam_obj))
-        assert o is not None
         assert len(o.arms) == len(o.initial) == 4
     again = method_of(problem).start(state.problem)  # started anew from its own problem: none is added twice
     assert first_difference(again.best, state.best) is None
@@ -374,7 +371,6 @@ def test_overlap_is_one_where_the_segment_is_the_model_and_none_far_away() -> No
     problem = box_problem(1)
     target = problem.targets[0]
     T = target.instance.T_cam_obj_gt
-    assert T is not None
     whole = replace(target, instance=replace(target.instance, points_cam=apply(T, target.model.points)))
     away = transform(np.eye(3), [0, 0, 1]) @ T
     shares = overlaps(whole, np.array([T, away]))

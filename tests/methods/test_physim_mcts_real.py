@@ -54,7 +54,6 @@ def test_the_answer_is_better_than_the_hypotheses_and_explains_the_scene_best(ru
     assert run.length == 12
     for target, best in zip(run.problem.targets, run.final_state.best, strict=True):
         T_gt = target.instance.T_cam_obj_gt
-        assert T_gt is not None
         given = [pose_errors(target.model, h.T_cam_obj, T_gt).relative for h in target.instance.hypotheses[:-1]]
         assert pose_errors(target.model, best.T_cam_obj, T_gt).relative < min(0.1, *given)
     costs = [it.tree.cost_px for it in run.iterations]

@@ -108,12 +108,10 @@ def test_discounted_sums_and_counts_are_those_of_the_paper(problem: Problem, dis
         for it in this_pass:
             q, n = sums[it.instance_id], counts[it.instance_id]
             ucb = q / n + c * np.sqrt(max(np.log(n.sum()), 0) / n)
-            assert it.choice is not None
             np.testing.assert_allclose(it.choice.plays, n, rtol=1e-9)
             np.testing.assert_allclose(it.choice.mean, q / n, rtol=1e-9)
             assert ucb[it.arm] >= ucb.max() - 1e-9
         closing = this_pass[-1].scene
-        assert closing is not None
         for it in this_pass:
             sums[it.instance_id] *= discount
             counts[it.instance_id] *= discount
@@ -126,7 +124,6 @@ def test_discounted_sums_and_counts_are_those_of_the_paper(problem: Problem, dis
 def test_the_answer_of_vf_depth_is_the_best_scene_ever_seen(problem: Problem) -> None:
     run = run_of("vf_depth", problem)
     last = run.iterations[-1].scene
-    assert last is not None
     order = problem.clusters[0]
     answers = {i.instance_id: b.T_cam_obj for i, b in zip(problem.instances, run.final_state.best, strict=True)}
     for p in last.incumbent:
@@ -172,7 +169,6 @@ def test_a_pose_moved_by_hand_counts_in_the_company_of_the_best_scene() -> None:
         for _ in range(k):
             run.step()
         truth = problem.instances[1].T_cam_obj_gt
-        assert truth is not None
         before = run.state.scenes[0].incumbent_score
         fork = run.fork(k, edit=(1, 1, truth))
         assert fork.state.scenes[0].incumbent_score >= before, k

@@ -18,7 +18,6 @@ def test_puts_everything_together() -> None:
     assert observation.depth_m.dtype == np.float32
     assert np.array_equal(observation.object_mask, mask | other)
     assert np.array_equal(observation.normals_cam, estimate_normals(observation.depth_m, CAMERA))
-    assert observation.support is not None
     assert observation.support.T_world_cam[2, :3] @ UP > 0.9999
     assert observation.support_note == ""
     again = observe(CAMERA, depth, rgb, [mask, other], SceneSettings())

@@ -29,8 +29,5 @@ def test_pixels_without_depth_are_left_out() -> None:
     cloud = segment_cloud(depth, CAMERA, MASK, 10_000, 0)
     assert len(cloud) == np.count_nonzero(MASK & (depth > 0))
     assert (cloud[:, 2] > 0).all()
-
-
-def test_a_mask_without_depth_gives_an_empty_cloud() -> None:
     assert segment_cloud(np.zeros_like(DEPTH), CAMERA, MASK, 100, 0).shape == (0, 3)
     assert segment_cloud(DEPTH, CAMERA, np.zeros_like(MASK), 100, 0).shape == (0, 3)

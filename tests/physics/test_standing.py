@@ -53,7 +53,6 @@ def test_what_stands_does_not_tip(simulator: BulletSimulator) -> None:
 
 def test_what_fell_over_says_so_although_it_lies_still(simulator: BulletSimulator) -> None:
     path = simulator.settle(leaning(35), (), table(), 60)
-    assert path.tipping is not None
     assert path.tipping.step == 1
     assert tilt_deg(path.T_cam_obj) > 80
 

@@ -80,7 +80,6 @@ def test_a_bare_table_gives_the_answers_of_the_plane() -> None:
         brick = box(*BRICK)
         problem, support = made([Thing(brick, at(0.0, 0.0, 0.04))], seed)
         around = support.surroundings
-        assert around is not None
         assert around.base.is_endless, seed
         assert not around.solids, seed
         assert not around.unknown, seed
@@ -112,7 +111,6 @@ def test_an_unknown_object_stops_another_until_it_is_dropped() -> None:
     things = [Thing(brick, at(-0.03, 0.0, 0.04, 0)), unmodelled(post, at(0.08, 0.0, 0.05, 0))]
     problem, support = made(things)
     around = support.surroundings
-    assert around is not None
     assert [u.number for u in around.unknown] == [1]
     size = np.ptp(around.unknown[0].model.vertices, axis=0)
     assert size == pytest.approx([0.05, 0.05, 0.1], abs=0.015)
@@ -124,7 +122,6 @@ def test_an_unknown_object_stops_another_until_it_is_dropped() -> None:
     assert checked.penetrates == unknown_id(1)
     assert "into unknown object 1." in checked.sentence
     _, dropped = made(things, dropped=[1])
-    assert dropped.surroundings is not None
     assert [u.is_dropped for u in dropped.surroundings.unknown] == [True]
     path, T = settled(problem, dropped, inside, 20)
     assert T[0, 3] == pytest.approx(0.04, abs=0.002)
@@ -141,7 +138,6 @@ def test_the_rim_beside_a_mask_that_is_too_small_is_no_object_and_a_post_beside_
         support = problem.observation.support
         assert support is not None
         around = observed_surroundings(problem.observation, support)
-        assert around is not None
         assert not around.solids, px
         assert len(around.unknown) == len(things) - 1, px
 
@@ -186,7 +182,6 @@ def test_a_wall_stops_an_object() -> None:
     wall = box(0.9, 0.02, 0.12)
     problem, support = made([Thing(box(*BRICK), at(0.0, -0.03, 0.04, 0)), unmodelled(wall, at(0.0, 0.05, 0.06, 0))])
     around = support.surroundings
-    assert around is not None
     assert not around.unknown
     inside = at(0.0, 0.025, 0.04, 0)  # 10 mm into the wall's face at y = 0.04.
     path, T = settled(problem, support, inside, 30)
@@ -223,7 +218,6 @@ def test_what_slides_off_the_first_surface_falls() -> None:
     slippery = BulletSimulator(HULLS.model_copy(update={"friction": 0.01}))
     short, path = (slippery.settle(start, (), support, n) for n in (10, 70))
     first = support.surroundings.surfaces[0] if support.surroundings else None
-    assert first is not None
     assert first.heights(short.Ts_cam_obj[:, :3, 3]).min() > 0.02
     assert first.heights(path.Ts_cam_obj[:, :3, 3]).min() < -0.02
     assert path.T_cam_obj[1, 3] < -0.3
@@ -265,7 +259,6 @@ def test_surfaces_stay_below_what_is_seen() -> None:
     """No surface covers more than a few of the points of the frame: it would be in the way of what is seen there."""
     problem, support = shelf()
     around = support.surroundings
-    assert around is not None
     observation = problem.observation
     seen = observation.camera.back_project(observation.depth_m.astype(float))[observation.depth_m > 0]
     points = apply(support.T_world_cam, seen)

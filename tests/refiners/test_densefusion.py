@@ -114,7 +114,6 @@ def test_without_named_weights_the_packages_are_used_and_know_the_built_in_objec
     assert len(pool) == 5
     assert {h.source for h in pool} == {"densefusion"}
     T_gt = target.instance.T_cam_obj_gt
-    assert T_gt is not None
     # At the duck, whatever way it is turned.
     assert np.linalg.norm(pool[0].T_cam_obj[:3, 3] - T_gt[:3, 3]) < 0.5 * target.model.diameter_m
     T = make_refiner("densefusion", Session()).refine(target, pool[0].T_cam_obj)
@@ -223,9 +222,7 @@ def test_its_explanation_is_what_it_does(tmp_path: Path) -> None:
         T[:3, :3] = Rotation.from_rotvec(step.turn).as_matrix() @ T[:3, :3]
         T[:3, 3] += step.shift_m
     np.testing.assert_allclose(T, refiner.refine(TARGET, START), atol=1e-9)
-    assert colours is not None
     seen = colours[TARGET.instance.mask].astype(int)
-    assert steps[0].points_px is not None
     at = steps[0].crops["image"][tuple(steps[0].points_px.astype(int).T[::-1])]
     assert all((np.abs(seen - one).max(axis=1) <= 1).any() for one in at[:20].astype(int))
     assert 0 < (steps[0].confidence or 0) < 1

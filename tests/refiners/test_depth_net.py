@@ -93,6 +93,7 @@ def test_a_step_is_never_longer_than_it_may_be_and_not_taken_within_the_error_th
     moved_m = np.linalg.norm(T[:3, 3] - START[:3, 3])
     assert moved_m == pytest.approx(LARGEST_SHIFT * TARGET.model.diameter_m / 2)
     assert np.allclose(T[:3, :3].T @ T[:3, :3], np.eye(3), atol=1e-12)
+    # A step of 0.1 radii: taken where less than that is expected to be left, not where more is.
     for left, is_taken in ((0.05, True), (0.3, False)):
         T = with_weights(tmp_path, np.array([0, 0, 0, 0.1, 0, 0, np.log(left)])).refine(TARGET, START)
         assert (np.linalg.norm(T[:3, 3] - START[:3, 3]) > 1e-3) == is_taken

@@ -149,7 +149,6 @@ def test_a_step_that_cannot_be_drawn_is_refused() -> None:
 
 def test_where_a_call_began_is_said_against_the_range() -> None:
     T_gt, refiner = TARGET.instance.T_cam_obj_gt, make_refiner("depth_net", Session())
-    assert T_gt is not None
     far = transform(axis_angle([0, 0, 1], np.deg2rad(80)) @ T_gt[:3, :3], T_gt[:3, 3])
     bare = replace(TARGET, model=replace(TARGET.model, symmetries=np.eye(4)[None]))
     range_mm = 0.8 * 500 * bare.model.diameter_m

@@ -51,14 +51,11 @@ def test_degenerate_clouds() -> None:
         assert np.allclose(np.linalg.norm(cloud[index] - queries, axis=1), distance, rtol=1e-9, atol=1e-15), shape
 
 
-def test_queries_at_the_points_themselves_find_them() -> None:
+def test_queries_at_the_points_themselves_find_them_and_no_queries_nothing() -> None:
     cloud = surface_cloud(np.random.default_rng(2), 2000)
     distance, index = NearestIndex.build(cloud).query(cloud)
     assert np.array_equal(index, np.arange(2000))
     assert not distance.any()
-
-
-def test_no_queries_no_answers() -> None:
     distance, index = NearestIndex.build(np.zeros((1, 3))).query(np.empty((0, 3)))
     assert distance.shape == index.shape == (0,)
 

@@ -11,13 +11,10 @@ from verefine_viz.refiners.icp import Icp
 from verefine_viz.refiners.registry import REFINERS, make_refiner
 
 
-def test_icp_gets_the_sessions_settings() -> None:
+def test_icp_gets_the_sessions_settings_and_identity_changes_nothing() -> None:
     refiner = make_refiner("icp", Session(icp=IcpSettings(metric="plane", max_iterations=3)))
     assert isinstance(refiner, Icp)
     assert refiner.settings == IcpSettings(metric="plane", max_iterations=3)
-
-
-def test_identity_changes_nothing() -> None:
     target = box_problem().targets[0]
     T = target.instance.hypotheses[0].T_cam_obj
     assert np.array_equal(make_refiner("identity", Session()).refine(target, T), T)

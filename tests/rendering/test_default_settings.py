@@ -71,6 +71,5 @@ def test_real_objects_score_what_their_full_meshes_score(make: MakeVerifier, sha
         settings = ScoreSettings.model_validate({"pixels": pixels})
         for target in problem.targets:
             T = target.instance.T_cam_obj_gt
-            assert T is not None
             poses = np.stack([T, T @ transform(axis_angle([1.0, 2.0, 0.5], 0.1), [0.004, -0.003, 0.003])])
             assert largest_difference(verifier, target, poses, settings) < 1e-3, target.model.name

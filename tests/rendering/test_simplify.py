@@ -54,15 +54,12 @@ def test_the_deviation_is_within_the_tolerance_and_a_looser_one_gives_fewer_face
         n_faces = len(mesh[1])
 
 
-def test_small_parts_do_not_vanish() -> None:
+def test_small_parts_do_not_vanish_and_seams_do_not_tear() -> None:
     speck = trimesh.creation.icosphere(0, 0.001).apply_translation([0.08, 0, 0])
     model = model_of(trimesh.util.concatenate([trimesh.creation.icosphere(4, 0.05), speck]))
     vertices, _ = simplified(model.vertices, model.faces, 0.0005)
     assert vertices[:, 0].max() > 0.0805
-
-
-def test_seams_do_not_tear() -> None:
-    """Vertices doubled along a texture seam are one place."""
+    # Vertices doubled along a texture seam are one place.
     mesh = trimesh.creation.icosphere(4, 0.05)
     split = model_of(
         trimesh.Trimesh(mesh.triangles.reshape(-1, 3), np.arange(len(mesh.faces) * 3).reshape(-1, 3), process=False)

@@ -26,12 +26,9 @@ def names(groups: Groups) -> dict[str, list[str]]:
     return {group.name: [run.folder.name for run in group.runs] for group in groups.groups}
 
 
-def test_runs_that_differ_in_seeds_and_titles_are_one_group(tmp_path: Path) -> None:
+def test_runs_that_differ_in_seeds_titles_or_what_changes_no_result_are_one_group(tmp_path: Path) -> None:
     folders = [write(tmp_path, f"{m}-{s}", s, method={"name": m}) for s in (1, 0, 10) for m in ("sir", "rir")]
     assert names(load_groups(folders)) == {"rir": ["rir-0", "rir-1", "rir-10"], "sir": ["sir-0", "sir-1", "sir-10"]}
-
-
-def test_what_changes_no_result_makes_no_group(tmp_path: Path) -> None:
     folders = [write(tmp_path, "a"), write(tmp_path, "b", recording={"keep": "none"}, breakpoints={"unstable": True})]
     assert names(load_groups(folders)) == {"rir": ["a", "b"]}
 
@@ -50,12 +47,9 @@ def test_groups_are_named_by_what_differs_the_method_first(tmp_path: Path) -> No
     }
 
 
-def test_a_preset_stands_for_all_that_it_sets(tmp_path: Path) -> None:
+def test_a_preset_stands_for_all_that_it_sets_and_numbers_tell_runs_of_one_method_apart(tmp_path: Path) -> None:
     folders = [write(tmp_path, "a"), write(tmp_path, "b", preset="published")]  # type: ignore[arg-type]
     assert set(names(load_groups(folders))) == {"recommended", "published"}
-
-
-def test_numbers_are_reported_apart_where_the_method_is_the_same(tmp_path: Path) -> None:
     folders = [write(tmp_path, f"c{c}", method={"exploration": c}) for c in (0.1, 0.5)]
     assert set(names(load_groups(folders))) == {"method.exploration 0.1", "method.exploration 0.5"}
 

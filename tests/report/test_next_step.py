@@ -26,13 +26,11 @@ def step(*causes: str, method: str = "rir", n_right: int = 4, **values: Any) -> 
 
 def said(*causes: str, **values: Any) -> str:
     found = step(*causes, **values)
-    assert found is not None
     return found.text
 
 
 def test_the_most_frequent_cause_leads_and_its_worst_answer_comes_first() -> None:
     found = step("pool", "arm_starved", "pool", "arm_starved", "arm_starved", "pool", "arm_starved")
-    assert found is not None
     assert found.text.startswith(
         "4 of 7 wrong answers have the cause “best hypothesis tried too little” (next: no good hypothesis"
     )
@@ -46,7 +44,6 @@ def test_the_most_frequent_cause_leads_and_its_worst_answer_comes_first() -> Non
 
 def test_a_tie_is_said_to_be_one() -> None:
     found = step("pool", "arm_starved", "pool", "arm_starved", "mask")
-    assert found is not None
     assert found.text.startswith("No cause stands out among 5 wrong answers (no good hypothesis in the pool 2, best ")
     assert found.begin.frame == "1/0"
 
@@ -74,7 +71,6 @@ def test_nothing_wrong_is_nothing_to_do_and_an_unknown_cause_is_shown_as_it_is()
 def test_without_ground_truth_the_lowest_score_comes_first() -> None:
     rows = tuple(row(k, has_truth=False, add_s_mm=None, score=score) for k, score in ((1, 0.9), (2, 0.1)))
     found = next_step(LoadedRun("", BatchIndex(Path("run"), resolve({}), RunFile(), rows)))
-    assert found is not None
     assert (found.text, found.begin.im_id) == ("Which answers are wrong is not known; begin with the lowest score,", 2)
 
 

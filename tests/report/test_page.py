@@ -101,7 +101,6 @@ def test_no_failures_no_gallery(tmp_path: Path) -> None:
 def test_with_its_data_a_report_has_pictures_and_bop_scores(tmp_path: Path) -> None:
     session = resolve({})
     instance = demo_problem("mug", session.scene, session.hypotheses).instances[0]
-    assert instance.T_cam_obj_gt is not None
     ids = {"scene_id": 0, "obj_id": instance.obj_id, "add_s_mm": 40.0}
     found = {}
     for name, off_m in (("right", 0.0), ("wrong", 0.3)):
@@ -115,8 +114,6 @@ def test_with_its_data_a_report_has_pictures_and_bop_scores(tmp_path: Path) -> N
         # A made-up run says 1 s for a frame, and nothing about its stages.
         assert re.search(r"solving, a frame</div>\s*<div class=\"value\">1\u202f000 ms", html)
         found[name] = re.search(r"BOP AR</div>\s*<div class=\"value\">([\d.]+) %", html)
-    assert found["right"] is not None
-    assert found["wrong"] is not None
     assert float(found["right"][1]) == 100.0
     assert float(found["wrong"][1]) == 0.0
 

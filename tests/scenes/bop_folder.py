@@ -74,7 +74,6 @@ def make(
     stem = f"{im_id:06d}"
     raw = np.round(observation.depth_m.astype(float) * 1e3 / depth_scale).astype(np.uint16)
     Image.fromarray(raw).save(scene / "depth" / f"{stem}{depth_suffix}")
-    assert observation.rgb is not None
     if color == "rgb":
         Image.fromarray(observation.rgb).save(scene / "rgb" / f"{stem}{suffix}")
     elif color == "gray":
@@ -83,7 +82,6 @@ def make(
         Image.fromarray(observation.rgb[..., 0].astype(np.uint16) * 257).save(scene / "gray" / f"{stem}{suffix}")
     gt, info = [], []
     for k, instance in enumerate(problem.instances):
-        assert instance.T_cam_obj_gt is not None
         for kind in ("mask", "mask_visib"):
             Image.fromarray(instance.mask.astype(np.uint8) * 255).save(scene / kind / f"{stem}_{k:06d}.png")
         T = instance.T_cam_obj_gt

@@ -44,7 +44,6 @@ def test_models_are_found_in_any_models_folder(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("color", "suffix"), [("gray", ".png"), ("rgb", ".jpg"), ("gray", ".tif")])
 def test_colour_and_grey_images_of_any_format(tmp_path: Path, color: str, suffix: str) -> None:
     rgb = make(tmp_path, color=color, suffix=suffix).read().observation.rgb
-    assert rgb is not None
     assert rgb.shape == (60, 80, 3)
     assert np.abs(rgb.astype(int) - 128).max() <= 1
 
@@ -100,7 +99,6 @@ def test_world_gravity_comes_from_the_camera_pose(tmp_path: Path) -> None:
     image = BopDataset(made.root, "test").image(7, 3)
     np.testing.assert_allclose(image.R_world_cam, R_cam_world.T)
     support = made.read(gravity="world").observation.support
-    assert support is not None
     assert support.gravity_source == "world"
     np.testing.assert_allclose(support.T_world_cam[:3, :3].T @ [0, 0, 1], [0, -1, 0], atol=1e-6)
 

@@ -65,7 +65,6 @@ def test_objects_are_of_household_size_centred_symmetric_and_closed(name: str) -
 def test_objects_rest_on_the_table_and_the_plane_is_the_table(name: str) -> None:
     problem = scene(name)
     support = problem.observation.support
-    assert support is not None
     assert support.inlier_share > 0.9
     assert demo_objects(name) == {obj_id: model.name for obj_id, model in problem.models.items()}
     lowest_m = min(
@@ -73,7 +72,6 @@ def test_objects_rest_on_the_table_and_the_plane_is_the_table(name: str) -> None
     )
     assert abs(lowest_m) < 2e-3
     for target in problem.targets:
-        assert target.instance.visib_fract is not None
         assert target.instance.visib_fract > 0.3
         assert len(target.instance.points_cam) == 1000
 
@@ -102,7 +100,6 @@ def test_clutter_touches_and_hides() -> None:
 def test_perturbed_truth_is_as_far_off_as_asked() -> None:
     (instance,) = made("mug", rotation_deg=25.0, translation_mm=12.0, max_per_object=4).instances
     T = instance.T_cam_obj_gt
-    assert T is not None
     assert len(instance.hypotheses) == 4
     for h in instance.hypotheses:
         assert np.rad2deg(angle_between(h.T_cam_obj[:3, :3], T[:3, :3])) == pytest.approx(25)
@@ -128,8 +125,6 @@ def test_the_seed_changes_the_noise_and_not_the_layout() -> None:
 
 def test_gravity_may_come_from_the_camera_pose() -> None:
     world, plane = (made("duck", fields={"gravity": g}).observation.support for g in ("world", "plane"))
-    assert world is not None
-    assert plane is not None
     assert world.gravity_source == "world"
     assert np.rad2deg(angle_between(world.T_world_cam[:3, :3], plane.T_world_cam[:3, :3])) < 0.5
 
@@ -151,7 +146,6 @@ def test_full_masks_are_larger_where_something_is_hidden() -> None:
 def test_results_files_can_start_a_demo_and_are_reported_apart_by_their_folders(tmp_path: Path) -> None:
     (truth,) = scene("mug").instances
     T = truth.T_cam_obj_gt
-    assert T is not None
     aside = ResultRow(0, 0, truth.obj_id, 0.3, transform(T[:3, :3], T[:3, 3] + 0.001), -1.0)
     files = []
     for name, score in (("first/results.csv", 0.9), ("second/results.csv", 0.5), ("second/mine_demo-test.csv", 0.4)):

@@ -37,7 +37,6 @@ class Played:
 
     @property
     def truth(self) -> Placed:
-        assert self.target.instance.T_cam_obj_gt is not None
         return Placed(0, self.target.model, self.target.instance.T_cam_obj_gt)
 
     def errors(self, T_cam_obj: np.ndarray) -> PoseErrors:
@@ -133,7 +132,6 @@ def test_simulation_topples() -> None:
         assert score_of(simulated) < score_of(current)
         assert "unstable" in {e.kind for e in first.events}
         # It stood on one edge, and fell over it.
-        assert first.path is not None
         touching = next(c for c in first.path.contacts if len(c.depths_m))
         spread = np.linalg.svd(touching.points_cam - touching.points_cam.mean(axis=0), compute_uv=False)
         assert spread[1] < 0.01
@@ -189,7 +187,6 @@ def test_the_mask_leaks() -> None:
 def test_the_plane_is_wrong() -> None:
     played = as_it_is("failure_wrong_plane")
     support = played.target.observation.support
-    assert support is not None
     assert support.inlier_share < 0.4
     vertices = apply(support.T_world_cam @ played.truth.T_cam_obj, played.target.model.vertices)
     heights = vertices @ support.normal_world
@@ -216,7 +213,6 @@ def test_score_prefers_flip() -> None:
     for w in (0.1, 0.4):
         by_colour = play(name, score={"colour_weight": w})
         assert by_colour.errors(by_colour.best.T_cam_obj).relative < 0.02
-        assert by_colour.best.score.colour_fit is not None
         assert by_colour.best.score.colour_fit > 0.9
         upside_down = by_colour.toolbox.verifier.score(by_colour.target, played.best.T_cam_obj[None])[0]
         assert by_colour.best.score.score > upside_down.score + 0.5 * w

@@ -55,12 +55,10 @@ def _opened(layout: Path, models: Path, **scene: object) -> LayoutSource:
 def test_an_object_stands_where_the_layout_has_it(tmp_path: Path, models: Path, is_turned: bool) -> None:
     problem = _opened(_layout(tmp_path), models, turned=is_turned).problem("0/1")
     (brick,) = problem.instances
-    assert brick.T_cam_obj_gt is not None
     _, _, shift_mm = SHIFTS_MM["YcbFoamBrick"]
     # A quarter turn takes the shift (x, y) to (-y, x).
     x_mm, y_mm = -200.0 - shift_mm[1] - MIDDLE_MM[0], 150.0 + shift_mm[0] - MIDDLE_MM[1]
     T_table_cam = problem.observation.T_map_cam
-    assert T_table_cam is not None
     T = T_table_cam @ brick.T_cam_obj_gt
     np.testing.assert_allclose(1e3 * T[:3, 3], [x_mm, y_mm, HALVES_MM[2]], atol=1.0)
     expected = np.array(QUARTER) @ np.diag([-1.0, -1.0, 1.0]) if is_turned else np.array(QUARTER)
@@ -121,12 +119,9 @@ def test_the_objects_of_layout_0_lie_as_the_layout_has_them(shared_data: Path) -
     """Upright ones within 3° and 6 mm; all are seen."""
     layout = shared_data / "grasps/graspa_layouts/layout_0.xml"
     problem = _opened(layout, shared_data / "ycbv/models_textured").problem("0/0")
-    assert problem.observation.T_map_cam is not None
     names = [problem.models[i.obj_id].name for i in problem.instances]
     assert names == ["banana", "mustard_bottle", "potted_meat_can", "gelatin_box", "foam_brick"]
     for i, o in list(zip(problem.instances, read_layout(layout), strict=True))[1:]:
-        assert i.T_cam_obj_gt is not None
-        assert i.visib_fract is not None
         assert i.visib_fract > 0.95
         T, middle_m = problem.observation.T_map_cam @ i.T_cam_obj_gt, np.array(SHIFTS_MM[o.name][2]) * 1e-3
         xy_m = (o.T_board_scan @ np.append(middle_m, 1.0))[:2] - np.array(MIDDLE_MM) * 1e-3

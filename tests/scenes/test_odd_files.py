@@ -183,6 +183,5 @@ def test_names_that_cannot_be_used(tmp_path: Path) -> None:
 def test_masks_are_held_once(tmp_path: Path) -> None:
     made = make(tmp_path)
     path = find_image(made.scene / "mask_visib", "000003_000001")
-    assert path is not None
     mask = read_mask(path, (60, 80))
     assert replace(made.read().instances[1], mask=mask).mask is mask

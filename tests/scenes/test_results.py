@@ -226,7 +226,7 @@ def test_a_file_that_covers_nothing_beside_one_that_does_is_named(tmp_path: Path
 
 def test_an_estimator_may_look_for_what_the_file_does_not_have(tmp_path: Path) -> None:
     rows = results_file(tmp_path, "8,3,2").model_copy(update={"estimate": (("7/3", 1, "ppf"),)})
-    make(tmp_path).open(rows).check_initial_poses()
+    assert make(tmp_path).open(rows).check_initial_poses() == ()
 
 
 def test_rows_of_another_scene_cannot_start_a_demo(tmp_path: Path) -> None:

@@ -47,7 +47,6 @@ def test_overlap_is_a_symmetric_share(a: np.ndarray, b: np.ndarray) -> None:
 def test_a_nearly_right_pose_belongs_to_its_own_box(dx: float, dy: float, k: int) -> None:
     problem = box_problem(n_instances=3)
     truth = problem.instances[k].T_cam_obj_gt
-    assert truth is not None
     pose = transform(np.eye(3), [dx, dy, 0]) @ truth
     outline = silhouette(problem.models[1], pose, problem.observation.camera)
     assert best_owner(outline, [i.mask for i in problem.instances]) == k

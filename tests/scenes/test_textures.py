@@ -47,7 +47,6 @@ def textured_ply(folder: Path, binary: bool) -> Path:
 @pytest.mark.parametrize("binary", [False, True])
 def test_textures_are_baked_to_the_vertices(tmp_path: Path, binary: bool) -> None:
     mesh = read_mesh(textured_ply(tmp_path, binary), 1e-3)
-    assert mesh.vertex_colors is not None
     colors = {
         tuple(np.sign(v[:2]).astype(int)): tuple(c) for v, c in zip(mesh.vertices_m, mesh.vertex_colors, strict=True)
     }
@@ -77,7 +76,6 @@ def test_a_textured_glb_is_baked(tmp_path: Path) -> None:
     read_from = trimesh.load_mesh(textured_ply(tmp_path, True), process=False)
     read_from.export(tmp_path / "square.glb")
     mesh = read_mesh(tmp_path / "square.glb", 1e-3)
-    assert mesh.vertex_colors is not None
     assert {tuple(c) for c in mesh.vertex_colors} == {(0, 0, 255), (255, 255, 0), (0, 255, 0), (255, 0, 0)}
 
 
@@ -164,14 +162,12 @@ def test_a_texture_does_not_change_the_shape(tmp_path: Path) -> None:
 def test_a_texture_of_any_kind_of_image_is_rgb(tmp_path: Path) -> None:
     for mode in ("L", "RGBA", "P"):
         texture = read_mesh(checked(tmp_path, mode=mode), 1e-3).texture
-        assert texture is not None
         assert texture.image.shape == (64, 64, 3)
         assert (np.ptp(texture.image, axis=2) == 0).all() == (mode == "L")
 
 
 def test_a_large_texture_is_made_smaller(tmp_path: Path) -> None:
     texture = read_mesh(checked(tmp_path, size=3000), 1e-3).texture
-    assert texture is not None
     assert texture.image.shape == (meshes.LARGEST_TEXTURE_PX, meshes.LARGEST_TEXTURE_PX, 3)
     points, _, colors = surface_colors(tmp_path / "box.ply")
     assert len(np.unique(colors.round(), axis=0)) < len(points) / 10

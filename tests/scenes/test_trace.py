@@ -87,7 +87,6 @@ def test_what_was_written_is_read_back(tmp_path: Path) -> None:
     assert np.array_equal(problem.observation.depth_m, depth)
     assert np.array_equal(instance.mask, mask)
     assert problem.models[instance.obj_id].diameter_m == pytest.approx(0.1 * 3**0.5)
-    assert instance.T_cam_obj_gt is not None
     assert np.allclose(instance.T_cam_obj_gt, pose())
     assert [h.confidence for h in instance.hypotheses] == [0.0, 0.1] == [*instance.recorded_scores]
     assert [s.hypothesis for s in instance.recorded] == [1, 0, 1, 0, 1, 0, 0]  # The answer is nearest to hypothesis 0.
@@ -276,7 +275,6 @@ def test_a_killed_process_leaves_a_trace_that_opens(tmp_path: Path) -> None:
     )
     command = [sys.executable, "-c", program, str(tmp_path / "t"), str(mesh)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=Path(__file__).parents[2]) as process:
-        assert process.stdout is not None
         assert process.stdout.readline() == b"now\n"
         os.kill(process.pid, signal.SIGKILL)
     problem = problem_of(tmp_path / "t")

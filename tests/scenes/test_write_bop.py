@@ -73,13 +73,11 @@ def test_colours_symmetries_and_missing_rgb_survive(tmp_path: Path) -> None:
 def test_the_support_is_kept_as_the_camera_pose(tmp_path: Path) -> None:
     problem = box_problem()
     write_bop(tmp_path, [problem])
-    assert problem.observation.support is not None
     want = problem.observation.support.T_world_cam
     entry = json.loads((tmp_path / "test" / "000000" / "scene_camera.json").read_text())["1"]
     T_cam_world = transform(np.reshape(entry["cam_R_w2c"], (3, 3)), np.array(entry["cam_t_w2c"]) * 1e-3)
     np.testing.assert_allclose(inverse(T_cam_world), want, atol=1e-12)
     support = reopened(tmp_path, gravity="world").problem("0/1").observation.support
-    assert support is not None
     np.testing.assert_allclose(support.T_world_cam[2, :3], want[2, :3], atol=1e-9)
 
 

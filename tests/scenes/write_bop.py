@@ -76,7 +76,6 @@ def _write_images(scene: Path, problem: Problem, depth_scale_mm: float) -> list[
     write_image(scene / "depth" / f"{stem}.png", steps)
     silhouettes = []
     for gt_id, instance in enumerate(problem.instances):
-        assert instance.T_cam_obj_gt is not None
         outline = silhouette(problem.models[instance.obj_id], instance.T_cam_obj_gt, observation.camera)
         full = outline | instance.mask
         silhouettes.append(full)
@@ -97,7 +96,6 @@ def _camera(problem: Problem, depth_scale_mm: float) -> dict[str, Any]:
 
 def _pose(instance: Instance) -> dict[str, Any]:
     T = instance.T_cam_obj_gt
-    assert T is not None
     R, t_mm = T[:3, :3].ravel().tolist(), (T[:3, 3] * 1e3).tolist()
     return {"cam_R_m2c": R, "cam_t_m2c": t_mm, "obj_id": instance.obj_id}
 

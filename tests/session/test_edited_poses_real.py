@@ -36,7 +36,6 @@ def session_of(name: str) -> Session:
 def near_truth(problem: Problem, i: int) -> Float:
     """4 mm and 9° off."""
     truth = problem.instances[i].T_cam_obj_gt
-    assert truth is not None
     return truth @ transform(axis_angle([0, 1, 0], 0.15), [0.004, 0, 0])
 
 
@@ -89,6 +88,5 @@ def test_in_the_mug_scene_a_pose_put_near_the_truth_wins() -> None:
     fork.finish()
     assert [i.arm for i in fork.iterations[K : K + 3]] == [arm] * 3
     best = fork.final_state.best[0]
-    assert best is not None
     assert best.arm == arm
     assert best.score.score > 0.9

@@ -113,7 +113,6 @@ def held_too_high(tmp_path: Path) -> Run:
     """The box where it is, on a plane that was taken for 30 mm higher than the table is."""
     problem = with_initial_pose(transform(np.eye(3), [0, 0.12 - BOX_M[1] / 2, 0.6]))
     support = problem.observation.support
-    assert support is not None
     higher = replace(support, T_world_cam=transform(np.eye(3), [0, 0, -0.03]) @ support.T_world_cam)
     problem = replace(problem, observation=replace(problem.observation, support=higher))
     return finished(problem=problem, simulator=BulletSimulator(PhysicsSettings(), tmp_path))
@@ -193,8 +192,6 @@ def test_physics_that_made_a_pose_worse_is_reported_with_both_scores(tmp_path: P
     first = held_too_high(tmp_path).iterations[0]
     (text,) = (event.text for event in first.events if event.kind == "physics_worse")
     was, now = first.stages[0].score, first.stages[1].score
-    assert was is not None
-    assert now is not None
     assert text == (
         f"Physics made it worse: the simulated pose scores {now.score:.2f}, the current one {was.score:.2f}."
     )

@@ -43,7 +43,6 @@ def test_a_kept_frame_is_the_frame(tmp_path: Path, mesh: Path) -> None:
     for i, j in zip(got.instances, problem.instances, strict=True):
         np.testing.assert_array_equal(i.mask, j.mask)
         assert i.T_cam_obj_gt is not None
-        assert j.T_cam_obj_gt is not None
         np.testing.assert_allclose(i.T_cam_obj_gt, j.T_cam_obj_gt, atol=1e-12)
         assert [h.source for h in i.hypotheses] == ["net"] * 7
         poses = np.array([h.T_cam_obj for h in i.hypotheses])
@@ -89,12 +88,9 @@ def test_gravity_is_the_direction_that_was_given(
 def test_gravity_counts_where_it_was_given(tmp_path: Path, mesh: Path) -> None:
     problem = box_problem()
     table = problem.observation.support
-    assert table is not None
     kept(tmp_path / "kept", problem, [found(problem, mesh)], gravity_cam=-table.T_world_cam[2, :3])
     kept(tmp_path / "kept", problem, [found(problem, mesh)])
     told, seen = (reopened(tmp_path / "kept").problem(frame) for frame in ("1/1", "1/2"))
-    assert told.observation.support is not None
-    assert seen.observation.support is not None
     assert (told.observation.support.gravity_source, told.notes) == ("world", ())
     assert seen.observation.support.gravity_source == "plane"
     (note,) = seen.notes

@@ -36,7 +36,6 @@ def test_initial_poses_are_off_by_exactly_the_error(
 ) -> None:
     for instance in disturbed(PROBLEM, n, rotation_deg, translation_mm, seed).instances:
         T_gt = instance.T_cam_obj_gt
-        assert T_gt is not None
         assert len(instance.hypotheses) == n
         for h in instance.hypotheses:
             moved_mm = 1e3 * np.linalg.norm(h.T_cam_obj[:3, 3] - T_gt[:3, 3])
@@ -66,7 +65,6 @@ def test_what_is_taken_from_the_top_lies_above_what_stays() -> None:
     scene = _scene()
     left = without_top(scene, 0.4)
     support = scene.observation.support
-    assert support is not None
     points = scene.observation.camera.back_project(scene.observation.depth_m).reshape(-1, 3)
     height_m = (apply(support.T_world_cam, points) @ support.normal_world).reshape(scene.observation.depth_m.shape)
     for k, instance in enumerate(scene.instances):
