@@ -157,7 +157,9 @@ class FakeSimulator:
                 T[:3, :3] = axis_angle(w, angle * 0.8)
             T[1, 3] += 0.001
             path.append(T.copy())
-        below = Contacts(T[None, :3, 3] + [0, 0.04, 0], np.array([[0.0, -1, 0]]), [1e-4], [9.81], np.array([-1]))
+        below = Contacts(
+            T[None, :3, 3] + [0, 0.04, 0], np.array([[0.0, -1, 0]]), np.array([1e-4]), np.array([9.81]), np.array([-1])
+        )
         return SimulatedPath(np.array(path), (below,) * n_steps)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
 
@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.changing import replace
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from verefine_viz.batch.rows import (
     FrameResult,

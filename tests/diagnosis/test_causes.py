@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import count
 from pathlib import Path
 from typing import Any, cast
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
+from tests.changing import replace
 from tests.failing_scenes import GENERATORS, broken_scene, named
 from tests.fakes import OneFrame
 from tests.made_up_frames import Thing as Made

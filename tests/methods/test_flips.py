@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.changing import replace
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, axis_angle, inverse, transform

@@ -121,7 +121,7 @@ PROPERTIES: list[tuple[Callable[[dict[str, Any]], object], str]] = [
 def test_damaged_properties(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for k, (change, expected) in enumerate(PROPERTIES):
         with_properties(tmp_path / f"{k}.rrd", monkeypatch, change)
-        assert expected in refused(tmp_path / f"{k}.rrd")
+        assert expected in refused(tmp_path / f"{k}.rrd"), expected
 
 
 ITERATIONS: list[tuple[Callable[[Any], object] | bytes, str]] = [
@@ -138,10 +138,10 @@ ITERATIONS: list[tuple[Callable[[Any], object] | bytes, str]] = [
     (lambda v: v["iteration"].update(accepted="\x1b[31m\nx"), "an iteration cannot be read"),
     (lambda v: v["iteration"]["stages"][0].update(T_cam_obj=NAN_POSE), "holds NaN"),
     (lambda v: v["iteration"]["stages"][0].update(T_cam_obj=packed(np.ones(3))), "has shape (3,), expected 4×4"),
-    (lambda v: v["iteration"]["best"].update(T_cam_obj="x"), "$.best.T_cam_obj"),
+    (lambda v: v["iteration"]["best"].update(T_cam_obj="x"), "$.iteration.best.T_cam_obj"),
     (lambda v: v["iteration"]["choice"].update(mean=packed(np.zeros(0))), "another number of hypotheses than 3"),
     (lambda v: v["iteration"]["path"].update(Ts_cam_obj=packed(np.zeros((0, 3)))), "an iteration cannot be read"),
-    (lambda v: v["iteration"]["path"].update(contacts=5), "$.path"),
+    (lambda v: v["iteration"]["path"].update(contacts=5), "$.iteration.path"),
     (lambda v: v["iteration"].update(placed=[{"instance_id": 9, "T_cam_obj": packed(np.eye(4))}]), "places instance 9"),
     (lambda v: v.update(errors=packed(np.zeros(1))), "errors has shape (1,), expected 3"),
     (lambda v: v.update(errors=["a", "b", "c"]), "$.errors"),
@@ -151,7 +151,7 @@ ITERATIONS: list[tuple[Callable[[Any], object] | bytes, str]] = [
 def test_damaged_iterations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for k, (change, expected) in enumerate(ITERATIONS):
         with_iteration(tmp_path / f"{k}.rrd", monkeypatch, change)
-        assert expected in refused(tmp_path / f"{k}.rrd")
+        assert expected in refused(tmp_path / f"{k}.rrd"), expected
 
 
 def journalled(path: Path) -> bytes:

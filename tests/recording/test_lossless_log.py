@@ -22,7 +22,7 @@ def test_entries_come_back_as_they_were(tmp_path: Path, name: str) -> None:
     run = Run(method_of(problem), problem) if name == "physim_mcts" else new_run(session(name, iterations=3), problem)
     run.finish()
     rng, path = np.random.default_rng(0), tmp_path / "a.journal"
-    entries = [Entry.of(iteration, rng.normal(size=3)) for iteration in run.iterations]
+    entries = [Entry(iteration, rng.normal(size=3)) for iteration in run.iterations]
     journal = Journal(path, {"title": "µ"})
     for entry in entries:
         journal.append(entry)

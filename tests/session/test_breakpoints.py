@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
+from tests.changing import replace
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from verefine_viz.core.algorithm_settings import MOST, BreakpointSettings, ThresholdSettings
 from verefine_viz.core.errors import SettingsError

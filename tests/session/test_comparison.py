@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.changing import replace
 from tests.session.comparing import METHODS, made_up, run_of, trace
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.records import Iteration

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 
+from tests.changing import replace
 from tests.fakes import BOX_M, FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from tests.methods.test_flips import run_of as flipping
 from tests.methods.test_flips import turned

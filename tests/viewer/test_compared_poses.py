@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+from tests.changing import replace
 from tests.viewer.fake_tools import FakeTools
 from tests.viewer.two_runs import SESSION, TWO, debugger
 from verefine_viz.core.problem import Problem

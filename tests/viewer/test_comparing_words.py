@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
+from tests.changing import replace
 from tests.fakes import FakeVerifier
 from tests.viewer.fake_tools import FakeTools
 from tests.viewer.two_runs import SESSION, SIR, TWO, debugger, sides

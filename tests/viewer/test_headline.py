@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
+from tests.changing import replace
 from tests.viewer.test_words import after, debugger, off
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle, transform

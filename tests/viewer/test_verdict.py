@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.changing import replace
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.algorithm_settings import BreakpointSettings

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
+from tests.changing import replace
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.records import Best
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session

@@ -116,7 +116,7 @@ def rerun_viewer() -> Check:
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     program = shutil.which("rerun", path=path)
     if program is None:
-        return Check("rerun viewer", "not found", ok=False, needed=False, advice='pip install "rerun-sdk[all]"')
+        return Check("rerun viewer", "not found", ok=False, needed=False, advice='pip install "rerun-sdk"')
     drivers = [p for d in ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d") for p in Path(d).glob("*.json")]
     version = (_first_line([program, "--version"]) or program).partition(" (")[0]
     if not drivers:

@@ -169,7 +169,7 @@ def _packed_array(value: np.ndarray) -> list[Any]:
 
 
 def _array(kind: Any, value: Any) -> np.ndarray:
-    dtype, shape, content = msgspec.convert(value, tuple[str, tuple[int, ...], bytes])
+    dtype, shape, content = value  # msgspec names the field in what may be raised here.
     return np.frombuffer(content, np.dtype(dtype)).reshape(shape)
 
 
