@@ -29,11 +29,9 @@ help:
 app: $(VENV)/.ready-app
 	@$(BIN)/python app.py $(SESSION) --port $(PORT)
 
-# The browser tests run alone and last: on two cores a second test beside Chromium makes both slow.
 # VEREFINE_REQUIRE_ALL: what lacks a program fails and says which; only what needs real frames may be skipped.
 test: $(VENV)/.ready-dev system-test
-	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m "not browser" $(PARALLEL) $(NOTE)
-	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m browser $(NOTE)
+	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest $(PARALLEL) $(NOTE)
 
 durations:
 	@$(MAKE) test NOTE=--write-durations

@@ -36,7 +36,7 @@ from verefine_viz.viewer.text.verdict import MOST_WORDS, verdict
 pytestmark = pytest.mark.usefixtures("long_run")
 
 SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
-FAILING = 2
+FAILING = 1
 """Scenes per cause."""
 
 
