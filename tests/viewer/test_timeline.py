@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+from tests.changing import replace
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.palette import EVENT_COLORS
 from verefine_viz.core.settings import MethodSettings, Session

@@ -79,7 +79,9 @@ def fixed_choice(state: ObjectState, j: int, why: str) -> Choice:
 
 
 def _choice(j: int, plays: Numbers, mean: Numbers, exploration: Numbers, ucb: Numbers, reason: str) -> Choice:
-    return Choice(j, np.array(plays), np.array(mean), np.array(exploration), np.array(ucb), reason)
+    columns = np.array([plays, mean, exploration, ucb])
+    columns.flags.writeable = False
+    return Choice(j, *columns, reason=reason)
 
 
 def _why(j: int, mean: Numbers, exploration: Numbers, ucb: Numbers) -> str:

@@ -146,8 +146,8 @@ FEW = 5
 """Wrong answers below this number say little about other frames."""
 _STARVED = "each came right when its best hypothesis got the whole budget, so try "
 ADVICE = {
-    Cause.GROUND_TRUTH: "compare the axes of the meshes and the frame of the poses with what the data set says; until they "
-    "fit, no error means anything",
+    Cause.GROUND_TRUTH: "compare the axes of the meshes and the frame of the poses with what the data set says; until "
+    "they fit, no error means anything",
     Cause.SYMMETRIC: DECLARE,
     Cause.UNIT: "write the translations of the initial poses in millimetres (hypotheses.files)",
     Cause.DEPTH: "look at the depth images and how they are registered",

@@ -197,7 +197,7 @@ def cause_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
         return Reason(cause_title(entry.row.cause), entry.row.worst_iteration)
     if ground_truth_is_unfit(o.course.score, o.course.score_at_gt):
         assert o.course.score_at_gt is not None
-        more = f": it scores {o.course.score_at_gt.score:.2f}, the answer {_score_of(o).score:.2f}"
+        more = f": scores {o.course.score_at_gt.score:.2f}, the answer {_score_of(o).score:.2f}"
         return Reason(TITLES[Cause.GROUND_TRUTH], more=more, about=Cause.GROUND_TRUTH)
     if o.undeclared is not None:
         return Reason(TITLES[Cause.SYMMETRIC], more=f": turned by {o.undeclared.turn_deg:.0f}°", about=Cause.SYMMETRIC)
