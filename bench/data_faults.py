@@ -28,13 +28,13 @@ from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.diagnosis.data_doubts import plane_notes
 from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
 from verefine_viz.observation.observed_frame import segment_cloud
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.demo import demo_frames, demo_names, demo_problem
 from verefine_viz.scenes.demo_layout import Viewpoint
 from verefine_viz.scenes.hypothesis_pool import ResultsFile, perturbed
 from verefine_viz.scenes.instance_notes import unit_notes
 from verefine_viz.scenes.source import open_scene
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
 
 Fault = Callable[[Problem], Problem]
 Check = Callable[[Problem], bool]

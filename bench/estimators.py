@@ -24,8 +24,8 @@ from verefine_viz.core.protocols import Estimator
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators.registry import make_estimator
 from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 
 WANTED = 5
 """Hypotheses asked for."""

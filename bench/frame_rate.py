@@ -18,8 +18,8 @@ from rich.console import Console
 from rich.table import Table
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 
 METHODS, REFINERS, CALLS = ("sir", "rir"), ("icp", "depth_net", "depth_net_icp"), (2, 5)
 """Calls are of each hypothesis, of which SIR has one and RIR five."""

@@ -24,8 +24,8 @@ from verefine_viz.core.algorithm_settings import GraspSettings
 from verefine_viz.core.problem import Problem
 from verefine_viz.grasping.grasp_answer import GraspScene
 from verefine_viz.grasping.grasp_check import are_free
-from verefine_viz.session.files import load_session
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import load_session
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.studies.disturbance import disturbed
 from verefine_viz.studies.study_command import scenes
 

@@ -14,8 +14,8 @@ from typing import Any
 
 from verefine_viz.evaluation.depth_noise import ScoreNoise
 from verefine_viz.evaluation.landscape import landscape, score_slice, undetermined
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 
 REPEATS = 7
 

@@ -24,8 +24,8 @@ from verefine_viz.core.problem import Target
 from verefine_viz.core.protocols import Refiner
 from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
 from verefine_viz.refiners.registry import make_refiner
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 
 SCENES = ("mug", "duck", "bowl", "bracket", "stack", "clutter")
 """Built-in scenes."""

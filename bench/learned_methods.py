@@ -29,8 +29,8 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner
 from verefine_viz.report.bootstrap import Cells, draws
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.studies.solve_unit import quality
 
 STARTS = ((10, 10), (20, 20), (30, 30), (45, 40), (60, 40))

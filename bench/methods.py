@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from bench.staged import staged
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 
 REPEATS = 100
 

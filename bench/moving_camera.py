@@ -29,13 +29,13 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
+from verefine_viz.run.data_folder import data_folder
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.demo_layout import Viewpoint, settled, take_picture
 from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.scenes.demo_scenes import SCENES
 from verefine_viz.scenes.sensor import sense
 from verefine_viz.scenes.source import open_scene
-from verefine_viz.session.data_folder import data_folder
-from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.frame_strip import frame_strip

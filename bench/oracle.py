@@ -31,9 +31,9 @@ from verefine_viz.evaluation.depth_noise import depth_noise, resampled
 from verefine_viz.evaluation.landscape import CANNOT_TELL
 from verefine_viz.evaluation.pose_errors import adds_mm
 from verefine_viz.observation.normals import estimate_normals
-from verefine_viz.session.comparison import trace_of
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.compare import trace_of
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 
 SAMPLES = range(100, 110)
 """Samples of the observed points that no diagnosis has used."""

@@ -19,8 +19,8 @@ from rich.table import Table
 
 from verefine_viz.core.problem import Problem
 from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 
 METHODS = ("refine", "phys_before", "phys_after", "pir", "sir", "even", "expl", "rir")
 SINGLE = ("refine", "phys_before", "phys_after", "pir", "sir")

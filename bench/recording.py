@@ -26,8 +26,8 @@ from bench.__main__ import table
 from tests.scenes.write_bop import write_bop
 from verefine_viz.core.problem import Problem
 from verefine_viz.recording.recorder import Recorder
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 
 REPEATS = 120
 """Of the shortest frames: times vary by half from one to the next, and the share must not."""

@@ -7,8 +7,8 @@ scene scores. The authors' code takes 6.6 s for it on a machine of this kind.
 from __future__ import annotations
 
 from bench.staged import staged
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 
 REPEATS = 5
 SESSION = {

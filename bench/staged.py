@@ -6,7 +6,7 @@ from time import perf_counter
 
 import numpy as np
 
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.toolbox import Toolbox
 
 
 def staged(toolbox: Toolbox, repeats: int) -> tuple[int, dict[str, float]]:

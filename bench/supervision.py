@@ -16,8 +16,8 @@ from scipy.ndimage import binary_dilation
 
 from tests.made_up_frames import leaning, seen_through
 from verefine_viz.core.problem import Problem
-from verefine_viz.session.files import load_session
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import load_session
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.studies.disturbance import disturbed, without_top
 from verefine_viz.studies.figure import band
 from verefine_viz.studies.solve_unit import quality

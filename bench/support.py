@@ -24,8 +24,8 @@ from verefine_viz.physics.plausibility import plausibility
 from verefine_viz.physics.proximity import Surfaces
 from verefine_viz.physics.simulator import BulletSimulator, plane_of
 from verefine_viz.rendering.rendered_scene import render_scene
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 
 OFF_MM = 3.0
 """Ground truth that sinks or floats by more counts."""

@@ -25,9 +25,9 @@ from rich.table import Table
 from verefine_viz.core.problem import Problem
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.report.bootstrap import Cells, draws
-from verefine_viz.session.engine import Run
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.engine import Run
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.studies.solve_unit import quality
 
 RIGHT = 0.1

@@ -20,13 +20,13 @@ from verefine_viz.diagnosis.case import ErrorOf
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.observation.observed_frame import observe, segment_cloud
 from verefine_viz.rendering.rendered_scene import render_scene
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.demo_layout import Viewpoint
 from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.scenes.meshes import Mesh
 from verefine_viz.scenes.models import model_of_mesh
 from verefine_viz.scenes.sensor import sense
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
 
 CAMERA = Camera(np.array([[285.0, 0, 159.5], [0, 285.0, 119.5], [0, 0, 1]]), 320, 240)
 SETTINGS = SceneSettings(model_points=1000, cloud_points=700)

@@ -22,7 +22,7 @@ from verefine_viz.batch.rows import FrameResult
 from verefine_viz.batch.solve_frame import TASKS
 from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.settings import Session
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.toolbox import Toolbox
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE_ID = 7

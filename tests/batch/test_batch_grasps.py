@@ -16,8 +16,8 @@ from verefine_viz.batch.solve_frame import solve_frame
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
 from verefine_viz.report.build_report import write_report
-from verefine_viz.session.files import load_session
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import load_session
+from verefine_viz.run.toolbox import Toolbox
 
 
 @pytest.mark.usefixtures("processes", "long_run")

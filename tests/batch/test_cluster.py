@@ -31,7 +31,7 @@ from verefine_viz.batch.run_batch import run_batch as run_here
 from verefine_viz.batch.worker_process import ONE_THREAD
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
-from verefine_viz.session.files import load_session
+from verefine_viz.run.session_file import load_session
 
 pytestmark = pytest.mark.usefixtures("processes")
 

@@ -14,7 +14,7 @@ from verefine_viz.batch.solve_frame import explain_frame
 from verefine_viz.batch.totals import Totals
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, RecordingSettings, SceneSettings, Session
 from verefine_viz.diagnosis.causes import DATA_FIRST
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.viewer.state.batch_gallery import Gallery
 
 pytestmark = pytest.mark.usefixtures("processes")

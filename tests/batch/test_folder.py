@@ -18,7 +18,7 @@ from verefine_viz.batch.journal import RunFile, read_run
 from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.settings import Session
-from verefine_viz.session.files import load_session, resolve
+from verefine_viz.run.session_file import load_session, resolve
 
 SESSION = resolve({"title": "a", "method": {"name": "sir"}})
 

@@ -17,9 +17,9 @@ from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.evaluation.landscape import landscape
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.run.session_file import load_session
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.bop_source import BopSource
-from verefine_viz.session.files import load_session
-from verefine_viz.session.toolbox import Toolbox
 
 
 @pytest.fixture

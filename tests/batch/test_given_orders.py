@@ -13,7 +13,7 @@ from tests.batch.frames import make_frames, write_session
 from tests.scenes.bop_folder import Made
 from verefine_viz import cli
 from verefine_viz.batch.session_check import check
-from verefine_viz.session.files import load_session
+from verefine_viz.run.session_file import load_session
 
 pytestmark = pytest.mark.usefixtures("processes")
 

@@ -22,7 +22,7 @@ from verefine_viz.batch.index import (
 from verefine_viz.batch.journal import RunFile
 from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame, write_frames_csv
 from verefine_viz.core.errors import InputError, SettingsError
-from verefine_viz.session.files import resolve
+from verefine_viz.run.session_file import resolve
 
 SESSION = resolve({"title": "t"})
 

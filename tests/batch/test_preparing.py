@@ -8,8 +8,8 @@ import pytest
 
 from verefine_viz.batch.rows import FrameResult
 from verefine_viz.batch.worker_pool import Pool
-from verefine_viz.session.files import resolve
-from verefine_viz.session.kernel_compilation import COMPILING
+from verefine_viz.run.kernel_compilation import COMPILING
+from verefine_viz.run.session_file import resolve
 
 SESSION = resolve(
     {

@@ -33,9 +33,9 @@ from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.methods.registry import make_method
-from verefine_viz.session.engine import Run
-from verefine_viz.session.files import load_session
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.engine import Run
+from verefine_viz.run.session_file import load_session
+from verefine_viz.run.toolbox import Toolbox
 
 finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
 rows = st.builds(

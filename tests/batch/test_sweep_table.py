@@ -16,7 +16,7 @@ from verefine_viz.batch.run_batch import Outcome
 from verefine_viz.core.settings import SceneSettings
 from verefine_viz.report.group_comparison import FrameRecalls, compare
 from verefine_viz.report.groups import load_groups
-from verefine_viz.session.files import resolve
+from verefine_viz.run.session_file import resolve
 
 NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None, "ms_total": 0.0}
 

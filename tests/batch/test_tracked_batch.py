@@ -15,9 +15,9 @@ from tests.scenes.test_trace import picture, pose
 from verefine_viz.batch.run_batch import Backend, Progress, _after, run_batch
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.verify import verify
-from verefine_viz.session.data_folder import open_session
-from verefine_viz.session.files import load_session
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.data_folder import open_session
+from verefine_viz.run.session_file import load_session
+from verefine_viz.run.toolbox import Toolbox
 
 pytestmark = pytest.mark.usefixtures("processes")
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from tests.fakes import box_problem
-from tests.session.kept_frames import box_mesh, found, kept
+from tests.run.kept_frames import box_mesh, found, kept
 from verefine_viz.batch import watch as watching
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex, read_batch
@@ -23,7 +23,7 @@ from verefine_viz.batch.rows import WAITING, FrameResult
 from verefine_viz.batch.watch import TRIES, Watch, data_folders
 from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.settings import Session
-from verefine_viz.session.files import load_session, resolve
+from verefine_viz.run.session_file import load_session, resolve
 
 QUICK = resolve({"method": {"name": "refine", "refiner": "identity"}, "physics": {"enabled": False}})
 """A method that is done at once."""

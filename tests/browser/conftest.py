@@ -13,7 +13,7 @@ import pytest
 from tests.headless_chromium import headless_chromium
 from verefine_viz.commands.doctor_checks import find_chromium
 from verefine_viz.core.errors import UnavailableError
-from verefine_viz.session.files import load_session, resolve, save_session
+from verefine_viz.run.session_file import load_session, resolve, save_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.web import client_messages

@@ -8,7 +8,7 @@ from pathlib import Path
 from tests.browser.conftest import SESSIONS, SLOW_MS, Look, Screen, is_seen, saved
 from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.session.files import load_session
+from verefine_viz.run.session_file import load_session
 from verefine_viz.viewer import commands as c
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tests.browser.conftest import Screen, Show, until_true
 from tests.scenes.test_pose_sequence import write_sequence
-from verefine_viz.session.data_folder import open_session
+from verefine_viz.run.data_folder import open_session
 from verefine_viz.viewer.app import App
 
 STRIP = ".vz svg.frames"

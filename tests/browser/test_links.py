@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.browser.conftest import QUERY, Screen, Show, until_true
-from verefine_viz.session.files import resolve
+from verefine_viz.run.session_file import resolve
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 

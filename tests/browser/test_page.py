@@ -9,7 +9,7 @@ import pytest
 
 from tests.browser.conftest import SESSIONS, SIZE, SLOW_MS, Look, Screen, until_true
 from verefine_viz.core.geometry import apply
-from verefine_viz.session.files import load_session
+from verefine_viz.run.session_file import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.web.viser_internals import lost_words

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from tests.browser.conftest import Show, until_true
 from tests.fakes import box_problem
-from tests.session.kept_frames import box_mesh, found, kept
+from tests.run.kept_frames import box_mesh, found, kept
 from verefine_viz.batch.watch import Watch
-from verefine_viz.session.files import resolve
+from verefine_viz.run.session_file import resolve
 from verefine_viz.viewer.app import App
 
 QUICK = resolve({"method": {"name": "refine", "iterations": 2}, "physics": {"enabled": False}})

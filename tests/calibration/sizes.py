@@ -21,9 +21,9 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.demo import demo_problem
 from verefine_viz.scenes.source import open_scene
-from verefine_viz.session.toolbox import Toolbox
 
 Objects = list[tuple[ObjectModel, Float, Mask]]
 Depth = NDArray[np.floating]

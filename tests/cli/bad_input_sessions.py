@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tests.cli.command_line import CommandLine
 from verefine_viz.batch.folder import RunFolder
-from verefine_viz.session.files import resolve
+from verefine_viz.run.session_file import resolve
 
 
 class BadInput(CommandLine):

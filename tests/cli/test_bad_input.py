@@ -15,7 +15,7 @@ import rerun as rr
 
 from tests.cli.bad_input_sessions import BadInput
 from verefine_viz.batch.folder import RunFolder
-from verefine_viz.session.files import resolve
+from verefine_viz.run.session_file import resolve
 
 ROOT = Path(__file__).resolve().parents[2]
 

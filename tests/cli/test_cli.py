@@ -19,7 +19,7 @@ from verefine_viz.commands.batch import Batch
 from verefine_viz.commands.view import View
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
-from verefine_viz.session.files import load_session, session_toml
+from verefine_viz.run.session_file import load_session, session_toml
 
 ROOT = Path(__file__).resolve().parents[2]
 HEAVY = ("numpy", "open3d", "viser", "rerun", "pybullet", "moderngl", "numba", "trimesh", "scipy")

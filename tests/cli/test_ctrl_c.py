@@ -16,7 +16,7 @@ import psutil
 import pytest
 
 from verefine_viz import cli
-from verefine_viz.session.kernel_compilation import COMPILING
+from verefine_viz.run.kernel_compilation import COMPILING
 
 ROOT = Path(__file__).resolve().parents[2]
 NEVER_CANCELLED = """

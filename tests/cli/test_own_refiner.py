@@ -23,8 +23,8 @@ from verefine_viz.recording import entities, rerun_viewer
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.refiners.registry import REFINERS, Identity
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.viewer import app as page_app
 from verefine_viz.viewer.commands import OpenRecording, RunUntil, ShowRefinerCrops, Step
 from verefine_viz.viewer.debugger import Debugger

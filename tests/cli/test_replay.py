@@ -11,7 +11,7 @@ from tests.recording.runs import new_run, recorded_run, session
 from verefine_viz import cli
 from verefine_viz.recording import verify
 from verefine_viz.recording.reader import Recorded
-from verefine_viz.session.engine import Run
+from verefine_viz.run.engine import Run
 
 EXPECTED = {"same.rrd": "no difference in 30 iterations", "other.rrd": "differs, recorded against now: iteration 1"}
 

@@ -12,9 +12,9 @@ import pytest
 
 from tests.batch.frames import damaged, make_frames, write_session
 from verefine_viz import cli
+from verefine_viz.run.session_file import load_session
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.results_csv import read_results
-from verefine_viz.session.files import load_session
-from verefine_viz.session.toolbox import Toolbox
 
 pytestmark = pytest.mark.usefixtures("processes")
 

@@ -10,7 +10,7 @@ import pytest
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
 from verefine_viz.cli import main
-from verefine_viz.session.files import resolve
+from verefine_viz.run.session_file import resolve
 from verefine_viz.viewer import app as page_app
 from verefine_viz.viewer.state.batch_gallery import Gallery
 

@@ -15,10 +15,10 @@ import psutil
 import pytest
 
 from tests.fakes import box_problem
-from tests.session.kept_frames import box_mesh, found, kept
+from tests.run.kept_frames import box_mesh, found, kept
 from verefine_viz.batch.index import read_batch
 from verefine_viz.cli import main
-from verefine_viz.session.files import resolve, save_session
+from verefine_viz.run.session_file import resolve, save_session
 from verefine_viz.viewer import app as page_app
 
 PROBLEM = box_problem(n_hypotheses=2)

@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 
 from verefine_viz.core.setting_types import limits
 from verefine_viz.core.settings import Change, Edit, Session
-from verefine_viz.session.files import load_session, resolve
+from verefine_viz.run.session_file import load_session, resolve
 
 SESSIONS = sorted((Path(__file__).resolve().parents[2] / "sessions").glob("*.toml"))
 

@@ -13,8 +13,8 @@ from verefine_viz.diagnosis.ambiguity import ambiguous, run_poses
 from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.diagnosis.diagnose import diagnose, failed_cases
+from verefine_viz.run.compare import trace_of
 from verefine_viz.scenes.demo_layout import Viewpoint
-from verefine_viz.session.comparison import trace_of
 
 pytestmark = pytest.mark.usefixtures("long_run")
 

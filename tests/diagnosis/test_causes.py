@@ -25,9 +25,9 @@ from verefine_viz.diagnosis.causes import TITLES, Cause, Diagnosis
 from verefine_viz.diagnosis.diagnose import diagnose, diagnosed, failed_cases
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.refiners.registry import REFINERS
-from verefine_viz.session.comparison import Trace, trace_of
-from verefine_viz.session.files import load_session, resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.compare import Trace, trace_of
+from verefine_viz.run.session_file import load_session, resolve
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.timeline_panel import timeline_words

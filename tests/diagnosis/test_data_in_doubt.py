@@ -9,8 +9,8 @@ import pytest
 from tests.calibration.sizes import scene, written
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, SceneSettings, Session
 from verefine_viz.diagnosis.diagnose import diagnose
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.demo_models import demo_obj_id
-from verefine_viz.session.toolbox import Toolbox
 
 DOUBT = "Look at the data first: objects appear"
 

@@ -12,9 +12,9 @@ from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.diagnose import failed_cases
 from verefine_viz.diagnosis.input_causes import depth
 from verefine_viz.diagnosis.scene_causes import plane
-from verefine_viz.session.comparison import trace_of
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.compare import trace_of
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 
 pytestmark = pytest.mark.usefixtures("long_run")
 

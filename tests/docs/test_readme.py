@@ -24,9 +24,9 @@ from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.settings import Session
 from verefine_viz.pictures.refiner_crops import step_picture
 from verefine_viz.refiners.registry import REFINERS, make_refiner
-from verefine_viz.session.data_folder import open_session
-from verefine_viz.session.files import load_session, resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.data_folder import open_session
+from verefine_viz.run.session_file import load_session, resolve
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.trace import Trace
 
 ROOT = Path(__file__).resolve().parents[2]

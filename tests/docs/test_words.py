@@ -9,7 +9,7 @@ import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
-from verefine_viz.session.files import CAPTURE_HEAD
+from verefine_viz.run.session_file import CAPTURE_HEAD
 
 ROOT = Path(__file__).resolve().parents[2]
 PRODUCT = sorted((ROOT / "verefine_viz").rglob("*.py"))

@@ -23,9 +23,9 @@ from verefine_viz.estimators.clouds import segment_cloud, thinned
 from verefine_viz.estimators.pcs import Pcs, PcsModel, candidates
 from verefine_viz.estimators.registry import make_estimator
 from verefine_viz.evaluation.pose_errors import pose_errors
+from verefine_viz.run.session_file import load_session
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.demo_models import demo_model
-from verefine_viz.session.files import load_session
-from verefine_viz.session.toolbox import Toolbox
 
 pytestmark = pytest.mark.usefixtures("long_run")
 

@@ -21,9 +21,9 @@ from verefine_viz.core.settings import Session
 from verefine_viz.estimators.ppf import Ppf
 from verefine_viz.estimators.registry import ESTIMATORS, make_estimator
 from verefine_viz.evaluation.pose_errors import pose_errors, rotation_error_deg
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.demo_models import demo_model
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
 
 pytestmark = pytest.mark.usefixtures("long_run")
 

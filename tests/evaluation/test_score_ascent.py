@@ -15,8 +15,8 @@ from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.evaluation.score_ascent import highest_near
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 
 
 @cache

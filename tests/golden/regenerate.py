@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 
 FOLDER = Path(__file__).parent
 SCENES = {"vf_breadth": "stack", "vf_depth": "stack", "physim_mcts": "clutter"}

@@ -13,8 +13,8 @@ from verefine_viz.core.errors import Cancelled
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.grasping.grasp_answer import answer_grasps
-from verefine_viz.session.files import load_session
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import load_session
+from verefine_viz.run.toolbox import Toolbox
 
 SETTINGS = GraspSettings()
 pytestmark = pytest.mark.usefixtures("processes")

@@ -14,7 +14,7 @@ from verefine_viz.core.problem import DependencyGraph, Problem
 from verefine_viz.core.settings import MethodSettings
 from verefine_viz.methods.registry import METHOD_NAMES, make_method
 from verefine_viz.recording.verify import first_difference
-from verefine_viz.session.engine import Run
+from verefine_viz.run.engine import Run
 
 CHOOSING = ("rir", "even", "expl", "vf_breadth", "vf_depth")
 PUT = transform(axis_angle([0, 0, 1], 0.3), [0.01, 0.02, 0.6])

@@ -12,7 +12,7 @@ from tests.methods.test_search_tree import grow, pools_of
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.methods.search_tree import SearchTree
 from verefine_viz.recording.verify import first_difference
-from verefine_viz.session.engine import Run
+from verefine_viz.run.engine import Run
 
 PUT = transform(axis_angle([0, 0, 1], 0.3), [0.3, 0.2, 0.9])
 """Far from the segment, so that its overlap is none and the search by itself would try it last."""

@@ -25,7 +25,7 @@ from verefine_viz.recording.playback import played
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.verify import first_difference
-from verefine_viz.session.engine import Run
+from verefine_viz.run.engine import Run
 
 HALF_TURNS = np.array([np.diag([1.0, -1, -1, 1]), np.diag([-1.0, 1, -1, 1]), np.diag([-1.0, -1, 1, 1])])
 """Of a box."""

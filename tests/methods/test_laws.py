@@ -21,7 +21,7 @@ from verefine_viz.methods.bandit import Ucb
 from verefine_viz.methods.registry import METHOD_NAMES, make_method
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.recording.verify import first_difference
-from verefine_viz.session.engine import Run
+from verefine_viz.run.engine import Run
 
 
 def run_of(name: str, problem: Problem, **fields: object) -> Run:

@@ -31,7 +31,7 @@ from verefine_viz.methods.physim_mcts import (
 )
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.refiners.registry import Identity
-from verefine_viz.session.engine import Run
+from verefine_viz.run.engine import Run
 
 
 @dataclass(frozen=True)

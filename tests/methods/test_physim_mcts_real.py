@@ -17,9 +17,9 @@ from verefine_viz.recording.verify import first_difference
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
 from verefine_viz.rendering.explained import ExplainedPixels
-from verefine_viz.session.engine import Run
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.engine import Run
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 
 pytestmark = pytest.mark.usefixtures("long_run")
 

@@ -14,7 +14,7 @@ from verefine_viz.core.problem import DependencyGraph, Problem
 from verefine_viz.core.settings import MethodSettings
 from verefine_viz.methods.registry import make_method
 from verefine_viz.recording.verify import first_difference
-from verefine_viz.session.engine import Run
+from verefine_viz.run.engine import Run
 
 
 def clustered(problem: Problem, *clusters: tuple[int, ...]) -> Problem:

@@ -16,8 +16,8 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.palette import SIDE_COLORS, STAGE_COLORS
 from verefine_viz.core.problem import Target
 from verefine_viz.pictures.answer_pictures import HEIGHT_PX, WIDTH_PX, Window, pictures, window_around
+from verefine_viz.run.session_file import resolve
 from verefine_viz.scenes.demo import demo_problem
-from verefine_viz.session.files import resolve
 
 SESSION = resolve({})
 

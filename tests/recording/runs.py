@@ -16,7 +16,7 @@ from verefine_viz.methods.registry import make_method
 from verefine_viz.recording.entities import LOSSLESS
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
-from verefine_viz.session.engine import Run
+from verefine_viz.run.engine import Run
 
 
 def session(name: str = "rir", iterations: int = 5, maps: bool = True) -> Session:

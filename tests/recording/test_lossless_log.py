@@ -13,7 +13,7 @@ from tests.recording.runs import new_run, session
 from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.recording.lossless_log import Entry, Journal, as_recorded, read_journal
 from verefine_viz.recording.verify import first_difference
-from verefine_viz.session.engine import Run
+from verefine_viz.run.engine import Run
 
 
 @pytest.mark.parametrize("name", [*METHOD_NAMES, "physim_mcts"])

@@ -23,7 +23,7 @@ from verefine_viz.recording import entities
 from verefine_viz.recording.maps import GAP_PX, MAP_NAMES, TILE_PX
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
-from verefine_viz.session.engine import Run
+from verefine_viz.run.engine import Run
 
 KB = 1000
 

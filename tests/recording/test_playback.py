@@ -15,8 +15,8 @@ from verefine_viz.recording.playback import played
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.verify import first_difference
-from verefine_viz.session import comparison
-from verefine_viz.session.comparison import aligned, trace_of
+from verefine_viz.run import comparison
+from verefine_viz.run.compare import aligned, trace_of
 
 pytestmark = pytest.mark.usefixtures("processes")
 

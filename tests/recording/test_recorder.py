@@ -17,7 +17,7 @@ from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import journal_path, part_path
 from verefine_viz.recording.verify import first_difference
-from verefine_viz.session.files import load_session
+from verefine_viz.run.session_file import load_session
 
 pytestmark = pytest.mark.usefixtures("processes")
 

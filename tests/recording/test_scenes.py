@@ -21,7 +21,7 @@ from verefine_viz.recording import entities
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
-from verefine_viz.session.engine import Run
+from verefine_viz.run.engine import Run
 
 
 def column(path: Path, entity: str, component: str) -> list[Any]:

@@ -22,8 +22,8 @@ from verefine_viz.recording.lossless_log import Entry
 from verefine_viz.recording.reader import Recorded, read_recording
 from verefine_viz.recording.recording_file import part_path
 from verefine_viz.recording.verify import Verification, run_again, verify
-from verefine_viz.session.engine import Run
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.engine import Run
+from verefine_viz.run.toolbox import Toolbox
 
 pytestmark = pytest.mark.usefixtures("processes")
 

@@ -21,9 +21,9 @@ from verefine_viz.pictures.refiner_crops import step_picture
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.verify import first_difference, verify
 from verefine_viz.refiners.registry import WEIGHTS, make_refiner
-from verefine_viz.session.files import resolve
-from verefine_viz.session.session_refiners import weights_of
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.session_refiners import weights_of
+from verefine_viz.run.toolbox import Toolbox
 
 TARGET = coloured_target()
 START = TARGET.instance.hypotheses[0].T_cam_obj
@@ -172,7 +172,7 @@ def test_recordings_name_the_weights_by_their_hashes(tmp_path: Path) -> None:
 
 
 def test_paths_are_relative_to_the_session_file(tmp_path: Path) -> None:
-    from verefine_viz.session.files import load_session
+    from verefine_viz.run.session_file import load_session
 
     settings(tmp_path)
     (tmp_path / "s.toml").write_text('[densefusion]\nweights = "pose.onnx"\nrefiner_weights = "refine.onnx"\n')

@@ -22,8 +22,8 @@ from verefine_viz.core.problem import Instance, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering.simplify import scoring_mesh
-from verefine_viz.session.files import resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
 
 pytestmark = pytest.mark.usefixtures("long_run")
 

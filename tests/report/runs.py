@@ -12,7 +12,7 @@ import numpy as np
 from verefine_viz.batch.journal import Journal
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, write_frames_csv
 from verefine_viz.core.arrays import Float
-from verefine_viz.session.files import resolve, save_session
+from verefine_viz.run.session_file import resolve, save_session
 
 
 def row(im_id: int, instance_id: int = 0, **values: object) -> ObjectRow:

@@ -19,7 +19,7 @@ from verefine_viz.report.group_sentences import counted, headline, title
 from verefine_viz.report.groups import Group
 from verefine_viz.report.object_results import axes_of, by_frame, hardest, heat, outcomes_of
 from verefine_viz.report.run_results import LoadedRun, recall_curve
-from verefine_viz.session.files import resolve
+from verefine_viz.run.session_file import resolve
 
 WRONG = {"add_s_mm": 40.0}
 NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None}

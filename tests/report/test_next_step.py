@@ -13,7 +13,7 @@ from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.report.run_results import LoadedRun
 from verefine_viz.report.run_sentences import ADVICE, NextStep, advice, next_step
-from verefine_viz.session.files import resolve
+from verefine_viz.run.session_file import resolve
 
 
 def step(*causes: str, method: str = "rir", n_right: int = 4, **values: Any) -> NextStep | None:

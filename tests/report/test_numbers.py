@@ -30,8 +30,8 @@ from verefine_viz.report.run_results import (
     stage_times,
 )
 from verefine_viz.report.run_sentences import headline
+from verefine_viz.run.session_file import resolve
 from verefine_viz.scenes.results_csv import write_results
-from verefine_viz.session.files import resolve
 
 WRONG = {"add_s_mm": 40.0}
 NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None}

@@ -14,8 +14,8 @@ from tests.scenes.bop_folder import box_ply, make
 from verefine_viz import cli
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.report.build_report import write_report
+from verefine_viz.run.session_file import resolve
 from verefine_viz.scenes.demo import demo_problem
-from verefine_viz.session.files import resolve
 
 NO_RECORDING = "Some frames have no recording (recording.keep), and so no curve."
 

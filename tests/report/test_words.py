@@ -17,7 +17,7 @@ from verefine_viz.report.charts import whole_step
 from verefine_viz.report.html import breakable
 from verefine_viz.report.run_results import LoadedRun
 from verefine_viz.report.run_sentences import data_doubts, session_title, signed, title, tone
-from verefine_viz.session.files import resolve
+from verefine_viz.run.session_file import resolve
 
 
 def test_what_rounds_to_zero_has_no_sign_and_names_break_between_words() -> None:

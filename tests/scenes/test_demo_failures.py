@@ -15,11 +15,11 @@ from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Iteration, Stage
 from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
 from verefine_viz.rendering.rendered_scene import render_scene
+from verefine_viz.run.breakpoints import hits
+from verefine_viz.run.session_file import load_session
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.demo import demo_objects
 from verefine_viz.scenes.demo_scenes import FAILURES
-from verefine_viz.session.breakpoints import hits
-from verefine_viz.session.files import load_session
-from verefine_viz.session.toolbox import Toolbox
 
 pytestmark = pytest.mark.usefixtures("long_run")
 

@@ -19,8 +19,8 @@ from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.core.surroundings import Surroundings
 from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.run.session_file import resolve
 from verefine_viz.scenes.environment_mesh import mesh_surroundings
-from verefine_viz.session.files import resolve
 
 PROBLEM = box_problem()
 SUPPORT: Any = PROBLEM.observation.support

@@ -11,12 +11,12 @@ from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.run.session_file import load_session
 from verefine_viz.scenes.demo import demo_problem
 from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.scenes.half_turn import half_turn
 from verefine_viz.scenes.meshes import Mesh
 from verefine_viz.scenes.models import model_of_mesh
-from verefine_viz.session.files import load_session
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -12,10 +12,10 @@ from PIL import Image
 from tests.scenes.test_trace import SHAPE, K, picture, pose, write_box, write_trace
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.run.data_folder import data_folder, holds_frames, open_session
+from verefine_viz.run.imported_folder import imported
 from verefine_viz.scenes.pose_sequence import PoseSequence
 from verefine_viz.scenes.source import open_scene
-from verefine_viz.session.data_folder import data_folder, holds_frames, open_session
-from verefine_viz.session.imported_folder import imported
 
 
 def write_sequence(folder: Path, n: int = 3, size: float = 0.1) -> Path:

@@ -22,11 +22,11 @@ from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.methods.per_object import PerObject
 from verefine_viz.methods.recorded_steps import recorded_steps
 from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.run.data_folder import open_session
+from verefine_viz.run.engine import Run
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.source import open_scene
 from verefine_viz.scenes.trace_files import image_numbers, read_trace, traces_in
-from verefine_viz.session.data_folder import open_session
-from verefine_viz.session.engine import Run
-from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.trace import Trace
 
 K = np.array([[120.0, 0, 80], [0, 120, 60], [0, 0, 1]])

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from verefine_viz.session.files import load_session
+from verefine_viz.run.session_file import load_session
 from verefine_viz.studies.grasp_table import grasp_order, grasp_rows
 from verefine_viz.studies.grasping_study import GIVEN, TABLE, grasping
 from verefine_viz.studies.run_study import StudyRequest, run_study

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from verefine_viz.session.files import load_session
+from verefine_viz.run.session_file import load_session
 from verefine_viz.studies.paper_tables import PAPER_AR, ROWS, missing_rows, tables
 
 

@@ -16,7 +16,7 @@ import pytest
 
 from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.settings import Session
-from verefine_viz.session.files import load_session
+from verefine_viz.run.session_file import load_session
 from verefine_viz.studies.run_study import STUDIES, STUDY_FILE, StudyJournal, StudyRequest, run_study
 from verefine_viz.studies.solve_unit import Outcome
 from verefine_viz.studies.study_command import run_one

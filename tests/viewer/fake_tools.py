@@ -16,9 +16,9 @@ from verefine_viz.core.protocols import Watcher
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import make_method
 from verefine_viz.observation.dependency_graph import dependency_graph
-from verefine_viz.session.edits import edits_of
-from verefine_viz.session.engine import Run
-from verefine_viz.session.files import AT_ITS_START, changed
+from verefine_viz.run.edits import edits_of
+from verefine_viz.run.engine import Run
+from verefine_viz.run.session_file import AT_ITS_START, changed
 from verefine_viz.viewer.commands import DragPose
 
 DRAGGED = DragPose(tuple(float(x) for x in transform(np.eye(3), [0.05, 0.08, 0.7]).ravel()))

@@ -18,7 +18,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.refiners.registry import REFINERS, make_refiner
-from verefine_viz.session.kernel_compilation import COMPILING
+from verefine_viz.run.kernel_compilation import COMPILING
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer import session_page
 from verefine_viz.viewer.app import App

@@ -16,7 +16,7 @@ from verefine_viz.batch.journal import RunFile
 from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
-from verefine_viz.session.files import AT_ITS_START, changed
+from verefine_viz.run.session_file import AT_ITS_START, changed
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.errors_panel import plot_svg, trust_in_score

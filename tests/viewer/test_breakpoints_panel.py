@@ -11,8 +11,8 @@ from tests.viewer.client import client, until
 from tests.viewer.conftest import OpenPage
 from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.settings import MethodSettings, Session
-from verefine_viz.session.breakpoints import LABELS, UNITS, number_of
-from verefine_viz.session.files import load_session
+from verefine_viz.run.breakpoints import LABELS, UNITS, number_of
+from verefine_viz.run.session_file import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.panels.view_panels import FLAGS, THRESHOLDS

@@ -16,7 +16,7 @@ from tests.viewer.test_app import command_of, cursor
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.physics.decomposition import PARTS_OF
-from verefine_viz.session.files import save_session
+from verefine_viz.run.session_file import save_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.command_json import to_json

@@ -12,7 +12,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, Session
-from verefine_viz.session.comparison import Difference
+from verefine_viz.run.compare import Difference
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.comparison_tables import (

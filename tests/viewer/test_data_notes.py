@@ -9,15 +9,15 @@ import pytest
 
 from tests.calibration.sizes import WithoutTruth, scene, written
 from tests.fakes import box_problem
-from tests.session.kept_frames import box_mesh, found, kept
+from tests.run.kept_frames import box_mesh, found, kept
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import RunFile
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, SceneSettings, Session
 from verefine_viz.diagnosis.causes import DATA_FIRST
-from verefine_viz.session.files import load_session
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import load_session
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.verdict_panel import why_html

@@ -20,7 +20,7 @@ from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.protocols import Watcher
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.recording.verify import first_difference
-from verefine_viz.session.engine import Run
+from verefine_viz.run.engine import Run
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.command_json import from_json, to_json
 from verefine_viz.viewer.debugger import Debugger
@@ -226,7 +226,7 @@ def test_looking_does_not_stop_a_run() -> None:
 
 
 def test_saved_session_repeats_the_run(tmp_path: Path) -> None:
-    from verefine_viz.session.files import load_session, save_session
+    from verefine_viz.run.session_file import load_session, save_session
 
     d = debugger().carry_out([c.Step(), c.Fork((("method.exploration", 2.0),)), c.Step(), c.EditPose()])
     T = np.array(d.options.edited).reshape(4, 4)

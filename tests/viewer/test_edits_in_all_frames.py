@@ -10,7 +10,7 @@ import pytest
 
 from tests.viewer.fake_tools import DRAGGED, FakeTools
 from verefine_viz.core.settings import Change, Edit, MethodSettings, Session
-from verefine_viz.session.files import load_session
+from verefine_viz.run.session_file import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.export import Exporter

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from tests.fakes import box_problem
+from tests.run.kept_frames import box_mesh, found, kept
 from tests.scenes.bop_folder import make
-from tests.session.kept_frames import box_mesh, found, kept
 from tests.viewer.client import client, until
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
@@ -20,8 +20,8 @@ from verefine_viz.core.problem import Hypothesis, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators import registry
-from verefine_viz.session.files import load_session, resolve, save_session
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import load_session, resolve, save_session
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger

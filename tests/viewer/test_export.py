@@ -13,7 +13,7 @@ from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.settings import MethodSettings, Session
-from verefine_viz.session.files import load_session, save_session
+from verefine_viz.run.session_file import load_session, save_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger

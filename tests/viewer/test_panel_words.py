@@ -7,7 +7,7 @@ from pathlib import Path
 from tests.viewer.client import client, until
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
-from verefine_viz.session.files import load_session
+from verefine_viz.run.session_file import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.debugger import Debugger

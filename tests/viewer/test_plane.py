@@ -9,8 +9,8 @@ import pytest
 
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.settings import Session
-from verefine_viz.session.files import load_session, resolve
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import load_session, resolve
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.physics_panel import plane_warning
 from verefine_viz.viewer.snapshot.snapshot import Snapshot

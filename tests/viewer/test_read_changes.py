@@ -12,7 +12,7 @@ from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import DependencyGraph, Problem
 from verefine_viz.core.settings import MethodSettings, Session
-from verefine_viz.session.files import load_session
+from verefine_viz.run.session_file import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.export import Exporter, stem_of

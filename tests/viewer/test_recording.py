@@ -15,8 +15,8 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, PhysicsSettings, SceneSettings, Session
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.verify import verify
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes import demo
-from verefine_viz.session.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.export import Exporter

@@ -9,8 +9,8 @@ import pytest
 
 from tests.scenes.test_pose_sequence import write_sequence
 from tests.scenes.test_trace import pose
-from verefine_viz.session.data_folder import open_session
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.data_folder import open_session
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 

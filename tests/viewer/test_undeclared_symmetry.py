@@ -12,8 +12,8 @@ from tests.failing_scenes import broken_scene, named
 from tests.fakes import OneFrame
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.diagnosis.causes import Cause, Diagnosis
-from verefine_viz.session.files import load_session
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.session_file import load_session
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.errors_panel import errors_words

@@ -30,7 +30,7 @@ from verefine_viz.batch.worker_pool import interrupts_ignored
 from verefine_viz.batch.worker_process import ONE_THREAD, TaskName
 from verefine_viz.core.errors import SettingsError, UnavailableError, VerefineError
 from verefine_viz.core.settings import Session
-from verefine_viz.session.files import FILES
+from verefine_viz.run.session_file import FILES
 
 CONNECT_S = 10.0
 """A scheduler that has not answered by then does not count as there."""

@@ -14,7 +14,7 @@ import verefine_viz
 from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.toolbox import Toolbox
 
 
 class WorkerTools(WorkerPlugin):

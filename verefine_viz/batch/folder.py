@@ -28,7 +28,7 @@ from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.paths import atomic, check_folder, clear_parts, try_lock, why_not
 from verefine_viz.core.settings import Session
 from verefine_viz.recording.entities import SEQUENCE_FILE
-from verefine_viz.session.files import load_session, save_session
+from verefine_viz.run.session_file import load_session, save_session
 
 SESSION_FILE = "session.toml"
 LOCK_FILE = ".lock"

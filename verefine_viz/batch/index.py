@@ -17,7 +17,7 @@ from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.paths import LEVELS_BELOW
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import MOST_NAMED, first_of
-from verefine_viz.session.files import load_session
+from verefine_viz.run.session_file import load_session
 
 Order = Literal["error", "score", "misleading", "cause", "object", "frame", "time", "undetermined"]
 ORDERS: dict[Order, str] = {

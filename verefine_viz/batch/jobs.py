@@ -13,8 +13,8 @@ from verefine_viz.batch.session_check import check
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import METHODS
-from verefine_viz.session.data_folder import open_session
-from verefine_viz.session.files import changed
+from verefine_viz.run.data_folder import open_session
+from verefine_viz.run.session_file import changed
 
 
 @dataclass(frozen=True)

@@ -36,10 +36,10 @@ from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import first_of
+from verefine_viz.run.session_refiners import weights_of
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.source import SceneSource
-from verefine_viz.session.session_refiners import weights_of
-from verefine_viz.session.toolbox import Toolbox
 
 NEEDED_BYTES = 1_000_000
 """With less free space than this on the disk, a frame fails because of it: a recording takes about as much."""

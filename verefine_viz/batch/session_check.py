@@ -9,10 +9,10 @@ from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.grasping.grasp_poses import grasp_files
 from verefine_viz.observation.given_order import Entries, checked, read_orders
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.environment_mesh import environment_mesh
 from verefine_viz.scenes.frames import frame_name, parse_frame
 from verefine_viz.scenes.models import ModelLibrary
-from verefine_viz.session.toolbox import Toolbox
 
 
 def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:

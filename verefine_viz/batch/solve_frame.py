@@ -24,9 +24,9 @@ from verefine_viz.core.records import Iteration
 from verefine_viz.diagnosis.diagnose import diagnose
 from verefine_viz.grasping.grasp_answer import AnswerGrasps, answer_grasps
 from verefine_viz.recording.recorder import Recorder
-from verefine_viz.session.engine import Run
-from verefine_viz.session.toolbox import Toolbox
-from verefine_viz.session.track import Answer, with_its_tracked
+from verefine_viz.run.engine import Run
+from verefine_viz.run.toolbox import Toolbox
+from verefine_viz.run.track import Answer, with_its_tracked
 
 FrameTask = Callable[[Toolbox, str, Path], FrameResult]
 """(tools, "scene/image", folder of the batch) → result. A frame that fails is a result too; it never raises."""

@@ -24,8 +24,8 @@ from verefine_viz.evaluation.landscape import Landscape, undetermined
 from verefine_viz.evaluation.pose_errors import add_s_mm, add_where_add_s_is_below, pose_errors
 from verefine_viz.grasping.grasp_answer import AnswerGrasps
 from verefine_viz.methods.registry import method_of
-from verefine_viz.session.edits import never_reached
-from verefine_viz.session.engine import Run
+from verefine_viz.run.edits import never_reached
+from verefine_viz.run.engine import Run
 
 MUCH, MUCH_SCORE = 0.03, 0.01
 """Share of the diameter, and score, that an iteration must lose to count as one where things went wrong."""

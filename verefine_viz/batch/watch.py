@@ -25,11 +25,11 @@ from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
 from verefine_viz.core.paths import check_folder, try_lock
 from verefine_viz.core.settings import Session
+from verefine_viz.run.data_folder import CAMERAS, SCENES, data_folder, holds_frames
+from verefine_viz.run.session_file import load_session, save_session
 from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.source import open_scene
 from verefine_viz.scenes.trace_files import traces_in
-from verefine_viz.session.data_folder import CAMERAS, SCENES, data_folder, holds_frames
-from verefine_viz.session.files import load_session, save_session
 
 _LOG = logging.getLogger(__name__)
 POLL_S = 1.0

@@ -32,8 +32,8 @@ def work(channel: connection.Connection, session: Session, out: Path, task: Task
 
     from verefine_viz.batch.solve_frame import TASKS
     from verefine_viz.core.progress_token import ProgressToken
-    from verefine_viz.session.kernel_compilation import COMPILING, CompilingTurn, compiling_reported
-    from verefine_viz.session.toolbox import Toolbox
+    from verefine_viz.run.kernel_compilation import COMPILING, CompilingTurn, compiling_reported
+    from verefine_viz.run.toolbox import Toolbox
 
     progress = ProgressToken(report_once=channel.send)
     toolbox, solve = Toolbox(session, progress), TASKS[task]

@@ -20,7 +20,7 @@ from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.paths import atomic, check_file, clear_parts
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators.registry import ESTIMATORS
-from verefine_viz.session.files import load_session
+from verefine_viz.run.session_file import load_session
 
 WITHOUT_POSE = ("left_out", "no_answer")
 """Status of an object without a pose; what can be mended comes first."""

@@ -20,7 +20,7 @@ class Import:
     """New folder for the data set; frames are added to one that keep_frame or this command made."""
 
     def run(self, arguments: Sequence[str]) -> int:
-        from verefine_viz.session.imported_folder import imported
+        from verefine_viz.run.imported_folder import imported
 
         n_failed = 0
         for line in imported(self.folder, self.out):

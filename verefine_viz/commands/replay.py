@@ -69,8 +69,8 @@ def _verify(recording: Path) -> int:
     """0: the same; 1: it differs; 3: the same as far as it goes, but its end is missing."""
     from verefine_viz.recording.reader import Recorded
     from verefine_viz.recording.verify import run_again, verify
-    from verefine_viz.session.engine import Run
-    from verefine_viz.session.session_refiners import check_refiners
+    from verefine_viz.run.engine import Run
+    from verefine_viz.run.session_refiners import check_refiners
 
     def again(recorded: Recorded) -> Run:
         check_refiners(recorded.session, f"recording {recording}", "verify", f"replay {recording} --verify")

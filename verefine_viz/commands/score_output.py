@@ -30,7 +30,7 @@ from verefine_viz.evaluation.bop_scores import Scores
 from verefine_viz.evaluation.ground_truth import Task
 from verefine_viz.evaluation.pose_table import Coverage, Covered, OwnPart
 from verefine_viz.evaluation.results_scores import Evaluation, evaluate_files
-from verefine_viz.session.files import load_session
+from verefine_viz.run.session_file import load_session
 
 SHORTEST = 12
 """What is left of a name at least [characters]."""

@@ -16,7 +16,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import MethodSettings, Session
 
 if TYPE_CHECKING:
-    from verefine_viz.session.data_folder import DataFolder
+    from verefine_viz.run.data_folder import DataFolder
     from verefine_viz.viewer.state.batch_gallery import Gallery
 
 
@@ -63,7 +63,7 @@ class View:
             session = known.session
         elif self.session is not None and self.session.is_dir():
             from verefine_viz.batch.index import find_runs
-            from verefine_viz.session.session_refiners import check_refiners
+            from verefine_viz.run.session_refiners import check_refiners
             from verefine_viz.viewer.state.batch_gallery import read_gallery
 
             if note := find_runs(self.session).note:
@@ -73,7 +73,7 @@ class View:
             check_refiners(session, f"run {batch.worst.run}", "open", f"view {self.session}")
         else:
             _check_kind(self.session)
-            from verefine_viz.session.files import load_session
+            from verefine_viz.run.session_file import load_session
 
             session = load_session(self.session, overrides)
         path = None if batch or recording or known else self.session
@@ -97,7 +97,7 @@ class View:
             wrong = self.session if self.other is None else self.other
             raise InputError(f"{wrong} is no session; with --watch expected a session file (.toml) or none")
         from verefine_viz.batch.watch import Watch
-        from verefine_viz.session.files import DURING_A_RUN, changed, load_session
+        from verefine_viz.run.session_file import DURING_A_RUN, changed, load_session
         from verefine_viz.viewer.app import check_method
 
         base = load_session(self.session, overrides) if self.session is not None else None
@@ -116,7 +116,7 @@ def _data_folder(path: Path | None, overrides: Mapping[str, Any]) -> DataFolder 
         InputError: it is one of nothing that can be opened.
     """
     from verefine_viz.batch.index import is_batch_folder, named_runs
-    from verefine_viz.session.data_folder import data_folder, is_begun, why_unknown
+    from verefine_viz.run.data_folder import data_folder, is_begun, why_unknown
 
     if path is None or not path.is_dir() or is_batch_folder(path):
         return None

@@ -35,9 +35,9 @@ from verefine_viz.methods.registry import make_method, method_of
 from verefine_viz.observation.observed_frame import segment_cloud
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
-from verefine_viz.session.comparison import Trace
-from verefine_viz.session.engine import Run
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.compare import Trace
+from verefine_viz.run.engine import Run
+from verefine_viz.run.toolbox import Toolbox
 
 Pools = Mapping[int, Sequence[Hypothesis]]
 """Initial poses by instance_id, instead of an instance's own."""

@@ -23,9 +23,9 @@ from verefine_viz.diagnosis.input_causes import INPUT_TESTS
 from verefine_viz.diagnosis.scene_causes import WORLD_TESTS, neighbour, simulation
 from verefine_viz.diagnosis.score_causes import discarded, score
 from verefine_viz.diagnosis.search_causes import SEARCH_TESTS, no_hypothesis
-from verefine_viz.session.comparison import Trace, trace_of
-from verefine_viz.session.engine import Run
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.compare import Trace, trace_of
+from verefine_viz.run.engine import Run
+from verefine_viz.run.toolbox import Toolbox
 
 THRESHOLD = 0.1
 """An answer whose ADD(-S) is at least this share of the diameter has failed."""

@@ -15,7 +15,7 @@ from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.methods.arms import Arm, Entry, ObjectState
 from verefine_viz.recording.reader import Recorded
-from verefine_viz.session.engine import Run
+from verefine_viz.run.engine import Run
 
 
 @dataclass(frozen=True, eq=False)

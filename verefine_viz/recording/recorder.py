@@ -34,8 +34,8 @@ from verefine_viz.recording.maps import SCENE_TILE_PX, Maps, PendingMaps, log_co
 from verefine_viz.recording.recorded_layout import Layout, layout_of
 from verefine_viz.recording.recording_file import RecordingFile, journal_path, part_path
 from verefine_viz.recording.views import blueprint_of
-from verefine_viz.session.files import session_toml
-from verefine_viz.session.session_refiners import weights_of
+from verefine_viz.run.session_file import session_toml
+from verefine_viz.run.session_refiners import weights_of
 
 if TYPE_CHECKING:
     from verefine_viz.grasping.grasp_answer import AnswerGrasps

@@ -16,7 +16,7 @@ from verefine_viz.core.records import TIMES, Iteration
 from verefine_viz.recording.lossless_log import as_recorded
 from verefine_viz.recording.reader import Recorded, read_recording
 from verefine_viz.recording.recorder import versions
-from verefine_viz.session.engine import Run
+from verefine_viz.run.engine import Run
 
 # Bit-for-bit comparison of records, timings left out: what "the same run" means.
 
@@ -173,7 +173,7 @@ def run_again(recorded: Recorded) -> Run:
         InputError: the frame no longer holds all objects that were recorded.
     """
     # The engine's parts are heavy, and opening a recording does not need them.
-    from verefine_viz.session.toolbox import Toolbox
+    from verefine_viz.run.toolbox import Toolbox
 
     toolbox = Toolbox(recorded.session)
     problem = toolbox.problem(recorded.frame)

@@ -17,7 +17,7 @@ from verefine_viz.report.groups import Groups, differing
 from verefine_viz.report.html import figure_json, filled, gallery_context
 from verefine_viz.report.object_results import MOST_HARD, Share, by_frame, hardest, heat
 from verefine_viz.report.run_results import data_set
-from verefine_viz.session.files import session_toml
+from verefine_viz.run.session_file import session_toml
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from verefine_viz.report.run_results import (
     stage_times,
 )
 from verefine_viz.report.run_sentences import next_step
-from verefine_viz.session.files import session_toml
+from verefine_viz.run.session_file import session_toml
 
 MOST_ROWS = 200
 """Of a table of frames or objects; more are in frames.csv."""

@@ -20,7 +20,7 @@ from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.json_files import read_json, write_json
 from verefine_viz.core.paths import check_folder, clear_parts, try_lock
 from verefine_viz.core.settings import Session
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.studies.ablation import ablation, robustness
 from verefine_viz.studies.grasping_study import grasping
 from verefine_viz.studies.paper_tables import tables

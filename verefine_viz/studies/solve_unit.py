@@ -21,7 +21,7 @@ from verefine_viz.evaluation.pair_errors import Drawn, pair_errors
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.evaluation.vsd import DELTA_MM
 from verefine_viz.grasping.grasp_answer import GraspScene
-from verefine_viz.session.toolbox import Toolbox
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.studies.study_plan import Curve, Panel, Unit
 
 

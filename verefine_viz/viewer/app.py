@@ -21,9 +21,9 @@ from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import METHODS
 from verefine_viz.refiners.registry import REFINERS
-from verefine_viz.session.edits import edits_elsewhere
-from verefine_viz.session.files import changed
-from verefine_viz.session.kernel_compilation import compiling_reported
+from verefine_viz.run.edits import edits_elsewhere
+from verefine_viz.run.kernel_compilation import compiling_reported
+from verefine_viz.run.session_file import changed
 from verefine_viz.viewer.busy_status import BusyStatus
 from verefine_viz.viewer.commands import Command, CompareRecording, OpenRecording, RefreshGallery
 from verefine_viz.viewer.debugger import Debugger, RequestQueue
@@ -37,7 +37,7 @@ from verefine_viz.viewer.web.server import Server
 from verefine_viz.viewer.web.viser_internals import lost_style
 
 if TYPE_CHECKING:
-    from verefine_viz.session.toolbox import Toolbox
+    from verefine_viz.run.toolbox import Toolbox
 
 _LOG = logging.getLogger(__name__)
 MOST_TRIED = 3
@@ -212,8 +212,8 @@ class App:
             self._busy.tell("Loading the simulator, the renderer and the refiner.")
             from verefine_viz.physics.plausibility import plausibility
             from verefine_viz.physics.proximity import Surfaces, overlap
+            from verefine_viz.run.toolbox import Toolbox
             from verefine_viz.scenes.demo import demo_names
-            from verefine_viz.session.toolbox import Toolbox
 
             surfaces = Surfaces()
             make_tools = partial(Toolbox, progress=self._progress)

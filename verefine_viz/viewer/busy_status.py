@@ -5,7 +5,7 @@ from __future__ import annotations
 from time import monotonic
 
 from verefine_viz.physics.decomposition import PARTS_OF
-from verefine_viz.session.kernel_compilation import COMPILING
+from verefine_viz.run.kernel_compilation import COMPILING
 from verefine_viz.viewer.commands import UseHulls
 from verefine_viz.viewer.debugger import RequestQueue
 from verefine_viz.viewer.drawing.markup import block, text

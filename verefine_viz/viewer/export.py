@@ -15,7 +15,7 @@ from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
-from verefine_viz.session.files import load_session, save_session
+from verefine_viz.run.session_file import load_session, save_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.command_json import to_json
 from verefine_viz.viewer.drawing.scene_page import scene_page

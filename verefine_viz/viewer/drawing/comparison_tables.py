@@ -7,8 +7,8 @@ from typing import Any
 
 from verefine_viz.core.palette import SIDE_COLORS
 from verefine_viz.evaluation.pose_errors import PoseErrors
-from verefine_viz.session.comparison import Difference
-from verefine_viz.session.outcomes import Answer, Effort, Outcome, Winner
+from verefine_viz.run.compare import Difference
+from verefine_viz.run.outcomes import Answer, Effort, Outcome, Winner
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Focus
 from verefine_viz.viewer.drawing.markup import (

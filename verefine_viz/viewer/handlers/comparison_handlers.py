@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.paths import at_home
 from verefine_viz.core.settings import SURROUNDINGS, Session
-from verefine_viz.session.variants import parsed, settings_between, variant
+from verefine_viz.run.variants import parsed, settings_between, variant
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Changes
 from verefine_viz.viewer.state.branch import Branch, ComparisonChoice, nested
@@ -18,7 +18,7 @@ from verefine_viz.viewer.state.workspace import Workspace
 
 if TYPE_CHECKING:
     from verefine_viz.recording.reader import Recorded
-    from verefine_viz.session.toolbox import Toolbox
+    from verefine_viz.run.toolbox import Toolbox
 
 
 # Where B of a comparison comes from: a run of the open frame with other settings, or a recording of it.

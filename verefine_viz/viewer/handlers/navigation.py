@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from verefine_viz.core.records import Iteration
-from verefine_viz.session.breakpoints import hits, with_changes
+from verefine_viz.run.breakpoints import hits, with_changes
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.snapshot.scene_state import labels_of
 from verefine_viz.viewer.state.state import State

@@ -12,8 +12,8 @@ from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.paths import at_home
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
+from verefine_viz.run.session_file import load_session
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
-from verefine_viz.session.files import load_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.snapshot.scene_state import labels_of
 from verefine_viz.viewer.state.state import State

@@ -12,7 +12,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import first_of
 from verefine_viz.methods.registry import ALL_METHOD_NAMES, method_of
 from verefine_viz.refiners.registry import REFINERS
-from verefine_viz.session.files import AT_ITS_START, changed, resolve
+from verefine_viz.run.session_file import AT_ITS_START, changed, resolve
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import sentence
 from verefine_viz.viewer.panels.widgets import Block, Send, add_style, by_user

@@ -8,7 +8,7 @@ from typing import Any
 import viser
 
 from verefine_viz.core.palette import STAGE_COLORS
-from verefine_viz.session.breakpoints import LABELS, UNITS, is_number, number_of
+from verefine_viz.run.breakpoints import LABELS, UNITS, is_number, number_of
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import sentence
 from verefine_viz.viewer.panels.widgets import Block, Send, add_style, by_user

@@ -12,9 +12,9 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Best, StageName
 from verefine_viz.evaluation.pose_errors import PoseErrors
-from verefine_viz.session.comparison import Differences, Moment, Timeline, Trace, name_of
-from verefine_viz.session.outcomes import Effort, Outcome, effort_of, outcomes
-from verefine_viz.session.variants import scores_alike, settings_between
+from verefine_viz.run.compare import Differences, Moment, Timeline, Trace, name_of
+from verefine_viz.run.outcomes import Effort, Outcome, effort_of, outcomes
+from verefine_viz.run.variants import scores_alike, settings_between
 from verefine_viz.viewer.commands import SidePose
 from verefine_viz.viewer.state.branch import Branch
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator, together

@@ -21,7 +21,7 @@ from verefine_viz.diagnosis.symmetry import UndeclaredTurn
 from verefine_viz.evaluation.landscape import Landscape, Slice
 from verefine_viz.evaluation.near_symmetry import NearSymmetry
 from verefine_viz.evaluation.pose_errors import PoseErrors
-from verefine_viz.session.edits import edits_of, never_reached
+from verefine_viz.run.edits import edits_of, never_reached
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot

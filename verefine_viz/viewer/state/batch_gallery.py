@@ -17,11 +17,11 @@ from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.batch.totals import doubts_in_words
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.settings import Session
-from verefine_viz.session.files import load_session
+from verefine_viz.run.session_file import load_session
 from verefine_viz.viewer.commands import OpenAt
 
 if TYPE_CHECKING:
-    from verefine_viz.session.engine import Run
+    from verefine_viz.run.engine import Run
     from verefine_viz.viewer.state.workspace import Workspace
 
 

@@ -14,16 +14,16 @@ from verefine_viz.core.settings import Change, Session
 from verefine_viz.diagnosis.signs import Discarded, discarded
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.methods.registry import method_of
-from verefine_viz.session.comparison import Key
-from verefine_viz.session.engine import Run
-from verefine_viz.session.files import changed
+from verefine_viz.run.compare import Key
+from verefine_viz.run.engine import Run
+from verefine_viz.run.session_file import changed
 from verefine_viz.viewer.commands import Changes, SidePose
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator
 from verefine_viz.viewer.state.timeline_marks import Mark, mark_of_discarded, marks_of, once_per_object
 from verefine_viz.viewer.state.view_options import STAGES
 
 if TYPE_CHECKING:
-    from verefine_viz.session.toolbox import Toolbox
+    from verefine_viz.run.toolbox import Toolbox
 
 # Changed settings in their two forms: by dotted name, as commands have them, and by section, as session files do.
 

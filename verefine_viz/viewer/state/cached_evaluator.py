@@ -27,7 +27,7 @@ from verefine_viz.evaluation.near_symmetry import NearSymmetry, flips, near_symm
 from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
 
 if TYPE_CHECKING:
-    from verefine_viz.session.toolbox import Toolbox
+    from verefine_viz.run.toolbox import Toolbox
 
 T = TypeVar("T")
 Key = tuple[Any, ...]

@@ -13,8 +13,8 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
-from verefine_viz.session.comparison import Differences, Timeline, Trace, aligned, differences, trace_of
-from verefine_viz.session.engine import Run
+from verefine_viz.run.compare import Differences, Timeline, Trace, aligned, differences, trace_of
+from verefine_viz.run.engine import Run
 from verefine_viz.viewer.commands import Command, Goal, RunB, RunTo
 from verefine_viz.viewer.state.batch_gallery import Browsing, Gallery
 from verefine_viz.viewer.state.branch import Branch, ComparisonChoice
@@ -23,7 +23,7 @@ from verefine_viz.viewer.state.view_options import ViewOptions
 from verefine_viz.viewer.state.workspace import Workspace, WrittenFile
 
 if TYPE_CHECKING:
-    from verefine_viz.session.toolbox import Toolbox
+    from verefine_viz.run.toolbox import Toolbox
 
 _TIMED = 20
 """Iterations whose mean duration says how long the others will take."""

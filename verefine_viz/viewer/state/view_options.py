@@ -11,7 +11,7 @@ from verefine_viz.batch.answer_tags import Arrangement
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.scores import MapName
-from verefine_viz.session.engine import Run
+from verefine_viz.run.engine import Run
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.grasp_commands import GraspedBy
 

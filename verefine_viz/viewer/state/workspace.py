@@ -15,18 +15,18 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import SURROUNDINGS, Change, Edit, Session
 from verefine_viz.core.text_format import first_of, listed
+from verefine_viz.run.edits import edits_of
+from verefine_viz.run.engine import Run
+from verefine_viz.run.session_file import changed
+from verefine_viz.run.track import with_its_tracked
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
-from verefine_viz.session.edits import edits_of
-from verefine_viz.session.engine import Run
-from verefine_viz.session.files import changed
-from verefine_viz.session.track import with_its_tracked
 from verefine_viz.viewer.commands import Changes
 from verefine_viz.viewer.state.branch import Branch, FrameWork, in_order, merged, nested
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator
 
 if TYPE_CHECKING:
     from verefine_viz.recording.reader import Recorded
-    from verefine_viz.session.toolbox import Toolbox
+    from verefine_viz.run.toolbox import Toolbox
 
 
 # What files hold of the open session.

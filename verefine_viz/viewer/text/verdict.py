@@ -20,7 +20,7 @@ from verefine_viz.diagnosis.signs import Lost, far_start, ground_truth_is_unfit,
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.pose_errors import add_where_add_s_is_below
 from verefine_viz.methods.registry import method_of
-from verefine_viz.session.breakpoints import hits
+from verefine_viz.run.breakpoints import hits
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.snapshot.finished_objects import FinishedObject
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit

@@ -1,0 +1,112 @@
+"""Whoever waits for kernels to be compiled is told, and nobody else."""
+
+from __future__ import annotations
+
+import importlib.util
+import threading
+import time
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from numba import config, njit
+
+from verefine_viz.run.kernel_compilation import CompilingTurn, compiling_reported
+
+KERNEL = """
+from numba import njit
+
+@njit(cache=True)
+def twice(x):
+    return 2 * x
+"""
+
+
+class Told:
+    """How often it was told."""
+
+    def __init__(self) -> None:
+        self.times = 0
+
+    def __call__(self) -> None:
+        self.times += 1
+
+
+def started_with(path: Path) -> ModuleType:
+    """A module as a new start of the program reads it: with nothing in memory."""
+    spec = importlib.util.spec_from_file_location("kernel_of_test", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_told_once_after_installing_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "cache"))
+    path = tmp_path / "kernel.py"
+    path.write_text(KERNEL)
+    starts = []
+    for _ in range(2):
+        told = Told()
+        with compiling_reported(told):
+            kernel = started_with(path)
+            assert told.times == 0, "nothing was called yet"
+            assert kernel.twice(2) == kernel.twice(2) == 4
+        starts.append(told.times)
+    assert starts == [1, 0]
+
+
+def test_each_hears_of_its_own_thread_and_only_inside() -> None:
+    inner, outer, after = njit(lambda: 1), njit(lambda: 2), njit(lambda: 3)
+    here, there = Told(), Told()
+
+    def elsewhere() -> None:
+        with compiling_reported(there):
+            inner()
+
+    with compiling_reported(here):
+        thread = threading.Thread(target=elsewhere)
+        thread.start()
+        thread.join()
+        assert (here.times, there.times) == (0, 1)
+        outer()
+    after()
+    assert (here.times, there.times) == (1, 1)
+
+
+def test_one_compiles_and_the_others_wait_until_it_is_done(tmp_path: Path) -> None:
+    file = tmp_path / "cache" / "compiling.lock"
+    first, events = CompilingTurn(file), []
+
+    def later() -> None:
+        other = CompilingTurn(file)
+        other.take()
+        events.append("other")
+        other.end()
+
+    first.take()
+    first.take()
+    threads = [threading.Thread(target=later) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    time.sleep(0.3)
+    events.append("first")
+    first.end()
+    for thread in threads:
+        thread.join()
+    assert events == ["first", "other", "other"]
+    assert list(file.parent.iterdir()) == []
+
+
+def test_who_waited_keeps_no_other_waiting(tmp_path: Path) -> None:
+    file = tmp_path / "compiling.lock"
+    first, second = CompilingTurn(file), CompilingTurn(file)
+    first.take()
+    thread = threading.Thread(target=second.take)
+    thread.start()
+    time.sleep(0.2)
+    first.end()
+    thread.join()
+    third = threading.Thread(target=CompilingTurn(file).take, daemon=True)
+    third.start()
+    third.join(60)
+    assert not third.is_alive()

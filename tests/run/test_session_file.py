@@ -1,0 +1,222 @@
+"""Session files: round trip, presets, relative paths, and errors that name the field."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from verefine_viz.core.algorithm_settings import DepthNetSettings
+from verefine_viz.core.errors import InputError, SettingsError
+from verefine_viz.core.setting_types import Settings
+from verefine_viz.core.settings import PUBLISHED, Session
+from verefine_viz.run.session_file import FILES, changed, load_session, resolve, save_session
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "s.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_saved_sessions_load_the_same(tmp_path: Path) -> None:
+    raw = {
+        "preset": "published",
+        "title": 'quotes " and \\ and ünïcode',
+        "score": {"tau_m": 0.01},
+        "breakpoints": {"jump_mm": 5.0},
+        "edits": [{"after_iteration": 2, "instance": 1, "hypothesis": 0, "T_cam_obj": [0.1] * 16}],
+        "changes": [{"after_iteration": 3, "settings": {"method": {"exploration": 0.3}}}],
+    }
+    session = resolve(raw)
+    save_session(session, tmp_path / "out.toml")
+    assert load_session(tmp_path / "out.toml") == session
+    assert list(tmp_path.iterdir()) == [tmp_path / "out.toml"]
+
+
+def test_published_sets_every_choice_and_explicit_fields_win() -> None:
+    published = resolve({"preset": "published"})
+    for section, fields in PUBLISHED.items():
+        for name, value in fields.items():
+            assert getattr(getattr(published, section), name) == value
+    assert resolve({"preset": "published", "icp": {"stop": "tolerance"}}).icp.stop == "tolerance"
+    assert resolve({"preset": "published", "icp": {"stop": "tolerance"}}).icp.gate == "published"
+    assert resolve({}) == Session()
+
+
+def test_paths_are_taken_from_the_file_and_overrides_from_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = '[scene]\nsource="bop"\ndataset="../data"\nmasks="d.json"\n[hypotheses]\nsource="results"\nfiles=["a.csv"]'
+    text += '\n[dependency]\norder_file="o.json"'
+    path = write(tmp_path, text)
+    session = load_session(path)
+    assert session.scene.dataset == str((tmp_path / ".." / "data").resolve())
+    assert session.scene.masks == str(tmp_path / "d.json")
+    assert session.hypotheses.files == (str(tmp_path / "a.csv"),)
+    assert session.dependency.order_file == str(tmp_path / "o.json")
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    assert load_session(path, {"scene": {"dataset": "x"}}).scene.dataset == str(elsewhere / "x")
+
+
+def test_every_setting_that_names_a_file_is_known_as_one() -> None:
+    """The same type as the weights' marks them."""
+    marks = DepthNetSettings.model_fields["weights"].metadata
+    named = {
+        (section, field)
+        for section, about in Session.model_fields.items()
+        if isinstance(about.annotation, type) and issubclass(about.annotation, Settings)
+        for field, of_field in about.annotation.model_fields.items()
+        if of_field.metadata == marks
+    }
+    assert named == {*FILES, ("scene", "dataset"), ("scene", "split"), ("scene", "masks")}
+
+
+def test_overrides_win_field_by_field(tmp_path: Path) -> None:
+    path = write(tmp_path, "[method]\nname='sir'\niterations=7")
+    session = load_session(path, {"method": {"name": "pir"}})
+    assert (session.method.name, session.method.iterations) == ("pir", 7)
+
+
+TOO_DEEP = "is not TOML: it has lists or tables of more than 20 levels$"
+OPEN_QUOTE = "a quote is opened there or before and"
+NO_DIRECTION = r'expected "plane", "world" or three numbers \[x, y, z\]$'
+WRONG_FILES: tuple[tuple[str, str], ...] = (
+    ("[method]\nnam = 'rir'", "unknown field 'method.nam'; did you mean 'name'[?] available: .*exploration.*name"),
+    ("colour = 1", "unknown field 'colour'; available: .*scene.*score"),
+    ("[score]\ntau_m = -1", r"score.tau_m = -1: input should be greater than 0"),
+    ("[score]\ntau_m = 20", r"score.tau_m = 20: input should be less than or equal to 1, in metres$"),
+    ("[score]\ntau_m = nan", r"score.tau_m = nan: input should be"),
+    ("[score]\npixels = 'all'", "score.pixels = 'all': input should be 'classes', 'published' or 'observed'"),
+    ("[method]\niterations = 0", "method.iterations = 0: input should be greater than or equal to 1"),
+    ("[method]\niterations = 'many'", "method.iterations = 'many': input should be a valid integer"),
+    ("scene = 3", r"scene = 3: expected a section, \[scene\]"),
+    ("[scene]\nframes = '50/1'", r"scene.frames = '50/1': expected a list, \[\"50/1\"\]$"),
+    ("[scene]\nframes = ''", r"scene.frames = '': expected a list, \[\]$"),
+    ("[scene]\nobjects = ['mug']", "scene.objects.0 = 'mug': expected the id of an object, as 5 for obj_000005.ply"),
+    ('[method]\nname = "rir\nseed = 1', f"is not TOML: .*line 2.*; {OPEN_QUOTE}"),
+    ("[method]\nname = 'rir\nseed = 1", f"is not TOML: .*end of document.*; {OPEN_QUOTE}"),
+    ("[scene]\nobjects = 3", r"scene.objects = 3: expected a list, \[3\]$"),
+    ("[scene]\nobjects = 'mug'", "scene.objects = 'mug': expected a list$"),
+    ("[dependency]\ncut = 3", "dependency.cut = 3: expected a list$"),
+    ("[scene]\ngravity = 'down'", rf"scene.gravity = 'down': {NO_DIRECTION}"),
+    ("[scene]\ngravity = [0, 1]", rf"scene.gravity = \[0, 1\]: {NO_DIRECTION}"),
+    ("[scene]\ngravity = [0, 1, inf]", rf"scene.gravity = \[0, 1, inf\]: {NO_DIRECTION}"),
+    ("[scene]\ngravity = [0, 0, 0]", r"scene.gravity = \[0, 0, 0\]: a direction cannot be \(0, 0, 0\)$"),
+    ("[scene]\ngravity = [1e308, 1, 1]", r"scene.gravity = .*: expected a vector of 1e-6 to 1e\+06 in length$"),
+    ("preset = 'theirs'", "preset = 'theirs': input should be 'recommended' or 'published'"),
+    ("[method\nname=1", "is not TOML"),
+    ("[[changes]]\nafter_iteration=1\n[changes.settings.scene]\nseed=1", "unknown section that can change"),
+    ("[[edits]]\nafter_iteration=1\ninstance=0\nhypothesis=0\nT_cam_obj=[1.0]", "edits.0.T_cam_obj"),
+    (f"[scene]\nobjects = {'[' * 2000}{']' * 2000}", TOO_DEEP),
+    (f"[scene]\nobjects = {'[' * 60}{']' * 60}", TOO_DEEP),
+    (f"{'.'.join('a' * 3000)} = 1", TOO_DEEP),
+    (f"[scene]\nseed = {'9' * 5000}", "is not TOML: it has a number of thousands of digits$"),
+    (f"[scene]\nseed = 0x{'f' * 5000}", "scene.seed = a number of thousands of digits: input should be less than"),
+    (f"[scene]\nobjects = [0x{'f' * 5000}]", "scene.objects.0 = a number of thousands of digits: expected the id"),
+    ('[scene]\nsplit = "a\\u0000b"', r"scene.split = 'a.x00b': it holds .0, which no path can$"),
+    ('[hypotheses]\nsource = "results"\nfiles = ["a\\u0000b"]', r"hypotheses.files.0 = 'a.x00b': it holds .0"),
+    ("[dependency]\norder = [[1.5]]", "dependency.order.0.0 = 1.5: input should be a valid integer"),
+    ("[hypotheses]\nmax_per_object = 1000000000", "max_per_object = 1000000000: .*less than or equal to 10000$"),
+    ("[method]\nseed = 18446744073709551616", "method.seed = 18446744073709551616: .*equal to 4294967295$"),
+    ("[physics]\nsubsteps = 1000000000000", "physics.substeps = 1000000000000: .*less than or equal to 1000$"),
+    ("[physics]\ngravity_m_s2 = 1e308", r"gravity_m_s2 = 1e\+308: .*less than or equal to 1000$"),
+    (
+        "[[changes]]\nafter_iteration = 1\nsettings = {method = {iterations = 1000000000}}",
+        "s.toml: changes.0: changed settings: method.iterations = 1000000000: .*less than or equal to 10000$",
+    ),
+)
+
+
+def test_wrong_files_are_named_in_one_line(tmp_path: Path) -> None:
+    for text, expected in WRONG_FILES:
+        path = write(tmp_path, text)
+        with pytest.raises(SettingsError, match=expected) as caught:
+            load_session(path)
+        assert "\n" not in str(caught.value)
+        assert str(path) in str(caught.value) or "section that can change" in expected
+
+
+def test_files_that_cannot_be_read_or_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="does not exist"):
+        load_session(tmp_path / "none.toml")
+    with pytest.raises(InputError, match="cannot be read"):
+        load_session(tmp_path)
+    (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="cannot be read"):
+        load_session(tmp_path / "bytes.toml")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match=r"cannot write .*file.s.toml"):
+        save_session(Session(), tmp_path / "file" / "s.toml")
+
+
+def test_what_is_no_session_file_is_said_at_once(tmp_path: Path) -> None:
+    kinds: dict[str, Callable[[Path], object]] = {
+        "is a pipe, expected a file": os.mkfifo,
+        "is a device, expected a file": lambda path: path.symlink_to("/dev/zero"),
+        "cannot be read: Too many levels of symbolic links": lambda path: path.symlink_to(path),
+        "is larger than 10 MB, expected a .toml file": lambda path: path.write_bytes(b"#" * 10_000_001),
+    }
+    for k, (expected, make) in enumerate(kinds.items()):
+        path = tmp_path / f"{k}.toml"
+        make(path)
+        with pytest.raises(InputError) as caught:
+            load_session(path)
+        assert str(caught.value) == f"session file {path} {expected}"
+
+
+def test_a_name_that_no_file_can_have_is_one_line(tmp_path: Path) -> None:
+    for name in ("a\0b.toml", f"{'a' * 300}.toml"):
+        with pytest.raises(InputError, match=r"is no path|File name too long"):
+            load_session(tmp_path / name)
+
+
+def test_a_loop_of_links_in_a_path_is_left_to_who_opens_it(tmp_path: Path) -> None:
+    (tmp_path / "loop").symlink_to("loop")
+    session = load_session(write(tmp_path, '[scene]\nsource = "bop"\ndataset = "loop/data"'))
+    assert session.scene.dataset == str(tmp_path / "loop" / "data")
+
+
+def test_a_byte_order_mark_and_the_line_ends_of_windows_are_read_over(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_bytes(b"\xef\xbb\xbf[method]\r\nname = 'sir'\r\n")
+    assert load_session(tmp_path / "s.toml").method.name == "sir"
+
+
+def test_a_file_that_says_nothing_is_refused_unless_options_do(tmp_path: Path) -> None:
+    for text in ("", "\n", "# [scene]\n"):
+        path = write(tmp_path, text)
+        with pytest.raises(SettingsError, match=r"s.toml is empty, expected at least a \[scene\]"):
+            load_session(path)
+        assert load_session(path, {"scene": {"demo": "mug"}}) == Session()
+
+
+def test_what_was_typed_is_not_blamed_on_the_file(tmp_path: Path) -> None:
+    path = write(tmp_path, "[method]\niterations = 5\n[scene]\nseed = 3")
+    with pytest.raises(SettingsError, match=r"^command line: method.iterations = 0: "):
+        load_session(path, {"method": {"iterations": 0}, "scene": {"seed": 4}})
+    with pytest.raises(SettingsError, match=r"^command line: score.tau_m = -1: "):
+        load_session(path, {"score": {"tau_m": -1}})
+    with pytest.raises(SettingsError, match=rf"^{path}: method.iterations = 0: "):
+        load_session(write(tmp_path, "[method]\niterations = 0"), {"method": {"name": "sir"}})
+
+
+def test_changes_replace_only_what_they_name() -> None:
+    session = changed(Session(), {"method": {"exploration": 0.3}})
+    assert session.method.exploration == 0.3
+    assert session.model_copy(update={"method": Session().method}) == Session()
+    with pytest.raises(SettingsError, match=r"changed settings: method.exploration = -1"):
+        changed(Session(), {"method": {"exploration": -1}})
+
+
+def test_every_field_has_a_docstring() -> None:
+    pending = [Session]
+    while pending:
+        model = pending.pop()
+        for name, field in model.model_fields.items():
+            annotation = field.annotation
+            if isinstance(annotation, type) and hasattr(annotation, "model_fields"):
+                pending.append(annotation)
+            else:
+                assert field.description, f"{model.__name__}.{name}"

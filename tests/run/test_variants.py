@@ -1,0 +1,91 @@
+"""The other side's settings: what is changed is changed, the frame stays, and nonsense is refused in one line."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from verefine_viz.core.errors import SettingsError
+from verefine_viz.core.settings import PUBLISHED, Change, Edit, MethodSettings, ScoreSettings, Session
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.variants import parsed, scores_alike, settings_between, variant
+
+SESSION = Session(title="mug", method=MethodSettings(name="rir", iterations=3, exploration=0.2))
+
+
+def test_only_what_is_changed_differs() -> None:
+    other = variant(SESSION, (("method.name", "sir"), ("score.tau_m", 0.01)))
+    assert settings_between(SESSION, other) == (("method.name", "rir", "sir"), ("score.tau_m", 0.02, 0.01))
+    assert settings_between(SESSION, variant(SESSION, ())) == ()
+    assert not scores_alike(SESSION, other)
+    assert scores_alike(SESSION, variant(SESSION, (("method.name", "sir"), ("score.renderer", "cpu"))))
+
+
+def test_a_preset_sets_what_it_names_and_can_be_taken_back() -> None:
+    published = variant(SESSION, (("preset", "published"),))
+    assert published.preset == "published"
+    for section, fields in PUBLISHED.items():
+        for name, value in fields.items():
+            assert getattr(getattr(published, section), name) == value
+    assert (published.method.name, published.method.iterations) == ("rir", 3)
+    assert published.score == resolve({"preset": "published"}).score
+    back = variant(published, (("preset", "recommended"),))
+    assert back.score == ScoreSettings()
+    assert back.method.exploration == MethodSettings().exploration
+
+
+def test_a_field_given_beside_a_preset_wins_in_any_order() -> None:
+    one = variant(SESSION, (("preset", "published"), ("score.tau_m", 0.03)))
+    other = variant(SESSION, (("score.tau_m", 0.03), ("preset", "published")))
+    assert one == other
+    assert one.score.tau_m == 0.03
+
+
+def test_it_starts_at_the_beginning() -> None:
+    pose = tuple(float(x) for x in (1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1))
+    way = {
+        "edits": (Edit(after_iteration=1, instance=0, hypothesis=0, T_cam_obj=pose),),
+        "changes": (Change(after_iteration=2, settings={"method": {"exploration": 0.5}}),),
+    }
+    other = variant(SESSION.model_copy(update=way), ())
+    assert (other.edits, other.changes) == ((), ())
+
+
+def refused(changes: Any) -> str:
+    with pytest.raises(SettingsError) as caught:
+        variant(SESSION, changes)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 700
+    return str(caught.value)
+
+
+def test_nonsense_is_refused_in_one_line() -> None:
+    for name, value, words in (
+        ("method.nme", "sir", "unknown field 'method.nme'; did you mean 'name'? available: "),
+        ("scene.demo", "box", "unknown section to compare 'scene'; available: preset, hypotheses, method"),
+        ("method", "sir", "unknown section to compare 'method'"),
+        ("preset", "best", "unknown preset 'best'; available: recommended, published"),
+        ("method.iterations", 0, "method.iterations = 0: input should be greater than or equal to 1"),
+    ):
+        assert words in refused(((name, value),))
+
+
+def test_settings_can_be_written_as_a_line() -> None:
+    line = "score.tau_m = 0.01; physics.collider = hull;\nphysics.enabled=false ; method.name = 'sir'"
+    assert parsed(line) == (
+        ("score.tau_m", 0.01), ("physics.collider", "hull"), ("physics.enabled", False), ("method.name", "sir")
+    )  # fmt: skip
+    assert parsed("") == parsed(" ; ") == ()
+    for bad in ("score.tau_m", "= 3", "score.tau_m =", "a b = 3"):
+        with pytest.raises(SettingsError, match="is no setting; expected a name and a value"):
+            parsed(bad)
+
+
+def test_a_line_of_absurd_values_is_refused_in_one_line() -> None:
+    for line, words in (
+        (f"method.iterations = {'9' * 5000}", "unable to parse input string as an integer"),
+        (f"dependency.order = {'[' * 3000}{']' * 3000}", "expected a list"),
+        (f"dependency.order = [[0x{'f' * 5000}]]", "dependency.order.0.0 = a number of thousands of digits: "),
+    ):
+        assert words in refused(parsed(line))

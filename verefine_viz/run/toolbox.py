@@ -1,0 +1,327 @@
+"""The composition root: builds the real simulator, refiner, verifier, method and scene from a session."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
+from functools import cache, cached_property, partial
+from typing import Any
+
+from verefine_viz.core.errors import InputError, ShapeError, VerefineError, unknown
+from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.core.protocols import Estimator, Method, Refiner, Verifier, Watcher
+from verefine_viz.core.settings import PhysicsSettings, Session, TrackedPose
+from verefine_viz.core.side_by_side import side_by_side
+from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
+from verefine_viz.methods.object_method import Flips
+from verefine_viz.methods.physim_mcts import make_physim_mcts, mcts_physics, mcts_tricp
+from verefine_viz.methods.registry import make_method, method_of
+from verefine_viz.observation.dependency_graph import dependency_graph
+from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.refiners.registry import make_refiner
+from verefine_viz.refiners.trimmed_icp import TrimmedIcp
+from verefine_viz.rendering.colour import ColourStore
+from verefine_viz.rendering.explained import ExplainedPixels
+from verefine_viz.rendering.simplify import scoring_mesh
+from verefine_viz.rendering.verifier import make_verifier
+from verefine_viz.run.edits import check_edits, edits_elsewhere, edits_of
+from verefine_viz.run.engine import Run
+from verefine_viz.run.session_file import AT_ITS_START, changed
+from verefine_viz.run.track import Answer, Track, answers_of, tracked_poses, with_tracked
+from verefine_viz.scenes.frame_surroundings import AROUND, with_surroundings
+from verefine_viz.scenes.hypothesis_pool import asked_estimators
+from verefine_viz.scenes.instance_notes import is_about_initial_poses, within_reach
+from verefine_viz.scenes.source import SceneSource, open_scene
+
+
+class Toolbox:
+    """Everything a session needs, built when it is first asked for. Belongs to one thread (OpenGL does).
+
+    Args:
+        session: what is needed for.
+        progress: has checkpoints before and during anything that may take seconds. What is cancelled can be repeated.
+    """
+
+    def __init__(self, session: Session, progress: ProgressToken = NEVER_CANCELLED) -> None:
+        self.session = session
+        self._progress = progress
+
+    @cached_property
+    def source(self) -> SceneSource:
+        return open_scene(self.session.scene, self.session.hypotheses)
+
+    @cached_property
+    def verifier(self) -> Verifier:
+        return make_verifier(self.session.score, self._progress)
+
+    @cached_property
+    def simulator(self) -> BulletSimulator | None:
+        """None where the session switches physics off."""
+        return self._simulator(self.session.physics)
+
+    @cached_property
+    def refiner(self) -> Refiner:
+        return make_refiner(self.session.method.refiner, self.session)
+
+    @cached_property
+    def estimators(self) -> Mapping[str, Estimator]:
+        """Those that the session's initial poses come from, by name."""
+        h = self.session.hypotheses
+        from verefine_viz.estimators.registry import ESTIMATORS, make_estimator
+
+        names = {h.source} & ESTIMATORS.keys() | {name for *_, name in h.estimate}
+
+        return {name: make_estimator(name, self.session) for name in sorted(names)}
+
+    @cached_property
+    def method(self) -> Method[Any]:
+        s = self.session
+        if method_of(s.method.name).has_tree:
+            physics, tricp = mcts_physics(s.mcts, s.physics), mcts_tricp(s.mcts, s.tricp)
+            pixels = ExplainedPixels(s.mcts.explained_m, s.score, progress=self._progress)
+            return make_physim_mcts(
+                s.mcts, self._simulator(physics), TrimmedIcp(tricp), self.verifier, pixels, physics.steps
+            )
+        return make_method(s.method, self.simulator, self.refiner, self.verifier, s.physics.steps, self.flips)
+
+    @cached_property
+    def flips(self) -> Flips | None:
+        """Of each model the turns after which it looks nearly the same; None where the session wants no flips."""
+        if not self.session.hypotheses.flips:
+            return None
+        return cache(lambda model: flips(near_symmetries(model, progress=self._progress)))
+
+    def _simulator(self, physics: PhysicsSettings) -> BulletSimulator | None:
+        return BulletSimulator(physics, progress=self._progress) if physics.enabled else None
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Every frame the session names, as "scene/image"."""
+        return self.source.frames
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes on the choice of frames and objects."""
+        return (*self.source.notes, *edits_elsewhere(self.session.edits, self.frames))
+
+    def problem(self, frame: str, preparing: Callable[[], AbstractContextManager[object]] = nullcontext) -> Problem:
+        """The frame with its instances, their hypotheses, and the order in which they depend on each other.
+
+        Args:
+            frame: "scene/image".
+            preparing: entered while its models are read and prepared; measures the time of it.
+
+        Raises:
+            VerefineError: the frame cannot be used, or lacks what the session names in it.
+            Cancelled: it is not wanted any more.
+        """
+        problem = self.source.problem(frame, replace(self._progress, preparing=preparing))
+        with preparing():
+            problem = self._solvable(problem)
+        problem = with_tracked(self._with_estimates(problem), self._tracked(problem))
+        notes = check_edits(self.session.edits, problem, len(self.frames) == 1, not self.session.scene.objects)
+        notes += self._without_colour(problem)
+        problem = replace(problem, notes=(*problem.notes, *notes)) if notes else problem
+        return self.surrounded(self.ordered(_within_reach(problem)))
+
+    def _tracked(self, problem: Problem) -> tuple[TrackedPose, ...]:
+        """Answers of earlier frames as initial poses: those that the session states, else as they are solved now."""
+        stated = tuple(pose for pose in self.session.tracked if pose.frame == problem.frame)
+        if stated or not self.session.method.track:
+            return stated
+        return tracked_poses(problem, self.track.before(problem.frame))
+
+    @cached_property
+    def track(self) -> Track:
+        """The answers of earlier frames; solves a frame where nothing knows its answers."""
+        return Track(self.frames, self._solved, self._progress)
+
+    def _solved(self, frame: str) -> tuple[Answer, ...]:
+        run = self.run(self.problem(frame))
+        run.finish()
+        return answers_of(run)
+
+    def _without_colour(self, problem: Problem) -> tuple[str, ...]:
+        """Which objects have no colour term though one is asked for, and why; each model once."""
+        weight = self.session.score.colour_weight
+        if weight == 0:
+            return ()
+        colours = ColourStore(weight)
+        why = {f"{t.model.name} ({t.model.obj_id})": colours.why_off(t) for t in problem.targets}
+        return tuple(f"{name} is scored without colour: {reason}" for name, reason in why.items() if reason)
+
+    def ordered(self, problem: Problem) -> Problem:
+        """The same with the order that this session's settings lead to."""
+        graph = dependency_graph(problem, self.session.dependency)
+        before = problem.dependencies.notes if problem.dependencies is not None else ()
+        notes = tuple(note for note in problem.notes if note not in before)
+        return replace(problem, dependencies=graph, notes=(*notes, *graph.notes))
+
+    def surrounded(self, problem: Problem) -> Problem:
+        """The same in the world that this session's settings lead to.
+
+        Raises:
+            VerefineError: the mesh of the surroundings cannot be used.
+        """
+        observation, own = with_surroundings(problem.observation, problem.frame, self.session.physics)
+        notes = tuple(note for note in problem.notes if not note.startswith(AROUND))
+        return replace(problem, observation=observation, notes=(*notes, *own))
+
+    def _solvable(self, problem: Problem) -> Problem:
+        """The same without instances whose mesh makes no solid for the simulator; each is noted and left out. Solids
+        that are not as they were asked for are noted.
+
+        Raises:
+            InputError: none is left.
+        """
+        broken, makeshift = self._solids(problem)
+        if not (broken or makeshift):
+            return problem
+        instances = tuple(i for i in problem.instances if i.obj_id not in broken)
+        notes = tuple(f"object {obj_id} is left out: {why}" for obj_id, why in broken.items())
+        if not instances:
+            raise InputError(f"no instance of frame {problem.frame} can be solved: {'; '.join(notes)}")
+        left_out = tuple(
+            t.left_out(broken[t.instance.obj_id], is_unreadable=True)
+            for t in problem.targets
+            if t.instance.obj_id in broken
+        )
+        return replace(
+            problem,
+            instances=instances,
+            notes=(*problem.notes, *notes, *makeshift),
+            left_out=(*problem.left_out, *left_out),
+        )
+
+    def _simulator_for(self, problem: Problem) -> BulletSimulator | None:
+        """What may simulate its objects. None where nothing does: what repeats recorded steps opens at once, and a fork
+        to a method that simulates makes the solids when it begins.
+        """
+        is_solved = not method_of(self.session.method.name).repeats
+        return self.simulator if is_solved and problem.observation.support is not None else None
+
+    def _solids(self, problem: Problem) -> tuple[dict[int, str], tuple[str, ...]]:
+        """Objects of which no collider can be built, with the reason, and notes on those that are built; building takes
+        seconds, once per model. Meshes to score and near-symmetries, which take about as long, are made beside them.
+        """
+        broken: dict[int, str] = {}
+        notes: list[str] = []
+        simulator = self._simulator_for(problem)
+        if simulator is not None:
+            models = list(problem.models.values())
+            solids = [partial(simulator.collider, model) for model in models]
+            meshes = [partial(_score_mesh, model, self.session.score.simplify_mm) for model in models]
+            turns = [partial(_near_symmetries, model) for model in models if self.flips is not None]
+            prepared = side_by_side([*solids, *meshes, *turns], self._progress)
+            for model, solid in zip(models, prepared, strict=False):
+                if isinstance(solid, ShapeError):
+                    broken[model.obj_id] = str(solid)
+                elif isinstance(solid, VerefineError):
+                    raise solid
+                elif solid is not None and solid.note:
+                    notes.append(f"object {model.obj_id} ({model.name}): {solid.note}")
+        return broken, tuple(notes)
+
+    def _with_estimates(self, problem: Problem) -> Problem:
+        """The same with the pools of the estimators, without notes on those before; an instance whose estimator finds
+        no pose is noted.
+
+        Raises:
+            InputError: one is asked for an instance that the frame does not have.
+        """
+        h = self.session.hypotheses
+        wanted = {i: name for (frame, i), name in asked_estimators(h).items() if frame == problem.frame}
+        instances, notes = list(problem.instances), list(problem.notes)
+        there = [i.instance_id for i in instances]
+        absent = wanted.keys() - there - {o.instance_id for o in problem.left_out}
+        if absent and not self.session.scene.objects:
+            raise InputError(f"hypotheses.estimate: {unknown('instance', min(absent), there)} (frame {problem.frame})")
+        notes += [f"hypotheses.estimate: instance {i} is none of the objects to solve" for i in sorted(absent)]
+        for k, target in enumerate(problem.targets):
+            instance = target.instance
+            name = wanted.get(instance.instance_id, h.source)
+            if name in self.estimators:
+                who = f"{target.model.name} (#{instance.instance_id})"
+                self._progress.checkpoint(f"Looking for initial poses of {who} with {name}.")
+                pool = self.estimators[name].hypotheses(target, h.max_per_object, self._progress)
+                instances[k] = replace(instance, hypotheses=pool)
+                notes = [note for note in notes if not is_about_initial_poses(note, instance, target.model)]
+                if not pool:
+                    notes.append(f"{who} has no hypothesis: {name} found none in its {len(instance.points_cam)} points")
+        return replace(problem, instances=tuple(instances), notes=tuple(notes))
+
+    def changed(self, settings: dict[str, dict[str, Any]]) -> Toolbox:
+        """A toolbox with some settings replaced that can change during a run; what did not change is shared."""
+        return self._sharing(changed(self.session, settings))
+
+    def restarted(self, settings: dict[str, dict[str, Any]]) -> Toolbox:
+        """The same for what can change at the start of a run: without edited poses and settings changed during it."""
+        session = changed(self.session, settings, AT_ITS_START)
+        return self._sharing(session.model_copy(update={"edits": (), "changes": (), "tracked": ()}))
+
+    def _sharing(self, session: Session) -> Toolbox:
+        other = Toolbox(session, self._progress)
+        other.__dict__["source"] = self.source
+        if other.session.score == self.session.score:
+            other.__dict__["verifier"] = self.verifier
+        if other.session.physics == self.session.physics:
+            other.__dict__["simulator"] = self.simulator
+        return other
+
+    @cached_property
+    def _later(self) -> tuple[tuple[int, Toolbox], ...]:
+        """(k, what takes over after iteration k), in order."""
+        later: list[tuple[int, Toolbox]] = []
+        toolbox = self
+        for change in sorted(self.session.changes, key=lambda c: c.after_iteration):
+            toolbox = toolbox.changed(change.settings)
+            later.append((change.after_iteration, toolbox))
+        return tuple(later)
+
+    def verifier_of(self, index: int) -> Verifier:
+        """What scores iteration ``index`` = 1, 2, … of a run of this session."""
+        return next((t for k, t in reversed(self._later) if k < index), self).verifier
+
+    def refiner_of(self, index: int) -> Refiner | None:
+        """What refines in iteration ``index`` = 1, 2, … of a run of this session."""
+        return next((t for k, t in reversed(self._later) if k < index), self).method.refiner
+
+    def prepare(self, problem: Problem) -> None:
+        """Builds what is built once per model and cached on disk, so that no iteration waits for it (seconds each).
+
+        Raises:
+            ShapeError: a mesh from which no solid can be made.
+        """
+        simulator = self._simulator_for(problem)
+        if simulator is not None:
+            for target in problem.targets:
+                simulator.collider(target.model)
+
+    def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run:
+        """A run of the session's method on ``problem``, with its frame's edits and the changes of the session."""
+        self.prepare(problem)
+        changes = {k: toolbox.method for k, toolbox in self._later}
+        edits = edits_of(self.session.edits, problem, is_only_frame=len(self.frames) == 1) if self.session.edits else ()
+        return Run(self.method, problem, watchers, edits, changes)
+
+
+def _score_mesh(model: ObjectModel, simplify_mm: float, progress: ProgressToken) -> None:
+    """Has the mesh to score in the cache, where the verifier finds it."""
+    scoring_mesh(model, simplify_mm, progress=progress)
+
+
+def _near_symmetries(model: ObjectModel, progress: ProgressToken) -> None:
+    """Has the model's near-symmetries in the cache."""
+    near_symmetries(model, progress=progress)
+
+
+def _within_reach(problem: Problem) -> Problem:
+    """The same without initial poses that are too far away to be any; each instance's are noted."""
+    checked = [within_reach(target.instance, target.model) for target in problem.targets]
+    notes = tuple(note for _, own in checked for note in own)
+    if not notes:
+        return problem
+    return replace(problem, instances=tuple(instance for instance, _ in checked), notes=(*problem.notes, *notes))
