@@ -252,7 +252,7 @@ class Change(Settings):
     after_iteration: Index
     """The iteration after which they hold; 0 = before the first."""
     settings: dict[str, dict[str, Any]]
-    """Changed fields by section: {"method": {"exploration": 0.2}}; sections of `DURING_A_RUN` in run/session_file.py."""
+    """Changed fields by section: {"method": {"exploration": 0.2}}; sections of `DURING_A_RUN`."""
 
 
 class Session(Settings):
