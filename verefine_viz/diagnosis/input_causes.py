@@ -16,7 +16,7 @@ from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Target
 from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.causes import Cause, Finding, instead
-from verefine_viz.diagnosis.frame_ground_truth import AGREES, TAU_M
+from verefine_viz.diagnosis.frame_ground_truth import AGREES
 from verefine_viz.diagnosis.signs import ground_truth_is_unfit
 from verefine_viz.diagnosis.symmetry import undeclared_turn
 from verefine_viz.observation.normals import estimate_normals
@@ -32,6 +32,8 @@ MISS_SHARE = 0.25
 """More of the object beside the mask is worth a re-run."""
 BORDER_PX = 2
 """Masks are not expected to be more exact than this [px]."""
+ON_SURFACE_M = 0.010
+"""Noise of sensors and of annotated poses leaves measured points within this of the true surface [m]."""
 UNITS = {"metres": 1000.0, "centimetres": 10.0}
 """By what a translation would have to be multiplied, where millimetres are expected."""
 
@@ -47,7 +49,7 @@ def ground_truth(case: Case) -> Finding | None:
     observed_m = case.target.observation.depth_m
     measured = outline & (observed_m > 0)
     apart_m = np.abs(observed_m[measured] - case.frame.depth_m[measured])
-    agreement = float(np.mean(apart_m < TAU_M)) if len(apart_m) else 0.0
+    agreement = float(np.mean(apart_m < ON_SURFACE_M)) if len(apart_m) else 0.0
     if agreement > AGREES:  # The object is there, and the mask is that of something else.
         return None
     return Finding(
