@@ -169,10 +169,15 @@ def _packed_array(value: np.ndarray) -> list[Any]:
 
 
 def _array(kind: Any, value: Any) -> np.ndarray:
-    dtype, shape, content = value  # msgspec names the field in what may be raised here.
+    # msgspec names the field in what is raised here.
+    dtype, shape, content = value
+    if dtype not in _TYPES:
+        raise ValueError(f"{dtype!r} is no type of an array, expected one of {', '.join(_TYPES)}")
     return np.frombuffer(content, np.dtype(dtype)).reshape(shape)
 
 
+_TYPES = ("<f8", "<f4", "<i8")
+"""Of arrays: poses and scores, simulated paths, contacts' partners."""
 _ENCODER = msgspec.msgpack.Encoder(enc_hook=_packed_array)
 _DECODER = msgspec.msgpack.Decoder(Entry, dec_hook=_array)
 
