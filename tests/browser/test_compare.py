@@ -74,7 +74,7 @@ def test_real_frame(look: Look, real_session: Path) -> None:
     choose(screen, "Preset of B", "published")
     choose(screen, "Method of B", "vf_depth")
     screen.click("Run B with these")
-    screen.text(r"^A \(.*\) and B \(.*\) ")
+    screen.text(r"^A \(rir, recommended\) and B \(vf_depth, published\) ")
     screen.app.wait_until_idle(240)
     screen.shot("compare_real")
     screen.key("f")
