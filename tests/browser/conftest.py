@@ -20,7 +20,7 @@ from verefine_viz.viewer.web import client_messages
 
 SHOTS = Path(__file__).parent / "shots"
 TAKES_SHOTS = bool(os.environ.get("SHOTS"))
-"""Whether pictures of every test are kept for a person to look at, not of the real frame alone; each takes seconds."""
+"""Whether pictures of every test are kept for a person to look at; each takes seconds."""
 QUERY = "" if TAKES_SHOTS else "?fixedDpr=0.5"
 """Without pictures 3D is drawn at half the width and height: the time of software WebGL goes with the pixels."""
 SIZE = {"width": 1280, "height": 800}
@@ -191,7 +191,8 @@ def saved(folder: Path, **settings: Any) -> Path:
 _IS_SEEN = """(e, edge) => {
     const b = e.getBoundingClientRect();
     const seen = (x, y) => {const t = document.elementFromPoint(x, y); return !!t && e.contains(t);};
-    return b.height > 0 && seen(b.x + b.width / 2, b.y + edge) && seen(b.x + b.width / 2, b.bottom - edge);
+    if (b.height > 0 && seen(b.x + b.width / 2, b.y + edge) && seen(b.x + b.width / 2, b.bottom - edge))
+        return [b.x, b.y, b.width, b.height];
 }"""
 
 
@@ -201,10 +202,12 @@ def is_seen(screen: Screen, found: Any, edge_px: float = 2) -> bool:
     Its lowest and uppermost ``edge_px`` do not count.
     """
     found.first.wait_for(timeout=SLOW_MS)
-    for _ in range(15):  # A page that was just opened may still be moving.
-        screen.page.wait_for_timeout(300)
-        if found.first.evaluate(_IS_SEEN, edge_px):
+    seen = []  # A page that was just opened may still be moving: it has to stay at its place.
+    for _ in range(45):
+        seen.append(found.first.evaluate(_IS_SEEN, edge_px))
+        if seen[-1] is not None and seen[-3:] == 3 * seen[-1:]:
             return True
+        screen.page.wait_for_timeout(100)
     return False
 
 
@@ -225,8 +228,8 @@ class Tab:
     """The page that stays open from test to test: software WebGL takes most of a test's time to set up a new one.
 
     The next test's app listens where the last one did, and the page goes over to it as it does when a person starts
-    the program again: panels and scene are cleared when it connects. What a test may have left besides (another
-    size, an error) is not cleaned up: then the next test gets a new page.
+    the program again: panels and scene are cleared when it connects. What a test may have left besides (an error)
+    is not cleaned up: then the next test gets a new page.
     """
 
     def __init__(self, chromium: Any) -> None:
@@ -255,8 +258,10 @@ class Tab:
     def end(self, screen: Screen, failed: bool) -> None:
         """Stops a test's app; the page stays if nothing is wrong with it."""
         screen.leave()
-        if failed or screen.foreign or screen.errors or screen.page.viewport_size != SIZE:
+        if failed or screen.foreign or screen.errors:
             self.drop()
+        elif screen.page.viewport_size != SIZE:
+            screen.page.set_viewport_size(SIZE)
         screen.app.stop()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tests.browser.conftest import SESSIONS, SLOW_MS, Look, Screen
+from verefine_viz.viewer import commands as c
 
 
 def run_to_end(screen: Screen) -> None:
@@ -15,16 +16,35 @@ def run_to_end(screen: Screen) -> None:
     raise AssertionError("the run did not end")
 
 
-def test_no_hypothesis_near(look: Look) -> None:
+def open_failure(screen: Screen, name: str) -> None:
+    screen.app.send(c.OpenSession(str(SESSIONS / f"failure_{name}.toml")))
+    screen.app.wait_until_idle(120)
+    screen.at(0)
+
+
+def test_each_failure_is_named(look: Look) -> None:
     screen = look(SESSIONS / "failure_no_hypothesis_near.toml")
+    no_hypothesis_near(screen)
+    for name, check in (
+        ("icp_slides", icp_slides),
+        ("simulation_topples", simulation_topples),
+        ("score_prefers_wrong", score_prefers_wrong),
+        ("mask_leaks", mask_leaks),
+        ("wrong_plane", wrong_plane),
+        ("arm_starved", arm_starved),
+    ):
+        open_failure(screen, name)
+        check(screen)
+
+
+def no_hypothesis_near(screen: Screen) -> None:
     run_to_end(screen)
     assert screen.finished().startswith("no good hypothesis in the pool: nearest start")
     screen.why("No hypothesis starts near: best initial error")
     screen.shot("failure_no_hypothesis_near")
 
 
-def test_icp_slides(look: Look) -> None:
-    screen = look(SESSIONS / "failure_icp_slides.toml")
+def icp_slides(screen: Screen) -> None:
     run_to_end(screen)
     marks = [m for m in screen.app.debugger.workspace.branch.marks() if m.kind == "error_grew"]
     assert marks, "no red mark where the error grew"
@@ -33,8 +53,7 @@ def test_icp_slides(look: Look) -> None:
     screen.shot("failure_icp_slides")
 
 
-def test_simulation_topples(look: Look) -> None:
-    screen = look(SESSIONS / "failure_simulation_topples.toml")
+def simulation_topples(screen: Screen) -> None:
     screen.click("Run")
     screen.text("Breakpoint at iteration|The simulation turned the object by")
     screen.shot("failure_simulation_topples")
@@ -43,8 +62,7 @@ def test_simulation_topples(look: Look) -> None:
     screen.shot("failure_simulation_topples_physics")
 
 
-def test_score_prefers_a_wrong_pose(look: Look) -> None:
-    screen = look(SESSIONS / "failure_score_prefers_wrong.toml")
+def score_prefers_wrong(screen: Screen) -> None:
     run_to_end(screen)
     assert screen.finished().startswith("score ranks a wrong pose above the ground truth, by 0.1")
     view = screen.app.debugger.view()
@@ -56,8 +74,7 @@ def test_score_prefers_a_wrong_pose(look: Look) -> None:
     screen.shot("failure_score_prefers_wrong")
 
 
-def test_arm_starved(look: Look) -> None:
-    screen = look(SESSIONS / "failure_arm_starved.toml")
+def arm_starved(screen: Screen) -> None:
     run_to_end(screen)
     screen.why("its exploration bonus never won")
     # The hypotheses have one source, which does not say how far off they are.
@@ -84,15 +101,13 @@ def test_arm_starved(look: Look) -> None:
     screen.shot("failure_arm_starved_what_if")
 
 
-def test_mask_leaks(look: Look) -> None:
-    screen = look(SESSIONS / "failure_mask_leaks.toml")
+def mask_leaks(screen: Screen) -> None:
     run_to_end(screen)
     screen.why("of the pixels are missed")
     screen.shot("failure_mask_leaks")
 
 
-def test_wrong_plane(look: Look) -> None:
-    screen = look(SESSIONS / "failure_wrong_plane.toml")
+def wrong_plane(screen: Screen) -> None:
     run_to_end(screen)
     screen.why("The support plane explains only")
     screen.shot("failure_wrong_plane")

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.conftest import SLOW_MS, Screen, Show, is_seen, until_true
+from tests.browser.conftest import SIZE, SLOW_MS, Screen, Show, is_seen, until_true
 from tests.browser.test_layout import WINDOWS, boxes_of
 from verefine_viz.batch.answer_cards import WRONG
 from verefine_viz.batch.folder import RunFolder
@@ -102,6 +102,23 @@ def tile(screen: Screen, k: int) -> Any:
     return screen.page.locator(".entry:not([hidden])").nth(k)
 
 
+def the_grid_fills_the_middle_of_every_window(screen: Screen) -> None:
+    def fills() -> bool:
+        boxes, grid = boxes_of(screen), screen.page.locator(".gallery-pane .gallery").bounding_box()
+        if boxes.keys() != {"right column", "curves"}:  # Nothing else is seen.
+            return False
+        left, _, right, _ = boxes["right column"]
+        if abs(right - width) > 1:  # Still that of the window before.
+            return False
+        return grid["x"] + grid["width"] <= left and grid["width"] > 0.98 * left - 10 and grid["height"] > height - 20
+
+    for width, height in (*WINDOWS, (SIZE["width"], SIZE["height"])):
+        screen.page.set_viewport_size({"width": width, "height": height})
+        screen.until(fills)
+        assert 160 <= tile(screen, 0).bounding_box()["width"] <= 420
+        screen.shot(f"gallery_{width}x{height}")
+
+
 def test_the_gallery_filters_sorts_and_opens_where_it_went_wrong(shown: tuple[Screen, Gallery]) -> None:
     screen, _ = shown
     assert preset(screen) == "gallery"
@@ -112,6 +129,7 @@ def test_the_gallery_filters_sorts_and_opens_where_it_went_wrong(shown: tuple[Sc
     assert screen.page.evaluate(f"{parts}.every(e => e.scrollWidth <= e.clientWidth)")
     assert is_seen(screen, tile(screen, 0))
     screen.shot("gallery")
+    the_grid_fills_the_middle_of_every_window(screen)
 
     choose(screen, "Object", "mug")
     assert names(screen) == ["mug 0/0 sir", "mug 0/1 rir", "mug 0/0 rir"]
@@ -194,26 +212,19 @@ def test_the_gallery_is_moved_through_searched_and_tagged_by_keys(runs: Path, sh
     screen.text("cannot write .*tags.json: .* is a folder")
 
 
-def test_the_grid_fills_the_middle_of_every_window(shown: tuple[Screen, Gallery]) -> None:
-    screen, _ = shown
-    for width, height in WINDOWS:
-        screen.page.set_viewport_size({"width": width, "height": height})
-        screen.page.wait_for_timeout(600)
-        boxes = boxes_of(screen)
-        assert boxes.keys() == {"right column", "curves"}, "nothing else is seen"
-        grid = screen.page.locator(".gallery-pane .gallery").bounding_box()
-        assert grid["x"] + grid["width"] <= boxes["right column"][0]
-        assert grid["width"] > 0.98 * boxes["right column"][0] - 10
-        assert grid["height"] > height - 20
-        assert 160 <= tile(screen, 0).bounding_box()["width"] <= 420
-        screen.shot(f"gallery_{width}x{height}")
+_BELOW_THE_WINDOW = """(() => {
+    const entry = document.querySelectorAll('.entry:not([hidden])')[4];
+    return !!entry && entry.getBoundingClientRect().bottom > innerHeight; })()"""
+"""Of the fifth answer."""
 
 
-def test_an_answer_opened_by_key_comes_into_sight(shown: tuple[Screen, Gallery]) -> None:
-    screen, _ = shown
+def test_an_answer_opened_by_key_comes_into_sight_and_a_point_is_opened(
+    shown: tuple[Screen, Gallery],
+) -> None:
+    screen, gallery = shown
     screen.page.get_by_label("Size of the tiles").fill("320", timeout=SLOW_MS)
     opened = [("sir", "0/1", 3), ("sir", "0/0", 2), ("rir", "0/1", 2), ("rir", "0/0", 2), ("rir", "0/1", 3)]
-    assert not is_seen(screen, tile(screen, 4), edge_px=8), "else this shows nothing"
+    until_true(screen.page, _BELOW_THE_WINDOW)  # Else this shows nothing.
     for place in opened:
         screen.key("j")
         screen.until(lambda place=place: at(screen) == place)
@@ -222,40 +233,6 @@ def test_an_answer_opened_by_key_comes_into_sight(shown: tuple[Screen, Gallery])
     assert is_seen(screen, screen.page.locator(".entry.open"), edge_px=8)
     screen.page.get_by_label("Size of the tiles").fill("200", timeout=SLOW_MS)
 
-
-def test_long_reasons_to_doubt_the_data_leave_room_for_the_answers(runs: Path, show: Show, tmp_path: Path) -> None:
-    why = ("cam_K", "depth_scale")
-    indices = []
-    for index in read_gallery(runs).runs.values():
-        told = [f"{DATA_FIRST} {why[row.im_id]} does not fit, {'because it is off, ' * 20}." for row in index.rows]
-        rows = (row.model_copy(update={"evidence": said}) for row, said in zip(index.rows, told, strict=True))
-        indices.append(replace(index, rows=tuple(rows)))
-    gallery = Gallery(indices)
-    screen = show(lambda port: App(gallery.session("sir"), port=port, folder=tmp_path, batch=gallery))
-    box = screen.text("in 4 of 4 frames of 2 runs. In 2, such as 0/0 of rir, cam_K does not fit")
-    assert box.evaluate("e => e.scrollWidth > 2 * e.clientWidth"), "else this shows nothing"
-    assert is_seen(screen, tile(screen, 0), edge_px=8)
-
-
-def test_long_reasons_leave_room_for_what_the_iteration_did(runs: Path, show: Show, tmp_path: Path) -> None:
-    doubt = f"{DATA_FIRST} cam_K does not fit, {'because it is off, ' * 20}as it seems."
-    indices = []
-    for index in read_gallery(runs).runs.values():
-        rows = (r.model_copy(update={"evidence": f"{EVIDENCE} {'Astray it went. ' * 30}{doubt}"}) for r in index.rows)
-        indices.append(replace(index, rows=tuple(rows)))
-    gallery = Gallery(indices)
-    screen = show(lambda port: App(gallery.session("sir"), port=port, folder=tmp_path, batch=gallery))
-    screen.key("j")
-    screen.until(lambda: preset(screen) == "inspect")
-    assert is_seen(screen, screen.text(r"^Iteration \d+ · .*hypothesis "), edge_px=6)
-    assert is_seen(screen, screen.text("^the data do not fit together"))
-    evidence = screen.why(EVIDENCE)
-    assert evidence.inner_text().count("Astray it went.") == 30
-    assert "as it seems." in screen.why("^Look at the data first").inner_text()
-
-
-def test_a_click_on_a_point_opens_it(shown: tuple[Screen, Gallery]) -> None:
-    screen, gallery = shown
     screen.curve("Score/error")
     screen.text("^The score ranks a wrong answer above a right one in 0% of pairs")
     plot = screen.page.get_by_role("img", name="score over error")
@@ -269,9 +246,30 @@ def test_a_click_on_a_point_opens_it(shown: tuple[Screen, Gallery]) -> None:
     screen.text("no object there; click nearer to a point")
     assert at(screen) == ("rir", "0/1", 2)
 
-
-def test_what_is_asked_for_elsewhere_shows_in_the_gallery(shown: tuple[Screen, Gallery]) -> None:
-    screen, _ = shown
     screen.app.send(c.ArrangeGallery(only=(("run", "rir"), ("result", WRONG))))
     screen.until(lambda: names(screen) == ["mug 0/1 rir", "mug 0/0 rir", "can 0/1 rir"])
     assert screen.page.get_by_label("Run", exact=True).locator("option:checked").inner_text() == "rir"
+
+
+def test_long_reasons_to_doubt_the_data_leave_room_for_the_answers_and_for_what_the_iteration_did(
+    runs: Path, show: Show, tmp_path: Path
+) -> None:
+    why = ("cam_K", "depth_scale")
+    indices = []
+    for index in read_gallery(runs).runs.values():
+        doubts = [f"{why[row.im_id]} does not fit, {'because it is off, ' * 20}as it seems." for row in index.rows]
+        told = [f"{EVIDENCE} {'Astray it went. ' * 30}{DATA_FIRST} {doubt}" for doubt in doubts]
+        rows = (row.model_copy(update={"evidence": said}) for row, said in zip(index.rows, told, strict=True))
+        indices.append(replace(index, rows=tuple(rows)))
+    gallery = Gallery(indices)
+    screen = show(lambda port: App(gallery.session("sir"), port=port, folder=tmp_path, batch=gallery))
+    box = screen.text("in 4 of 4 frames of 2 runs. In 2, such as 0/0 of rir, cam_K does not fit")
+    assert box.evaluate("e => e.scrollWidth > 2 * e.clientWidth"), "else this shows nothing"
+    assert is_seen(screen, tile(screen, 0), edge_px=8)
+    screen.key("j")
+    screen.until(lambda: preset(screen) == "inspect")
+    assert is_seen(screen, screen.text(r"^Iteration \d+ · .*hypothesis "), edge_px=6)
+    assert is_seen(screen, screen.text("^the data do not fit together"))
+    evidence = screen.why(EVIDENCE)
+    assert evidence.inner_text().count("Astray it went.") == 30
+    assert "as it seems." in screen.why("^Look at the data first").inner_text()

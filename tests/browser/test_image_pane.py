@@ -18,13 +18,27 @@ HIT = (
 )
 
 
-@pytest.fixture
-def screen(look: Look) -> Screen:
+def test_a_finished_run_is_looked_at(look: Look) -> None:
     screen = look(MUG)
     screen.click("Run")
     screen.finished()
     until_true(screen.page, f"{SCALE} > 1 && document.querySelector('.model img')?.naturalWidth > 0")
-    return screen
+    photo_model_and_contours_lie_over_each_other_where_the_camera_has_them(screen)
+    the_wipe_has_the_photo_on_its_left_and_the_rendering_on_its_right(screen)
+    a_map_lies_over_the_photo_until_none_is_chosen(screen)
+    the_pixel_under_the_mouse_has_its_numbers_and_a_cross_on_every_map(screen)
+    the_3d_view_goes_to_the_sensor_and_to_the_object(screen)
+    a_ruler_goes_from_the_marked_pixel_to_the_next_one_and_the_object_can_be_cut_open(screen)
+
+
+def test_a_step_leaves_the_zoom_and_the_legend_as_they_are(look: Look) -> None:
+    screen = look(MUG)
+    for _ in range(3):
+        screen.click("Step ▶")
+    screen.at(3)
+    until_true(screen.page, f"{SCALE} > 1 && document.querySelector('.model img')?.naturalWidth > 0")
+    the_wheel_zooms_about_the_mouse_a_drag_moves_and_a_double_click_takes_it_back(screen)
+    the_legend_switches_a_contour_off_for_this_browser_and_later_steps(screen)
 
 
 def middle(screen: Screen) -> tuple[float, float]:
@@ -44,7 +58,7 @@ def read_out(screen: Screen) -> str:
     return screen.page.locator(".image-readout").inner_text()
 
 
-def test_photo_model_and_contours_lie_over_each_other_where_the_camera_has_them(screen: Screen) -> None:
+def photo_model_and_contours_lie_over_each_other_where_the_camera_has_them(screen: Screen) -> None:
     layers = ".image-layer.photo img, .image-layer.contours svg, .image-hit"
     boxes = f"[...document.querySelectorAll('{layers}')].map(e => e.getBoundingClientRect()).map(b => [b.x, b.width])"
     photo, contours, hit = screen.page.evaluate(boxes)
@@ -57,7 +71,7 @@ def test_photo_model_and_contours_lie_over_each_other_where_the_camera_has_them(
     screen.shot("image_pane")
 
 
-def test_the_wheel_zooms_about_the_mouse_a_drag_moves_and_a_double_click_takes_it_back(screen: Screen) -> None:
+def the_wheel_zooms_about_the_mouse_a_drag_moves_and_a_double_click_takes_it_back(screen: Screen) -> None:
     page, (x, y) = screen.page, middle(screen)
     before, fitted = page.evaluate(HIT), page.evaluate(SCALE)
     page.mouse.move(x + 40, y)
@@ -83,7 +97,7 @@ def test_the_wheel_zooms_about_the_mouse_a_drag_moves_and_a_double_click_takes_i
     assert page.evaluate(SCALE) == pytest.approx(fitted)
 
 
-def test_the_wipe_has_the_photo_on_its_left_and_the_rendering_on_its_right(screen: Screen) -> None:
+def the_wipe_has_the_photo_on_its_left_and_the_rendering_on_its_right(screen: Screen) -> None:
     page, (x, y) = screen.page, middle(screen)
     clip = "getComputedStyle(document.querySelector('.image-layer.model')).clipPath"
     assert page.evaluate(clip) == "none"
@@ -101,7 +115,7 @@ def test_the_wipe_has_the_photo_on_its_left_and_the_rendering_on_its_right(scree
     assert page.evaluate(clip) == "none"
 
 
-def test_the_legend_switches_a_contour_off_for_this_browser_and_later_steps(screen: Screen) -> None:
+def the_legend_switches_a_contour_off_for_this_browser_and_later_steps(screen: Screen) -> None:
     page = screen.page
     seen = "getComputedStyle(document.querySelector('[data-contour=\"ground truth\"]')).display !== 'none'"
     assert page.evaluate(seen)
@@ -114,7 +128,7 @@ def test_the_legend_switches_a_contour_off_for_this_browser_and_later_steps(scre
     assert page.evaluate(seen)
 
 
-def test_a_map_lies_over_the_photo_until_none_is_chosen(screen: Screen) -> None:
+def a_map_lies_over_the_photo_until_none_is_chosen(screen: Screen) -> None:
     page = screen.page
     shown = "getComputedStyle(document.querySelector('.image-layer.map')).display !== 'none'"
     assert not page.evaluate(shown)
@@ -128,7 +142,7 @@ def test_a_map_lies_over_the_photo_until_none_is_chosen(screen: Screen) -> None:
     assert screen.app.debugger.options.map == "angle"
 
 
-def test_the_pixel_under_the_mouse_has_its_numbers_and_a_cross_on_every_map(screen: Screen) -> None:
+def the_pixel_under_the_mouse_has_its_numbers_and_a_cross_on_every_map(screen: Screen) -> None:
     page = screen.page
     mask = screen.app.debugger.view().target.instance.mask
     rows, columns = mask.nonzero()
@@ -167,7 +181,7 @@ def test_the_pixel_under_the_mouse_has_its_numbers_and_a_cross_on_every_map(scre
     until_true(page, "document.querySelectorAll('body > .image-cross').length === 0")
 
 
-def test_the_3d_view_goes_to_the_sensor_and_to_the_object(screen: Screen) -> None:
+def the_3d_view_goes_to_the_sensor_and_to_the_object(screen: Screen) -> None:
     page, (client,) = screen.page, screen.app.server.get_clients().values()
     problem = screen.app.debugger.workspace.work.problem
     support = problem.observation.support
@@ -205,7 +219,7 @@ def test_the_3d_view_goes_to_the_sensor_and_to_the_object(screen: Screen) -> Non
     follows()
 
 
-def test_a_ruler_goes_from_the_marked_pixel_to_the_next_one_and_the_object_can_be_cut_open(screen: Screen) -> None:
+def a_ruler_goes_from_the_marked_pixel_to_the_next_one_and_the_object_can_be_cut_open(screen: Screen) -> None:
     page, observation = screen.page, screen.app.debugger.workspace.work.problem.observation
     rows, columns = (observation.depth_m > 0).nonzero()
     first, last = (int(columns[0]), int(rows[0])), (int(columns[-1]), int(rows[-1]))

@@ -14,11 +14,11 @@ from tests.browser.conftest import SESSIONS, Look, Screen, is_seen, saved, until
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.web.viser_internals import SMALL_WINDOW
 
-WINDOWS = ((1280, 640), (1280, 800), (1440, 757), (1920, 1080), (2560, 1440))
+WINDOWS = ((1920, 1080), (1280, 640))
 SMALLEST_MAP_PX = {
-    "inspect": {640: 90, 800: 140, 757: 125, 1080: 190, 1440: 280},
-    "maps": {640: 230, 800: 300, 757: 285, 1080: 445, 1440: 625},
-    "compare": {640: 90, 800: 140, 757: 125, 1080: 190, 1440: 280},
+    "inspect": {640: 90, 1080: 190},
+    "maps": {640: 230, 1080: 445},
+    "compare": {640: 90, 1080: 190},
 }
 """By layout and height of the window: side of a map."""
 _BOXES = """() => {
@@ -66,12 +66,12 @@ def has_come_to_rest(screen: Screen) -> bool:
 
 
 @pytest.mark.parametrize("session", ["mug", "clutter"])
-def test_in_every_layout_and_window_nothing_covers_anything(look: Look, session: str) -> None:
+def test_in_every_layout_and_window_nothing_covers_anything_and_all_is_seen(look: Look, session: str) -> None:
     screen = look(SESSIONS / f"{session}.toml")
     screen.app.send(c.Step())
     for width, height in WINDOWS:
         screen.page.set_viewport_size({"width": width, "height": height})
-        for preset in set(get_args(c.Preset)) - {"gallery"}:
+        for preset in sorted(set(get_args(c.Preset)) - {"gallery"}):
             screen.app.send(c.ShowLayout(preset))
             until_true(screen.page, f"document.documentElement.dataset.preset === '{preset}'")
             screen.app.wait_until_idle(60)
@@ -89,19 +89,14 @@ def test_in_every_layout_and_window_nothing_covers_anything(look: Look, session:
             assert shown == (set() if preset == "maps" else {"image", "3D"})
             screen.shot(f"layout_{session}_{preset}_{width}x{height}")
     assert not screen.page.get_by_text(SMALL_WINDOW).is_visible()
+    screen.app.send(c.ShowLayout("inspect"))
+    screen.app.send(c.RunUntil("end"))
+    screen.app.wait_until_idle(240)
+    assert is_seen(screen, screen.page.locator(".vz .bar").last), "the whole score"
+    screen.shot(f"smallest_{session}")
 
 
-def test_a_window_below_the_smallest_says_what_to_do(look: Look) -> None:
-    screen = look(SESSIONS / "mug.toml")
-    line = screen.page.get_by_text(SMALL_WINDOW)
-    for size in ({"width": 1024, "height": 640}, {"width": 1280, "height": 600}):  # Small, or zoomed in.
-        screen.page.set_viewport_size(size)
-        line.wait_for()
-        screen.page.set_viewport_size({"width": 1280, "height": 640})
-        line.wait_for(state="hidden")
-
-
-def test_a_pane_is_enlarged_by_its_head_and_by_key_and_goes_back(look: Look) -> None:
+def test_a_pane_is_enlarged_and_goes_back_and_a_window_below_the_smallest_says_what_to_do(look: Look) -> None:
     screen = look(SESSIONS / "mug.toml")
     before = boxes_of(screen)
     for mark, name, other in ((".image-pane", "image", "3D"), (".scene-pane", "3D", "image")):
@@ -123,11 +118,25 @@ def test_a_pane_is_enlarged_by_its_head_and_by_key_and_goes_back(look: Look) -> 
     assert now.keys() == before.keys()
     for name, box in before.items():
         assert now[name] == pytest.approx(box, abs=1), f"{name}: a canvas has whole pixels, its cell has not"
+    line = screen.page.get_by_text(SMALL_WINDOW)
+    for size in ({"width": 1024, "height": 640}, {"width": 1280, "height": 600}):  # Small, or zoomed in.
+        screen.page.set_viewport_size(size)
+        line.wait_for()
+        screen.page.set_viewport_size({"width": 1280, "height": 640})
+        line.wait_for(state="hidden")
 
 
-def test_compare_opens_the_tab_of_both_and_a_map_the_one_of_its_numbers(look: Look) -> None:
+def test_maps_are_enlarged_parted_and_compared(look: Look) -> None:
     screen = look(SESSIONS / "mug.toml")
     screen.app.send(c.Step())
+    screen.app.wait_until_idle(60)  # Until then tiles are drawn again.
+    the_wheel_enlarges_all_maps_about_the_same_pixel(screen)
+    screen.app.send(c.ShowLayout("maps"))
+    until_true(screen.page, "document.documentElement.dataset.preset === 'maps'")
+    screen.app.wait_until_idle(60)
+    screen.page.locator(".vz .map.difference img").last.hover()
+    screen.page.get_by_text(re.compile("^[0-9]+, [0-9]+ · observed [0-9]")).locator("visible=true").wait_for()
+    a_line_parts_a_from_b_in_the_maps_layout(screen)
     opened = "[data-dock-region=right] [data-dock-tab][aria-selected=true]"
     screen.page.locator(".presets button", has_text="Compare").click()
     screen.page.locator(opened, has_text="A/B").wait_for()
@@ -137,10 +146,7 @@ def test_compare_opens_the_tab_of_both_and_a_map_the_one_of_its_numbers(look: Lo
     screen.until(lambda: screen.app.debugger.options.pixel is not None)
 
 
-def test_the_wheel_enlarges_all_maps_about_the_same_pixel(look: Look) -> None:
-    screen = look(SESSIONS / "mug.toml")
-    screen.app.send(c.Step())
-    screen.app.wait_until_idle(60)  # Until then tiles are drawn again.
+def the_wheel_enlarges_all_maps_about_the_same_pixel(screen: Screen) -> None:
     tile = screen.page.locator(".vz .map.difference .tile").first
     tile.wait_for()
     box = tile.bounding_box()
@@ -158,11 +164,7 @@ def test_the_wheel_enlarges_all_maps_about_the_same_pixel(look: Look) -> None:
     until_true(screen.page, f"() => ({shares})().every(s => s[2] > 0.99)")
 
 
-def test_a_line_parts_a_from_b_in_the_maps_layout(look: Look) -> None:
-    screen = look(SESSIONS / "mug.toml")
-    screen.app.send(c.Step())
-    screen.app.send(c.ShowLayout("maps"))
-    screen.app.wait_until_idle(60)
+def a_line_parts_a_from_b_in_the_maps_layout(screen: Screen) -> None:
     ends = screen.page.locator(".vz.maps-wipe > span").all_inner_texts()
     assert ends == ["all B", "all A"]
     for share in (0, 0.25, 1):
@@ -189,51 +191,21 @@ def test_tabs_of_what_is_not_there_are_faint_and_say_why(look: Look, tmp_path: P
     until_true(screen.page, f"({state})('Landscape')[1] === 'Landscape'")
 
 
-@pytest.mark.parametrize("session", ["mug", "clutter"])
-def test_in_the_smallest_window_the_whole_score_is_seen(look: Look, session: str) -> None:
-    screen = look(SESSIONS / f"{session}.toml")
-    screen.page.set_viewport_size({"width": 1280, "height": 640})
-    screen.app.send(c.RunUntil("end"))
-    screen.app.wait_until_idle(240)
-    assert is_seen(screen, screen.page.locator(".vz .bar").last)
-    screen.shot(f"smallest_{session}")
-
-
-@pytest.mark.parametrize("layout", ["inspect", "maps"])
 def test_in_the_smallest_window_every_class_and_scale_has_its_words_where_colour_counts(
-    look: Look, tmp_path: Path, layout: str
+    look: Look, tmp_path: Path
 ) -> None:
     session = saved(tmp_path, scene={"demo": "clutter"}, score={"colour_weight": 0.1}, method={"name": "pir"})
     screen = look(session)
     screen.page.set_viewport_size({"width": 1280, "height": 640})
     screen.app.send(c.Step())
-    screen.app.send(c.ShowLayout(layout))
-    screen.app.wait_until_idle(60)
-    assert screen.page.locator(".vz .maps.coloured").count() == 1
-    for words in [*screen.page.locator(".vz .maps .key > span").all(), *screen.page.locator(".vz .maps .side").all()]:
-        assert is_seen(screen, words), words.inner_text()
-    if layout == "maps":
-        assert is_seen(screen, screen.page.locator(".vz .map.observed .ticks"))
-    screen.shot(f"coloured_{layout}")
-
-
-def test_the_maps_layout_has_the_numbers_of_the_pixel_under_the_mouse(look: Look) -> None:
-    screen = look(SESSIONS / "mug.toml")
-    screen.app.send(c.Step())
-    screen.app.send(c.ShowLayout("maps"))
-    screen.app.wait_until_idle(60)
-    screen.page.locator(".vz .map.difference img").last.hover()
-    screen.page.get_by_text(re.compile("^[0-9]+, [0-9]+ · observed [0-9]")).locator("visible=true").wait_for()
-
-
-def test_a_click_in_3d_means_the_pixel_under_the_mouse(look: Look) -> None:
-    screen = look(SESSIONS / "mug.toml")
-    left, top, right, bottom = boxes_of(screen)["3D"]
-    screen.page.mouse.click((left + right) / 2, (top + bottom) / 2)  # The camera looks at the object's middle.
-    screen.until(lambda: screen.app.debugger.options.pixel is not None)
-    assert screen.app.debugger.options.pixel is not None
-    u, v = screen.app.debugger.options.pixel
-    mask = screen.app.debugger.workspace.work.problem.instances[0].mask
-    rows, columns = np.nonzero(mask)
-    assert columns.min() <= u <= columns.max()
-    assert rows.min() <= v <= rows.max()
+    for layout in ("inspect", "maps"):
+        screen.app.send(c.ShowLayout(layout))
+        until_true(screen.page, f"document.documentElement.dataset.preset === '{layout}'")
+        screen.app.wait_until_idle(60)
+        assert screen.page.locator(".vz .maps.coloured").count() == 1
+        words = [*screen.page.locator(".vz .maps .key > span").all(), *screen.page.locator(".vz .maps .side").all()]
+        assert words
+        for word in words:
+            assert is_seen(screen, word), f"{layout}: {word.inner_text()}"
+        screen.shot(f"coloured_{layout}")
+    assert is_seen(screen, screen.page.locator(".vz .map.observed .ticks"))

@@ -29,7 +29,7 @@ def at(screen: Screen) -> tuple[str, int | None, int]:
     return debugger.workspace.frame, debugger.options.focus, debugger.run.cursor
 
 
-def test_an_address_opens_what_it_says_and_follows_what_is_shown(show: Show, tmp_path: Path) -> None:
+def test_an_address_opens_what_it_says_and_follows_what_is_shown(show: Show, chromium: Any, tmp_path: Path) -> None:
     screen = show(lambda port: App(SESSION, port=port, folder=tmp_path))
     address(screen, "frame=0/0&iteration=0")
     screen.page.evaluate("location.hash = 'frame=0/1&object=4&iteration=2'")
@@ -46,9 +46,7 @@ def test_an_address_opens_what_it_says_and_follows_what_is_shown(show: Show, tmp
     screen.app.send(c.OpenFrame("0/2"))
     address(screen, "frame=0/2&iteration=0")
 
-
-def test_the_button_copies_the_link_and_a_new_page_opens_it(show: Show, chromium: Any, tmp_path: Path) -> None:
-    screen = show(lambda port: App(SESSION, port=port, folder=tmp_path))
+    # The button copies the link, and a new page opens it.
     screen.app.send(c.OpenLink("frame=0/1&iteration=2"))
     screen.at(2)
     screen.page.context.grant_permissions(["clipboard-read", "clipboard-write"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from verefine_viz.viewer.web.viser_internals import lost_words
 MUG = SESSIONS / "mug.toml"
 
 
-def test_first_minute(look: Look) -> None:
+def test_first_minute_then_every_panel_and_a_branch(look: Look) -> None:
     screen = look(MUG, animate=True)
     screen.text("^5 hypotheses, best score")
     screen.shot("first_0_ready")
@@ -29,9 +30,48 @@ def test_first_minute(look: Look) -> None:
     assert screen.finished().startswith("score 0.9")
     screen.shot("first_2_run")
     assert screen.app.debugger.workspace.run.is_done
+    panels(screen)
+    timeline_and_links(screen)
+    what_if(screen)
 
 
-def test_without_a_gpu_edges_are_not_smoothed_and_3d_stays_at_the_resolution_of_the_screen(look: Look) -> None:
+def panels(screen: Screen) -> None:
+    for tab, words in (
+        ("Score", "B − A"),
+        ("Bandit", "^Answer: iteration .* took hypothesis"),
+        ("Physics", "of the background lies on the support plane"),
+        ("Errors", "^ground truth$"),
+        ("Session", "not from a file|from .*mug.toml"),
+    ):
+        screen.tab(tab)
+        screen.text(words)
+        screen.shot(f"panel_{tab.lower()}")
+    for tab in ("UCB", "Pulls", "Error"):
+        screen.curve(tab)
+        screen.shot(f"curves_{tab.lower()}")
+
+
+def timeline_and_links(screen: Screen) -> None:
+    screen.page.locator(".vz.line svg g[data-cmd] rect").nth(6).click(timeout=SLOW_MS)
+    screen.at(7)
+    screen.page.locator("[data-floating-window]:has(.line)").get_by_role("slider").first.press("ArrowRight")
+    screen.app.wait_until_idle()
+    screen.at(8)
+    screen.tab("Bandit")
+    screen.page.locator(".vz tr[data-cmd]", has_text="initial").first.click(timeout=SLOW_MS)
+    screen.at(0)
+
+
+def what_if(screen: Screen) -> None:
+    screen.tab("Bandit")
+    screen.page.locator(".vz a", has_text="c = 0.4").first.click(timeout=SLOW_MS)
+    screen.text("exploration = 0.4, from iteration 0")
+    screen.app.wait_until_idle(60)
+    assert len(screen.app.debugger.workspace.work.branches) == 2
+    screen.shot("what_if")
+
+
+def test_two_browsers_show_the_same_run_without_a_gpu_at_the_resolution_of_the_screen(look: Look) -> None:
     """Chromium draws by software here; smooth edges would take half as long again, and viser would draw fewer pixels
     after a few slow pictures.
     """
@@ -46,25 +86,9 @@ def test_without_a_gpu_edges_are_not_smoothed_and_3d_stays_at_the_resolution_of_
         until_true(page, held)
         until_true(page, "window.__viserTestpoints.rendererInfo?.render?.frame >= 8")
         assert page.evaluate(share) == pytest.approx(1.0, abs=0.01)
-
-
-def test_every_panel(look: Look) -> None:
-    screen = look(MUG)
-    screen.click("Run")
-    screen.finished()
-    for tab, words in (
-        ("Score", "B − A"),
-        ("Bandit", "^Answer: iteration .* took hypothesis"),
-        ("Physics", "of the background lies on the support plane"),
-        ("Errors", "^ground truth$"),
-        ("Session", "not from a file|from .*mug.toml"),
-    ):
-        screen.tab(tab)
-        screen.text(words)
-        screen.shot(f"panel_{tab.lower()}")
-    for tab in ("UCB", "Pulls", "Error"):
-        screen.curve(tab)
-        screen.shot(f"curves_{tab.lower()}")
+        page.get_by_role("button", name="Step ▶", exact=True).click(timeout=SLOW_MS)
+        page.get_by_text(re.compile("^Iteration 1 of ")).filter(visible=True).first.wait_for(timeout=SLOW_MS)
+        screen.at(1)
 
 
 def test_keys_and_palette(look: Look) -> None:
@@ -100,41 +124,7 @@ def test_keys_and_palette(look: Look) -> None:
     screen.at(0)
 
 
-def test_timeline_links_and_slider(look: Look) -> None:
-    screen = look(MUG)
-    screen.click("Run")
-    screen.finished()
-    screen.page.locator(".vz.line svg g[data-cmd] rect").nth(6).click(timeout=SLOW_MS)
-    screen.at(7)
-    screen.page.locator("[data-floating-window]:has(.line)").get_by_role("slider").first.press("ArrowRight")
-    screen.app.wait_until_idle()
-    screen.at(8)
-    screen.tab("Bandit")
-    screen.page.locator(".vz tr[data-cmd]", has_text="initial").first.click(timeout=SLOW_MS)
-    screen.at(0)
-
-
-def test_click_on_a_map_probes_the_pixel(look: Look) -> None:
-    screen = look(MUG)
-    screen.click("Step ▶")
-    screen.at(1)
-    screen.tab("Bandit")
-    picture = screen.page.locator(".vz.strip img").nth(2)
-    picture.wait_for(timeout=SLOW_MS)
-    box = picture.bounding_box()
-    assert box is not None
-    picture.click(position={"x": box["width"] * 0.5, "y": box["height"] * 0.5})
-    screen.text(r"^pixel \d+, \d+$")
-    pixel = screen.app.debugger.options.pixel
-    assert pixel is not None
-    crop = screen.page.locator(".vz.strip img").nth(2).get_attribute("data-crop")
-    u0, v0, width, height = map(int, crop.strip("[]").split(","))
-    assert abs(pixel[0] - (u0 + width / 2)) <= width / 40 + 1
-    assert abs(pixel[1] - (v0 + height / 2)) <= height / 40 + 1
-    screen.shot("probe")
-
-
-def test_click_on_a_ghost_shows_its_history_and_on_the_cloud_probes(look: Look) -> None:
+def test_a_click_on_a_ghost_shows_its_history_and_on_the_cloud_and_on_a_map_it_probes(look: Look) -> None:
     screen = look(MUG)
     screen.app.send(c.ShowLayer("cloud", False))
     screen.app.wait_until_idle()
@@ -145,31 +135,28 @@ def test_click_on_a_ghost_shows_its_history_and_on_the_cloud_probes(look: Look) 
     screen.app.wait_until_idle()
     screen.page.mouse.click(*on_screen(screen))
     screen.until(lambda: screen.app.debugger.options.pixel is not None)
-
-
-def test_what_if_makes_a_branch(look: Look) -> None:
-    screen = look(MUG)
-    screen.click("Run")
-    screen.finished()
+    probed = screen.app.debugger.options.pixel
+    assert probed is not None
+    rows, columns = screen.app.debugger.workspace.work.problem.instances[0].mask.nonzero()
+    assert columns.min() <= probed[0] <= columns.max()
+    assert rows.min() <= probed[1] <= rows.max()
+    screen.click("Step ▶")
+    screen.at(1)
     screen.tab("Bandit")
-    screen.page.locator(".vz a", has_text="c = 0.4").first.click(timeout=SLOW_MS)
-    screen.text("exploration = 0.4, from iteration 0")
-    screen.app.wait_until_idle(60)
-    assert len(screen.app.debugger.workspace.work.branches) == 2
-    screen.shot("what_if")
-
-
-def test_settings_restart(look: Look) -> None:
-    screen = look(MUG)
-    screen.page.get_by_text("Settings", exact=True).click(timeout=SLOW_MS)
-    field = screen.page.get_by_label("K", exact=True)
-    field.fill("2")
-    field.press("Tab")
-    screen.page.wait_for_timeout(200)
-    screen.click("Restart with these")
-    screen.text("^Iteration 0 of 10")
-    screen.shot("settings")
-    assert screen.app.debugger.workspace.session.method.iterations == 2
+    picture = screen.page.locator(".vz.strip img").nth(2)
+    picture.wait_for(timeout=SLOW_MS)
+    box = picture.bounding_box()
+    assert box is not None
+    picture.click(position={"x": box["width"] * 0.6, "y": box["height"] * 0.3})
+    screen.until(lambda: screen.app.debugger.options.pixel != probed)
+    pixel = screen.app.debugger.options.pixel
+    assert pixel is not None
+    screen.text(rf"^pixel {pixel[0]}, {pixel[1]}$")
+    crop = screen.page.locator(".vz.strip img").nth(2).get_attribute("data-crop")
+    u0, v0, width, height = map(int, crop.strip("[]").split(","))
+    assert abs(pixel[0] - (u0 + width * 0.6)) <= width / 40 + 1
+    assert abs(pixel[1] - (v0 + height * 0.3)) <= height / 40 + 1
+    screen.shot("probe")
 
 
 def at_rest(screen: Screen) -> bool:
@@ -219,15 +206,6 @@ def test_a_pose_is_dragged_and_continued_from(look: Look) -> None:
     screen.text("edited, from iteration 0")
     screen.shot("continued")
     assert screen.app.debugger.workspace.run.edits[0].T_cam_obj == pytest.approx(after)
-
-
-def test_two_browsers_show_the_same_run(look: Look, chromium: object) -> None:
-    screen = look(MUG)
-    other = Screen(screen.app, chromium.new_page(viewport={"width": 1280, "height": 800}))  # type: ignore[attr-defined]
-    other.click("Step ▶")
-    other.at(1)
-    screen.at(1)
-    other.page.close()
 
 
 def test_a_program_that_has_ended_is_reported_until_it_is_back(look: Look) -> None:

@@ -12,7 +12,7 @@ addEventListener("securitypolicyviolation", e => violations.push([e.effectiveDir
 """
 
 
-def test_the_page_needs_no_more_than_its_policy_allows(look: Look) -> None:
+def test_the_page_needs_no_more_than_its_policy_allows_and_nothing_else_runs(look: Look) -> None:
     screen = look(SESSIONS / "mug.toml")
     with screen.page.context.browser.new_page(viewport={"width": 1280, "height": 800}) as page:
         page.add_init_script(_WATCH)
@@ -26,10 +26,6 @@ def test_the_page_needs_no_more_than_its_policy_allows(look: Look) -> None:
         assert drawn
         # What sorts Gaussian splats, of which the page has none.
         assert [v for v in page.evaluate("violations") if v != ["script-src", "eval"]] == []
-
-
-def test_another_page_cannot_show_it_within_itself_and_a_script_written_into_it_does_not_run(look: Look) -> None:
-    screen = look(SESSIONS / "mug.toml")
     with screen.page.context.browser.new_page() as page:
         page.goto("about:blank")
         page.evaluate(_FRAME, screen.app.url)

@@ -1,6 +1,6 @@
 """A real frame, YCB-Video 50/1, from the first look to the last panel: the sentences and numbers that a person reads.
 
-Its pictures are always kept, in ``tests/browser/shots`` (git-ignored).
+Two of its pictures are always kept, in ``tests/browser/shots`` (git-ignored): their pixels are counted.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ def numbers(screen: Screen, pattern: str) -> list[float]:
 def test_real_frame(look: Look, real_session: Path) -> None:
     screen = look(real_session)
     screen.text("^5 objects; 003_cracker_box: 3 hypotheses, best score")
-    screen.picture("real_0_ready")
+    screen.shot("real_0_ready")
     screen.click("Step ▶")
     screen.text("^Iteration 1 · 003_cracker_box · hypothesis 1 of 3")
-    screen.picture("real_1_stepped")
+    screen.shot("real_1_stepped")
     screen.click("Run")
     assert screen.finished().startswith("largest error: ")
     screen.text("^5 of 5 right$")
@@ -43,7 +43,7 @@ def test_real_frame(look: Look, real_session: Path) -> None:
     for tab, look_at in (("Score", score), ("Bandit", bandit), ("Physics", physics), ("Session", session)):
         screen.tab(tab)
         look_at(screen)
-        screen.picture(f"real_panel_{tab.lower()}")
+        screen.shot(f"real_panel_{tab.lower()}")
     screen.tab("Errors")
     errors(screen, of_objects["035_power_drill"])
     classes(screen, before=screen.picture("real_panel_errors"))

@@ -26,7 +26,7 @@ def test_what_the_refiner_saw_is_shown_where_it_is_a_learned_one(
     screen.app.wait_until_idle(60)
     box = screen.page.get_by_label("what the refiner saw")
     assert screen.page.locator(".vz .maps").is_visible()
-    for width, height in ((1280, 640), (1280, 800), (1920, 1080)):
+    for width, height in ((1920, 1080), (1280, 640)):
         screen.page.set_viewport_size({"width": width, "height": height})
         for preset in ("inspect", "maps"):
             screen.app.send(c.ShowLayout(preset))
