@@ -29,9 +29,11 @@ help:
 app: $(VENV)/.ready-app
 	@$(BIN)/python app.py $(SESSION) --port $(PORT)
 
+# The browser tests come last, by themselves: beside a test that computes, Chromium runs into its time limits.
 # VEREFINE_REQUIRE_ALL: what lacks a program fails and says which; only what needs real frames may be skipped.
 test: $(VENV)/.ready-dev system-test
-	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest $(PARALLEL) $(NOTE)
+	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m "not browser" $(PARALLEL) $(NOTE)
+	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m browser $(PARALLEL) $(NOTE)
 
 durations:
 	@$(MAKE) test NOTE=--write-durations

@@ -15,7 +15,7 @@ from verefine_viz.recording.playback import played
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.verify import first_difference
-from verefine_viz.run import comparison
+from verefine_viz.run import compare
 from verefine_viz.run.compare import aligned, trace_of
 
 pytestmark = pytest.mark.usefixtures("processes")
@@ -32,7 +32,7 @@ def test_it_is_the_run_that_was_recorded(tmp_path: Path, name: str) -> None:
     assert (again.cursor, again.length, again.is_done) == (0, run.length, True)
     a, b = trace_of(run), trace_of(again)
     assert a.initial == b.initial
-    assert comparison.first_difference(a, b, aligned(a, b)) is None
+    assert compare.first_difference(a, b, aligned(a, b)) is None
     for before, after in zip(a.answers, b.answers, strict=True):
         assert (
             first_difference([best.T_cam_obj for best in before.values()], [best.T_cam_obj for best in after.values()])
