@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -21,8 +22,8 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, axis_angle, transform
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.diagnosis.case import CONTROLS, FIRST_CONTROLS, HELPS, Control, ErrorOf
-from verefine_viz.diagnosis.causes import TITLES, Cause, Diagnosis
-from verefine_viz.diagnosis.diagnose import diagnose, diagnosed, failed_cases
+from verefine_viz.diagnosis.causes import TITLES, Cause, Diagnosis, Finding
+from verefine_viz.diagnosis.diagnose import _controlled, diagnose, diagnosed, failed_cases
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.run.compare import Trace, trace_of
@@ -236,6 +237,20 @@ def test_a_repair_has_its_control() -> None:
     assert diagnosis.rests_on == "true mask"
     assert case.unchanged(diagnosis.rests_on) == Control(0, FIRST_CONTROLS)
     assert case.repeated(diagnosis.rests_on) == Control(CONTROLS, CONTROLS)
+
+
+@pytest.mark.parametrize(
+    ("by_chance", "repaired", "is_confirmed"), [(0, 1, True), (1, 5, True), (2, 5, True), (3, 5, False), (5, 5, False)]
+)
+def test_a_repair_is_confirmed_only_where_it_helps_clearly_more_often_than_chance(
+    by_chance: int, repaired: int, is_confirmed: bool
+) -> None:
+    case: Any = SimpleNamespace(
+        unchanged=lambda like: Control(by_chance, 5), repeated=lambda what: Control(repaired, 5)
+    )
+    finding, chance = _controlled(case, Finding(Cause.MASK, "It leaks.", {}, True, "true mask"))
+    assert finding.is_confirmed == is_confirmed
+    assert (chance is None) == is_confirmed
 
 
 def test_every_cause_has_a_title() -> None:
