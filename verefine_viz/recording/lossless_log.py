@@ -177,7 +177,7 @@ def _array(kind: Any, value: Any) -> np.ndarray:
 
 
 _TYPES = ("<f8", "<f4", "<i8")
-"""Of arrays: poses and scores, simulated paths, contacts' partners."""
+"""Types of arrays: those of poses and scores, of simulated paths, of what contacts touch."""
 _ENCODER = msgspec.msgpack.Encoder(enc_hook=_packed_array)
 _DECODER = msgspec.msgpack.Decoder(Entry, dec_hook=_array)
 
