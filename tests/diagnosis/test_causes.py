@@ -32,6 +32,7 @@ from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.timeline_panel import timeline_words
+from verefine_viz.viewer.text.findings import findings
 from verefine_viz.viewer.text.verdict import MOST_WORDS, verdict
 
 pytestmark = pytest.mark.usefixtures("long_run")
@@ -251,6 +252,14 @@ def test_a_repair_is_confirmed_only_where_it_helps_clearly_more_often_than_chanc
     finding, chance = _controlled(case, Finding(Cause.MASK, "It leaks.", {}, True, "true mask"))
     assert finding.is_confirmed == is_confirmed
     assert (chance is None) == is_confirmed
+
+
+def test_the_page_blames_no_start_for_ground_truth_that_does_not_fit_its_image() -> None:
+    broken = broken_scene(Cause.GROUND_TRUTH, 2)
+    cast(Any, broken.toolbox).__dict__["source"] = OneFrame(broken.problem)
+    view = Debugger(broken.toolbox.session, None, lambda _: broken.toolbox).carry_out([c.RunUntil("end")]).view()
+    assert verdict(view).about == Cause.GROUND_TRUTH
+    assert {finding.cause for finding in findings(view)} == {Cause.GROUND_TRUTH}
 
 
 def test_every_cause_has_a_title() -> None:

@@ -172,6 +172,8 @@ def _far_start(snapshot: Snapshot) -> list[Finding]:
     reached = (course.answer, *(errors for _, _, errors in snapshot.error_series[-1:]))
     if start is None or any(is_correct(errors) for errors in reached):
         return []
+    if ground_truth_is_unfit(course.score, course.score_at_gt):  # Errors against it say nothing about the starts.
+        return []
     j, errors = start
     off = (
         f"{errors.rotation_deg:.0f}° and {errors.translation_mm:.0f} mm (hypothesis {j + 1}), ADD(-S) "
