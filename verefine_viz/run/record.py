@@ -1,0 +1,209 @@
+"""A run as data: what it was about, what every iteration did, and what it answered.
+
+Everything that draws, compares, explains or tabulates a run reads this; ``run/run_file.py`` writes and reads it.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Literal
+
+from msgspec import Struct, field
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Hypothesis, Problem
+from verefine_viz.core.protocols import RunState
+from verefine_viz.core.records import Iteration
+from verefine_viz.core.scores import PoseScore
+from verefine_viz.core.settings import Session
+from verefine_viz.run.session_file import parsed_toml, resolve, session_toml
+from verefine_viz.run.versions import versions
+
+FORMAT = 1
+"""Of the run file; a reader refuses later ones."""
+Status = Literal["ok", "no_answer", "left_out", "failed"]
+
+
+class ObjectHeader(Struct, frozen=True, eq=False):
+    """One object of the frame, before the first iteration."""
+
+    instance_id: int
+    obj_id: int
+    name: str
+    """Of the model."""
+    diameter_m: float
+    T_cam_obj_gt: Float | None
+    """(4, 4) [m]; None = unknown."""
+    hypotheses: tuple[Hypothesis, ...]
+    initial: tuple[PoseScore, ...]
+    """Scores of the hypotheses; none where there is no hypothesis."""
+
+
+class RunHeader(Struct, frozen=True, eq=False):
+    """What a run is about: enough to run it again."""
+
+    format: int
+    session: str
+    """The session file, every field explicit."""
+    frame: str
+    """``scene/image``."""
+    title: str
+    versions: dict[str, str]
+    """Python, the packages and the weights whose numbers enter the run."""
+    objects: tuple[ObjectHeader, ...]
+    """Those to solve, in their order."""
+    T_map_cam: Float | None = None
+    """(4, 4) camera to the data set's world [m]; None where the data set does not know it."""
+    T_table_cam: Float | None = None
+    """(4, 4) camera to a frame on the support plane, z up [m]; None where there is no plane."""
+    notes: tuple[str, ...] = ()
+    """About the data."""
+
+
+class Answer(Struct, frozen=True, eq=False, kw_only=True):
+    """What became of one object: its pose, its errors, its times, and why it is wrong. None, 0 or "" = unknown.
+
+    A frame that failed has one for each object that ground truth names; without ground truth, one without an object.
+    """
+
+    frame: str
+    """``scene/image``."""
+    instance_id: int | None = None
+    obj_id: int | None = None
+    name: str = ""
+    method: str = ""
+    seed: int | None = None
+    """Of the initial poses (hypotheses.seed)."""
+    visib_fract: float | None = None
+    """Visible share of the object, where the data set knows it."""
+    has_truth: bool = False
+    """Whether the data set has its ground truth; such an object counts for the recall, also without an answer."""
+    status: Status
+    """ok; no_answer: the object has no hypothesis; left_out: its mask or its model is missing or damaged; failed: the
+    whole frame is. ``message`` says why."""
+    T_cam_obj: Float | None = None
+    """(4, 4) the answer [m]."""
+    middle_m: Float | None = None
+    """(3,) the middle of the object's bounding box, in its own frame [m]."""
+    score: float | None = None
+    initial_score: float | None = None
+    """Best of the hypotheses."""
+    colour_fit: float | None = None
+    """f_c of the answer in [−1, 1]; None where colour does not count."""
+    recorded_score: float | None = None
+    """Of the answer, by the program whose steps were recorded, in its own units."""
+    missing_depth: float | None = None
+    """Share of the object's mask without depth."""
+    add_s_mm: float | None = None
+    """ADD, or ADD-S for symmetric objects, of the answer against ground truth."""
+    initial_add_s_mm: float | None = None
+    """The same for the hypothesis with the best initial score."""
+    rotation_deg: float | None = None
+    translation_mm: float | None = None
+    diameter_mm: float | None = None
+    best_hypothesis: int | None = None
+    """Number of the hypothesis that the answer comes from, from 1."""
+    best_iteration: int | None = None
+    """0 = the answer is an initial pose."""
+    worst_iteration: int | None = None
+    """The iteration that took this object furthest from its goal: by more than 3 % of the diameter, or by more than
+    0.01 of the score where there is no ground truth. None where none took it so far."""
+    undetermined_mm: float | None = None
+    """The furthest shift of the answer, along an axis of the table or the model, by which the score falls no more than
+    noise of the depth image explains."""
+    undetermined_deg: float | None = None
+    """The same for a turn; 180 about an axis of symmetry."""
+    n_hypotheses: int = 0
+    n_iterations: int = 0
+    grasp: str = ""
+    """How a simulated grasp by the answer ends (``grasping/grasp_trial.py``); "" where none was tried."""
+    grasp_ground_truth: str = ""
+    """The same by the ground-truth pose."""
+    events: str = ""
+    """Kinds and how often: ``arm_switched 4; score_fell 1``."""
+    ms_refine: float = 0.0
+    ms_simulate: float = 0.0
+    ms_score: float = 0.0
+    ms_total: float = 0.0
+    cause: str = ""
+    """Why the answer is wrong, where that is known."""
+    evidence: str = ""
+    """The cause in one sentence, with its numbers."""
+    message: str = ""
+
+
+class RunEnd(Struct, frozen=True, eq=False, kw_only=True):
+    """How a run ended: its answers, and where the time went."""
+
+    answers: tuple[Answer, ...]
+    """One for each object of the frame, those that were left out last."""
+    seconds: float = 0.0
+    """All the time it took, from reading the frame to its last record [s]."""
+    stages_ms: dict[str, float] = field(default_factory=dict)
+    """Where the time went, by stage (:data:`STAGES`) [ms]."""
+    notes: tuple[str, ...] = ()
+    """About the frame's data: objects left out, unknown names in a given order, …"""
+    doubts: tuple[str, ...] = ()
+    """What of the frame's data does not fit together, with what to check: cam_K, depth, models, the plane."""
+    n_unreadable: int = 0
+    """Objects that were left out as their model or mask is missing or damaged."""
+
+
+class RunRecord(Struct, frozen=True, eq=False):
+    """A run from its start as far as it went."""
+
+    header: RunHeader
+    iterations: tuple[Iteration, ...] = ()
+    """1, 2, …, without a gap."""
+    end: RunEnd | None = None
+    """None while it runs, or where it was stopped."""
+    missing: str = ""
+    """What of its file could not be read, a sentence; "" = nothing."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the run came to its end, and all of it is here."""
+        return self.end is not None and not self.missing
+
+
+def header_of(problem: Problem, state: RunState, session: Session) -> RunHeader:
+    """The header of a run of ``session``, given its state before the first iteration."""
+    support = problem.observation.support
+    objects = tuple(
+        ObjectHeader(
+            target.instance.instance_id,
+            target.instance.obj_id,
+            target.model.name,
+            target.model.diameter_m,
+            target.instance.T_cam_obj_gt,
+            target.instance.hypotheses,
+            () if scores is None else tuple(scores[j] for j in range(len(scores))),
+        )
+        for target, scores in zip(problem.targets, state.initial, strict=True)
+    )
+    return RunHeader(
+        FORMAT,
+        _toml(session.model_dump_json()),
+        problem.frame,
+        session.title or problem.title,
+        versions(session),
+        objects,
+        problem.observation.T_map_cam,
+        None if support is None else support.T_world_cam,
+        problem.notes,
+    )
+
+
+def session_of(header: RunHeader) -> Session:
+    """The session that makes the same run.
+
+    Raises:
+        SettingsError: this version cannot run it.
+    """
+    return resolve(parsed_toml(header.session), "the session of the run")
+
+
+@lru_cache(maxsize=8)
+def _toml(settings: str) -> str:
+    """A session as a file; made once for all frames of a batch."""
+    return session_toml(Session.model_validate_json(settings))

@@ -1,0 +1,325 @@
+"""The run file (``.vfrun``): a header, every iteration bit by bit, and at last the answers.
+
+It is appended to and never rewritten. An entry is its length and its CRC-32 (4 bytes each, little-endian), a letter for
+its kind, and the record as msgpack, field by field as in ``core.records`` and ``run.record``; an array is its type, its
+shape and its bytes. What was appended is with the operating system when the run goes on: a writer that is killed leaves
+all its iterations.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import struct
+import zlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from msgspec import structs
+
+from verefine_viz.core.arrays import finite, frozen
+from verefine_viz.core.errors import InputError, ShapeError, in_one_line
+from verefine_viz.core.geometry import as_rigid
+from verefine_viz.core.paths import read_input
+from verefine_viz.core.protocols import RunState
+from verefine_viz.core.records import Contacts, Iteration, SimulatedPath
+from verefine_viz.core.settings import Session
+from verefine_viz.run.record import FORMAT, RunEnd, RunHeader, RunRecord, header_of
+
+SUFFIX = ".vfrun"
+NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
+MAGIC = b"VEREFINE RUN\n"
+_HEAD = struct.Struct("<II")
+_HEADER, _ITERATION, _END = b"H", b"I", b"E"
+
+
+class RunFile:
+    """Writes a run file. As a watcher of a run it writes the header and every iteration by itself."""
+
+    def __init__(self, path: Path, session: Session) -> None:
+        """Nothing is written before :meth:`begin` or :meth:`on_start`; the folder is made if needed."""
+        self.path = path
+        self._session = session
+        self._file = -1
+
+    def begin(self, header: RunHeader) -> None:
+        """Creates the file; what is there is replaced.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        self.close()
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+        except OSError as error:
+            raise self._refused(error) from None
+        self._write(MAGIC + framed(_HEADER + _ENCODER.encode(header)))
+
+    def append(self, iteration: Iteration) -> None:
+        """Raise InputError where the disk does not take it."""
+        self._write(framed(_ITERATION + _ENCODER.encode(thin(iteration))))
+
+    def finish(self, end: RunEnd) -> None:
+        """Write how the run ended, and close the file.
+
+        Raises:
+            InputError: the disk does not take it.
+        """
+        self._write(framed(_END + _ENCODER.encode(end)))
+        self.close()
+
+    def close(self) -> None:
+        """Leave the run as it is; later calls do nothing."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+    def on_start(self, state: RunState) -> None:
+        self.begin(header_of(state.problem, state, self._session))
+
+    def on_iteration(self, state: RunState, iteration: Iteration) -> None:
+        self.append(iteration)
+
+    def on_finish(self, state: RunState) -> None:
+        """The answers are still to be worked out: :meth:`finish`."""
+
+    def _write(self, content: bytes) -> None:
+        try:
+            # A disk that is nearly full takes a part, and refuses when it is asked again.
+            while content:
+                content = content[os.write(self._file, content) :]
+        except OSError as error:
+            raise self._refused(error) from None
+
+    def _refused(self, error: OSError) -> InputError:
+        return InputError(f"cannot write {self.path}: {error.strerror or error}")
+
+
+def read_run_file(path: Path, with_iterations: bool = True) -> RunRecord:
+    """The run in a file: all of it, or what can be read from its beginning on (:attr:`RunRecord.missing`).
+
+    Args:
+        path: the file.
+        with_iterations: whether its iterations are wanted; they are checked for damage in any case.
+
+    Raises:
+        InputError: it cannot be read, is something else or of a later version, or holds not even its header.
+    """
+    return decoded(read_input(path, "run file"), f"run file {path}", with_iterations)
+
+
+def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecord:
+    """The run in the bytes of a run file, as :func:`read_run_file` reads it; ``what`` names them in an error."""
+    if not content.startswith(MAGIC):
+        raise InputError(f"{what} is no run file, expected one that view or batch wrote (.vfrun)")
+    entries = _Bodies(content[len(MAGIC) :])
+    bodies = iter(entries)
+    first = next(bodies, None)
+    if first is None or not first.startswith(_HEADER):
+        raise InputError(f"{what} holds nothing of a run; run its session again")
+    header = _header(first[1:], what)
+    iterations: list[Iteration] = []
+    end: RunEnd | None = None
+    n = 0
+    try:
+        for body in bodies:
+            if body.startswith(_ITERATION):
+                n += 1
+                iterations += [_iteration(body[1:])] if with_iterations else []
+            elif body.startswith(_END):
+                end = _END_DECODER.decode(body[1:])
+        if with_iterations:
+            _check(header, iterations)
+    except (msgspec.MsgspecError, ShapeError, ValueError, RecursionError) as error:
+        raise InputError(f"{what} is damaged: {in_one_line(str(error))}; run its session again") from None
+    missing = ""
+    if entries.damage or end is None:
+        left = "1 iteration is in it" if n == 1 else f"{n or 'no'} iterations are in it"
+        why = "bytes in the middle are damaged" if entries.damage == _DAMAGED else "it was stopped or cut off"
+        missing = f"the run ended early ({why}); {left}"
+    return RunRecord(header, tuple(iterations), end, missing)
+
+
+def framed(body: bytes) -> bytes:
+    """A body with its length and checksum before it."""
+    return _HEAD.pack(len(body), zlib.crc32(body)) + body
+
+
+def thin(iteration: Iteration) -> Iteration:
+    """The iteration as it is written: its simulated path, which is for drawing, in single precision and with the
+    contacts of the last step alone.
+    """
+    path = iteration.path
+    if path is None:
+        return iteration
+    Ts_cam_obj: Any = path.Ts_cam_obj.astype(np.float32)
+    return structs.replace(iteration, path=SimulatedPath(Ts_cam_obj, path.contacts[-1:], path.tipping))
+
+
+def as_read(iteration: Iteration) -> Iteration:
+    """The iteration as it is read back."""
+    return _iteration(_ENCODER.encode(thin(iteration)))
+
+
+_DAMAGED, _CUT = "damaged", "cut"
+
+
+class _Bodies:
+    """The bodies that follow one another, up to the first that is not whole; then why they end."""
+
+    def __init__(self, content: bytes) -> None:
+        self.damage = ""
+        self._content = content
+
+    def __iter__(self) -> Iterator[bytes]:
+        content, at = self._content, 0
+        while at < len(content):
+            if at + _HEAD.size > len(content):
+                self.damage = _CUT
+                return
+            length, crc = _HEAD.unpack_from(content, at)
+            body = content[at + _HEAD.size : at + _HEAD.size + length]
+            if len(body) < length or zlib.crc32(body) != crc:
+                self.damage = _CUT if len(body) < length else _DAMAGED
+                return
+            yield body
+            at += _HEAD.size + length
+
+
+def _header(body: bytes, what: str) -> RunHeader:
+    try:
+        number = msgspec.msgpack.decode(body, type=_Numbered).format
+        if number > FORMAT:
+            raise InputError(
+                f"{what} was written by a later version (format {number}, this one reads {FORMAT}); update"
+            )
+        header = _HEADER_DECODER.decode(body)
+        if not re.fullmatch(r"[0-9]+/[0-9]+", header.frame):
+            raise ValueError(f"{header.frame!r} is no frame")
+        if len({one.instance_id for one in header.objects}) < len(header.objects):
+            raise ValueError("an object is in it twice")
+        for one in header.objects:
+            if len(one.initial) not in (0, len(one.hypotheses)):
+                raise ValueError(f"{one.name} has {len(one.hypotheses)} hypotheses and {len(one.initial)} scores")
+    except (msgspec.MsgspecError, ShapeError, ValueError, RecursionError) as error:
+        raise InputError(f"{what} is damaged: {in_one_line(str(error))}; run its session again") from None
+    return header
+
+
+class _Numbered(msgspec.Struct):
+    """The beginning of any version's header."""
+
+    format: int
+
+
+def _iteration(body: bytes) -> Iteration:
+    iteration = _ITERATION_DECODER.decode(body)
+    path = iteration.path
+    return iteration if path is None else structs.replace(iteration, path=_with_all_steps(path))
+
+
+def _with_all_steps(path: SimulatedPath) -> SimulatedPath:
+    """A path as it was read, with contacts for every step, as a run has them."""
+    steps = len(path.Ts_cam_obj) - 1
+    contacts = (NO_CONTACTS,) * (steps - len(path.contacts)) + path.contacts
+    return SimulatedPath(path.Ts_cam_obj.astype(np.float64), contacts, path.tipping)
+
+
+def _packed_array(value: np.ndarray) -> list[Any]:
+    return [value.dtype.str, value.shape, value.tobytes()]
+
+
+def _array(kind: Any, value: Any) -> np.ndarray:
+    # msgspec names the field in what is raised here.
+    dtype, shape, content = value
+    if dtype not in _TYPES:
+        raise ValueError(f"{dtype!r} is no type of an array, expected one of {', '.join(_TYPES)}")
+    return np.frombuffer(content, np.dtype(dtype)).reshape(shape)
+
+
+_TYPES = ("<f8", "<f4", "<i8")
+"""Types of arrays: those of poses and scores, of simulated paths, of what contacts touch."""
+_ENCODER = msgspec.msgpack.Encoder(enc_hook=_packed_array)
+_HEADER_DECODER = msgspec.msgpack.Decoder(RunHeader, dec_hook=_array)
+_ITERATION_DECODER = msgspec.msgpack.Decoder(Iteration, dec_hook=_array)
+_END_DECODER = msgspec.msgpack.Decoder(RunEnd, dec_hook=_array)
+
+
+def _check(header: RunHeader, iterations: Sequence[Iteration]) -> None:
+    """
+    Raises:
+        ValueError: an iteration cannot be one of a run with these objects and hypotheses.
+        ShapeError: it holds arrays that no run makes.
+    """
+    arms = {one.instance_id: len(one.hypotheses) for one in header.objects}
+    n_nodes: dict[int, int] = {}
+    """Of each cluster's search tree, so far."""
+    for k, i in enumerate(iterations, 1):
+        _check_arrays(i)
+        n_arms = arms.get(i.instance_id, 0)
+        if i.index != k:
+            raise ValueError(f"iteration {k} is missing")
+        if i.arm not in range(n_arms):
+            subject = f"hypothesis {i.arm + 1} of instance {i.instance_id}"
+            raise ValueError(f"iteration {i.index} is about {subject}, which has {n_arms}")
+        if i.stage(i.accepted) is None:
+            raise ValueError(f"iteration {i.index} accepted its {i.accepted} pose, and has none")
+        choice = () if i.choice is None else (i.choice.plays, i.choice.mean, i.choice.exploration, i.choice.ucb)
+        if any(len(numbers) != n_arms for numbers in choice):
+            raise ValueError(f"iteration {i.index} chose from another number of hypotheses than {n_arms}")
+        unknown = set(_other_instances(i)) - arms.keys()
+        if unknown:
+            raise ValueError(f"iteration {i.index} places instance {min(unknown)}, which is not in the header")
+        if i.tree is not None:
+            n, node = n_nodes.get(i.tree.cluster, 1), i.tree.node
+            if node is not None:
+                if node.node != n or node.parent not in range(n):
+                    raise ValueError(f"iteration {i.index} adds node {node.node} to a search tree of {n} nodes")
+                n += 1
+            if not all(number in range(n) for number in i.tree.branch):
+                raise ValueError(f"iteration {i.index} visits a node of the search tree that was never added")
+            n_nodes[i.tree.cluster] = n
+
+
+def _other_instances(iteration: Iteration) -> Iterator[int]:
+    """Of all poses beside its stages that the iteration names."""
+    scene, tree = iteration.scene, iteration.tree
+    poses = [*iteration.placed]
+    if scene is not None:
+        poses += [*scene.poses, *scene.incumbent]
+    if tree is not None:
+        poses += [*tree.rollout, *tree.incumbent]
+        if tree.node is not None:
+            yield tree.node.instance_id
+    yield from (pose.instance_id for pose in poses)
+
+
+def _check_arrays(iteration: Iteration) -> None:
+    tree, scene, choice, path = iteration.tree, iteration.scene, iteration.choice, iteration.path
+    for stage in iteration.stages:
+        as_rigid(stage.T_cam_obj, f"{stage.name} pose")
+    as_rigid(iteration.best.T_cam_obj, "best pose")
+    placed = [*iteration.placed, *(scene.poses + scene.incumbent if scene is not None else ())]
+    if tree is not None:
+        placed += [*tree.rollout, *tree.incumbent]
+        if tree.node is not None:
+            as_rigid(tree.node.T_cam_obj, f"pose of tree node {tree.node.node}")
+    for pose in placed:
+        as_rigid(pose.T_cam_obj, f"placed pose of instance {pose.instance_id}")
+    if choice is not None:
+        for name in ("plays", "mean", "exploration", "ucb"):
+            frozen(getattr(choice, name), name, (None,))
+    if path is not None:
+        if not len(path.Ts_cam_obj):
+            raise ValueError(f"the simulation of iteration {iteration.index} has no pose")
+        finite(path.Ts_cam_obj, "simulated path", (None, 4, 4))
+        for contacts in path.contacts:
+            n = len(contacts.depths_m)
+            finite(contacts.points_cam, "contact points", (n, 3))
+            finite(contacts.normals_cam, "contact normals", (n, 3))
+            finite(contacts.forces_n, "contact forces", (n,))
+            frozen(contacts.others, "contact partners", (n,), np.int64)

@@ -1,0 +1,39 @@
+"""What the numbers of a run depend on beside its session: Python, packages, weights."""
+
+from __future__ import annotations
+
+import platform
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+
+from verefine_viz.core.settings import Session
+from verefine_viz.run.session_refiners import weights_of
+
+PACKAGES = (
+    "verefine-viz",
+    "numpy",
+    "numba",
+    "scipy",
+    "pybullet",
+    "open3d",
+    "coacd",
+    "trimesh",
+    "onnxruntime",
+    "rerun-sdk",
+)
+
+
+def versions(session: Session) -> dict[str, str]:
+    """Python, the packages and the weights whose numbers enter a run of the session."""
+    return _installed() | weights_of(session)
+
+
+@cache
+def _installed() -> dict[str, str]:
+    installed = {"python": platform.python_version(), "machine": platform.machine()}
+    for package in PACKAGES:
+        try:
+            installed[package] = version(package)
+        except PackageNotFoundError:
+            installed[package] = "missing"
+    return installed
