@@ -17,7 +17,7 @@ from itertools import count
 from time import perf_counter
 
 from bench.second_faults import with_second
-from tests.failing_scenes import broken_scene, named
+from tests.failing_scenes import GENERATORS, broken_scene, named
 from verefine_viz.diagnosis.causes import Cause
 
 SEEDS = 20
@@ -25,7 +25,7 @@ MOST_SEEDS = 100
 
 
 def run(
-    causes: Sequence[Cause] = tuple(Cause),
+    causes: Sequence[Cause] = tuple(GENERATORS),
     n_seeds: int = SEEDS,
     first: int = 0,
     verbose: bool = False,
@@ -51,17 +51,17 @@ def run(
             if diagnosis is None:
                 n_fine += 1
                 continue
-            said[diagnosis.cause] += 1
-            n_confirmed += diagnosis.is_confirmed and diagnosis.cause == cause
-            n_second += diagnosis.cause == smaller
+            said[diagnosis.main.cause] += 1
+            n_confirmed += diagnosis.main.is_confirmed and diagnosis.main.cause == cause
+            n_second += diagnosis.main.cause == smaller
             n_reruns += diagnosis.n_reruns
             ms += diagnosis.ms
-            if verbose or diagnosis.cause != cause:
+            if verbose or diagnosis.main.cause != cause:
                 beside = f" and {smaller}" if smaller else ""
-                print(f"  {cause}{beside} {seed}: {diagnosis.cause}: {diagnosis.sentence}")
+                print(f"  {cause}{beside} {seed}: {diagnosis.main.cause}: {diagnosis.main.text}")
                 if verbose:
-                    for other in diagnosis.others:
-                        print(f"      also {other.cause} ({other.is_confirmed}): {other.sentence}")
+                    for other in diagnosis.findings[1:]:
+                        print(f"      also {other.cause} ({other.is_confirmed}): {other.text}")
         n = max(said.total(), 1)
         rows.append(
             {
@@ -91,7 +91,7 @@ def main() -> int:
     parser.add_argument("--second", action="store_true", help="a smaller fault of another kind beside each")
     parser.add_argument("--verbose", action="store_true")
     args = parser.parse_args()
-    run(args.causes or tuple(Cause), args.seeds, args.first, args.verbose, args.second, args.most, args.refiner)
+    run(args.causes or tuple(GENERATORS), args.seeds, args.first, args.verbose, args.second, args.most, args.refiner)
     return 0
 
 

@@ -94,7 +94,7 @@ def facts_of(case: Case, diagnosis: Diagnosis) -> Facts:
         max((one.score for way in leading if way for one in scored(case, np.array(way))), default=-1.0),
         sum(map(bool, leading)),
         case.n_right(TOGETHER + ALONE if case.group else ALONE, SAMPLES),
-        case.n_right(diagnosis.rests_on, SAMPLES) if diagnosis.rests_on else None,
+        case.n_right(diagnosis.main.rests_on, SAMPLES) if diagnosis.main.rests_on else None,
         adds_mm(case.target.model, T_answer, case.T_gt) / (1e3 * case.target.model.diameter_m),
     )
 
@@ -157,7 +157,7 @@ def _noise_of_difference(case: Case, T_one: Float, T_other: Float) -> float:
 
 def objection(diagnosis: Diagnosis, facts: Facts) -> str:
     """Why a verdict is wrong; empty where nothing speaks against it."""
-    cause = diagnosis.cause
+    cause = diagnosis.main.cause
     if cause == Cause.SCORE:
         return "" if facts.score >= facts.score_at_gt else f"a correct pose scores {facts.score_at_gt:.3f}"
     if cause == Cause.SYMMETRIC:
@@ -170,7 +170,7 @@ def objection(diagnosis: Diagnosis, facts: Facts) -> str:
         if not facts.n_correct_seen and facts.best_leading_score > facts.score:
             return f"refined on, a hypothesis scores {facts.best_leading_score:.3f}"
         return "" if facts.n_correct_seen or facts.n_leading else "no correct pose was reached"
-    if facts.n_correct_seen and not diagnosis.rests_on:
+    if facts.n_correct_seen and not diagnosis.main.rests_on:
         return f"a correct pose was reached, with {facts.best_correct_score:.3f}"
     if cause == Cause.UNDECIDED:
         return "" if 0 < facts.n_by_chance < len(SAMPLES) else f"right in {facts.n_by_chance} of {len(SAMPLES)} re-runs"
@@ -219,14 +219,14 @@ def main() -> int:
                 ms.append(1e3 * (perf_counter() - began))
                 facts = facts_of(case, verdict)
                 why_not = objection(verdict, facts)
-                named[verdict.cause] += 1
-                confirmed[verdict.cause] += not why_not
+                named[verdict.main.cause] += 1
+                confirmed[verdict.main.cause] += not why_not
                 mark = f"WRONG ({why_not})" if why_not else "confirmed"
-                print(f"seed {seed} {frame} {case.name} {verdict.cause} {mark}: {verdict.sentence}", flush=True)
+                print(f"seed {seed} {frame} {case.name} {verdict.main.cause} {mark}: {verdict.main.text}", flush=True)
                 print(f"    {facts}", flush=True)
-                for one in (verdict, *verdict.others):
-                    if "reruns" in one.evidence:
-                        print(f"    {one.cause}, confirmed: {one.is_confirmed}; {dict(one.evidence)}", flush=True)
+                for one in verdict.findings:
+                    if "reruns" in one.numbers:
+                        print(f"    {one.cause}, confirmed: {one.is_confirmed}; {dict(one.numbers)}", flush=True)
     for cause, n in named.most_common():
         print(f"{cause}: {confirmed[cause]} of {n} confirmed")
     share = confirmed.total() / max(named.total(), 1)

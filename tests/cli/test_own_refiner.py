@@ -256,11 +256,11 @@ def test_the_diagnosis_knows_its_range(start_deg: float, monkeypatch: pytest.Mon
         assert found == ()
         return
     (diagnosis,) = found
-    assert (diagnosis.cause, diagnosis.is_confirmed) == (Cause.OUT_OF_RANGE, True)
-    assert "own was trained up to 20° and " in diagnosis.sentence
-    assert diagnosis.evidence["nearest_rotation_deg"] == pytest.approx(30)
-    assert diagnosis.evidence["hypotheses"] == 1, "refine works on the first alone"
-    assert diagnosis.evidence["error_repaired"] < 0.01
+    assert (diagnosis.main.cause, diagnosis.main.is_confirmed) == (Cause.OUT_OF_RANGE, True)
+    assert "own was trained up to 20° and " in diagnosis.main.text
+    assert diagnosis.main.numbers["nearest_rotation_deg"] == pytest.approx(30)
+    assert diagnosis.main.numbers["hypotheses"] == 1, "refine works on the first alone"
+    assert diagnosis.main.numbers["error_repaired"] < 0.01
 
 
 @pytest.mark.usefixtures("processes")

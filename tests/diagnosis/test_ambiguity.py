@@ -79,9 +79,9 @@ def test_a_hidden_handle_is_ambiguous_whatever_solved_the_scene(method: str) -> 
     run = broken.toolbox.run(broken.problem)
     run.finish()
     (diagnosis,) = diagnose(run, broken.toolbox)
-    assert (diagnosis.instance_id, diagnosis.cause) == (0, Cause.AMBIGUOUS), diagnosis.sentence
-    assert diagnosis.evidence["apart_mm"] > 0.1 * 1e3 * model("jug").diameter_m
-    assert abs(diagnosis.evidence["score"] - diagnosis.evidence["score_of_other"]) < 0.001
+    assert (diagnosis.instance_id, diagnosis.main.cause) == (0, Cause.AMBIGUOUS), diagnosis.main.text
+    assert diagnosis.main.numbers["apart_mm"] > 0.1 * 1e3 * model("jug").diameter_m
+    assert abs(diagnosis.main.numbers["score"] - diagnosis.main.numbers["score_of_other"]) < 0.001
 
 
 def test_the_poses_of_a_run_are_also_those_that_completed_a_scene() -> None:

@@ -49,10 +49,10 @@ def test_what_is_broken_is_named(cause: Cause) -> None:
         diagnosis = named(broken_scene(cause, seed))
         if diagnosis is None:
             continue
-        assert diagnosis.cause == cause, (seed, diagnosis.sentence)
-        assert diagnosis.is_confirmed
-        assert diagnosis.sentence.endswith(".")
-        assert diagnosis.evidence
+        assert diagnosis.main.cause == cause, (seed, diagnosis.main.text)
+        assert diagnosis.main.is_confirmed
+        assert diagnosis.main.text.endswith(".")
+        assert diagnosis.main.numbers
         n_failed += 1
         if n_failed == FAILING:
             return
@@ -78,8 +78,8 @@ def test_built_in_failures_get_their_name(name: str, cause: Cause) -> None:
     run = toolbox.run(toolbox.problem(toolbox.frames[0]))
     run.finish()
     (diagnosis,) = diagnose(run, toolbox)
-    assert diagnosis.cause == cause
-    assert diagnosis.is_confirmed
+    assert diagnosis.main.cause == cause
+    assert diagnosis.main.is_confirmed
 
 
 @pytest.mark.parametrize("of_winner", [True, False])
@@ -95,25 +95,25 @@ def test_a_simulation_is_blamed_with_its_own_numbers_and_hypothesis(of_winner: b
         answer = replace(trace.answers[-1][target.instance.instance_id], arm=len(target.instance.hypotheses))
         trace = replace(trace, answers=(*trace.answers[:-1], {target.instance.instance_id: answer}))
     (found,) = diagnose(trace, toolbox, 0.05)
-    blamed = next(i for i in own if i.index == found.evidence["iteration"])
+    blamed = next(i for i in own if i.index == found.main.numbers["iteration"])
     names = [stage.name for stage in blamed.stages]
     error_of, k = ErrorOf(target.model, T_true), names.index("simulated")
     before, after = (error_of(stage.T_cam_obj) for stage in blamed.stages[k - 1 : k + 1])
-    assert found.evidence["error_added"] == pytest.approx(after - before)
+    assert found.main.numbers["error_added"] == pytest.approx(after - before)
     which = "" if of_winner else f"hypothesis {blamed.arm + 1} of "
-    assert found.sentence.startswith(
+    assert found.main.text.startswith(
         f"In iteration {blamed.index} the simulation moved {which}the {target.model.name} by "
-        f"{found.evidence['moved_mm']:.0f} mm and {found.evidence['turned_deg']:.0f}°"
+        f"{found.main.numbers['moved_mm']:.0f} mm and {found.main.numbers['turned_deg']:.0f}°"
     )
-    assert f"from {before:.0%} to {after:.0%} of its diameter off; without physics " in found.sentence
+    assert f"from {before:.0%} to {after:.0%} of its diameter off; without physics " in found.main.text
 
 
 def test_a_sentence_says_which_way_a_pose_is_turned() -> None:
     lying, turned = named(broken_scene(Cause.POOL, 0)), named(broken_scene(Cause.SCORE, 0))
     assert lying is not None
-    assert "starts 100° (all of it tilt against the table) and 47 mm away" in lying.sentence
+    assert "starts 100° (all of it tilt against the table) and 47 mm away" in lying.main.text
     assert turned is not None
-    assert "of the diameter (127°: all of it a turn on the table): " in turned.sentence
+    assert "of the diameter (127°: all of it a turn on the table): " in turned.main.text
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -125,7 +125,7 @@ def test_ground_truth_as_a_start_is_named_only_where_the_answer_is_not_that_star
     diagnosis = diagnosed(case)
     best = case.reruns["started at ground truth"].best
     assert best is not None
-    assert ("started at the ground truth" in diagnosis.sentence) == (best.iteration > 0)
+    assert ("started at the ground truth" in diagnosis.main.text) == (best.iteration > 0)
 
 
 class Nudge:
@@ -152,11 +152,11 @@ def test_a_refiner_is_blamed_where_icp_gets_there_from_the_same_hypotheses(
 ) -> None:
     monkeypatch.setitem(REFINERS, "nudge", lambda session: Nudge())
     diagnosis, trace = with_refiner(name, "mug")
-    assert (diagnosis.cause, diagnosis.is_confirmed) == (Cause.REFINER, True)
-    assert f"The refiner {name} does not bring the mug to the ground truth" in diagnosis.sentence
-    assert "with ICP from the same hypotheses the error is 0%" in diagnosis.sentence
-    assert diagnosis.evidence["error_repaired"] < 0.02
-    assert Cause.POOL not in {other.cause for other in diagnosis.others}, "the pool leads there"
+    assert (diagnosis.main.cause, diagnosis.main.is_confirmed) == (Cause.REFINER, True)
+    assert f"The refiner {name} does not bring the mug to the ground truth" in diagnosis.main.text
+    assert "with ICP from the same hypotheses the error is 0%" in diagnosis.main.text
+    assert diagnosis.main.numbers["error_repaired"] < 0.02
+    assert Cause.POOL not in {other.cause for other in diagnosis.findings[1:]}, "the pool leads there"
     target = trace.problem.targets[0]
     T_true = target.instance.T_cam_obj_gt
     assert T_true is not None
@@ -166,17 +166,17 @@ def test_a_refiner_is_blamed_where_icp_gets_there_from_the_same_hypotheses(
         *_, before, after = iteration.stages
         assert after.name == "refined"
         n_away += error_of(after.T_cam_obj) > error_of(before.T_cam_obj)
-    assert diagnosis.evidence["calls"] == len(trace.own[target.instance.instance_id])
-    assert diagnosis.evidence["calls_that_took_it_away"] == n_away
-    assert (f"further away in {n_away} of" in diagnosis.sentence) == (2 * n_away > diagnosis.evidence["calls"])
+    assert diagnosis.main.numbers["calls"] == len(trace.own[target.instance.instance_id])
+    assert diagnosis.main.numbers["calls_that_took_it_away"] == n_away
+    assert (f"further away in {n_away} of" in diagnosis.main.text) == (2 * n_away > diagnosis.main.numbers["calls"])
 
 
 @pytest.mark.parametrize("name", ["nudge", "identity"])
 def test_no_refiner_is_blamed_for_a_pool_that_does_not_lead_there(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(REFINERS, "nudge", lambda session: Nudge())
     diagnosis, _ = with_refiner(name, "failure_no_hypothesis_near")
-    assert (diagnosis.cause, diagnosis.is_confirmed) == (Cause.POOL, True)
-    assert Cause.REFINER not in {other.cause for other in diagnosis.others}
+    assert (diagnosis.main.cause, diagnosis.main.is_confirmed) == (Cause.POOL, True)
+    assert Cause.REFINER not in {other.cause for other in diagnosis.findings[1:]}
 
 
 def test_a_discarded_pose_is_named_with_both_poses_their_scores_and_the_iteration() -> None:
@@ -184,7 +184,7 @@ def test_a_discarded_pose_is_named_with_both_poses_their_scores_and_the_iteratio
     run = broken.toolbox.run(broken.problem)
     run.finish()
     (diagnosis,) = diagnose(run, broken.toolbox)
-    (target,), evidence = broken.problem.targets, diagnosis.evidence
+    (target,), evidence = broken.problem.targets, diagnosis.main.numbers
     T_gt = target.instance.T_cam_obj_gt
     assert T_gt is not None
     error_of = ErrorOf(target.model, T_gt)
@@ -194,7 +194,7 @@ def test_a_discarded_pose_is_named_with_both_poses_their_scores_and_the_iteratio
     assert evidence["error_of_correct"] == error_of(target.instance.hypotheses[1].T_cam_obj) < 0.1
     assert (evidence["score_of_correct"], evidence["score"]) == (correct, wrong)
     assert evidence["margin"] == wrong - correct
-    assert "the start of hypothesis 2, was given up in iteration 1 for one that is" in diagnosis.sentence
+    assert "the start of hypothesis 2, was given up in iteration 1 for one that is" in diagnosis.main.text
     assert diagnosis.n_reruns == 0
     # The page marks that iteration, a batch opens it.
     worst = worst_iteration(target, run.iterations, run.final_state.best[0])
@@ -208,14 +208,14 @@ def test_a_discarded_pose_is_named_with_both_poses_their_scores_and_the_iteratio
 def test_what_re_runs_get_right_by_chance_is_undecided_whatever_is_put_right() -> None:
     diagnosis = named(broken_scene(Cause.UNDECIDED, 0))
     assert diagnosis is not None
-    right, n = (diagnosis.evidence[name] for name in ("reruns_right", "reruns"))
+    right, n = (diagnosis.main.numbers[name] for name in ("reruns_right", "reruns"))
     assert 0 < right < n == CONTROLS
-    assert f"is between two basins: right in {right:.0f} of {n:.0f} re-runs" in diagnosis.sentence
-    controlled = [other for other in diagnosis.others if "repaired_right" in other.evidence]
+    assert f"is between two basins: right in {right:.0f} of {n:.0f} re-runs" in diagnosis.main.text
+    controlled = [other for other in diagnosis.findings[1:] if "repaired_right" in other.numbers]
     assert controlled, "a repair was tried"
     for other in controlled:
         assert not other.is_confirmed
-        helped, times = other.evidence["repaired_right"], other.evidence["repaired"]
+        helped, times = other.numbers["repaired_right"], other.numbers["repaired"]
         assert helped / times - right / n < HELPS
 
 
@@ -235,9 +235,9 @@ def test_a_repair_has_its_control() -> None:
     run.finish()
     (case,) = failed_cases(trace_of(run), toolbox)
     diagnosis = diagnosed(case)
-    assert diagnosis.rests_on == "true mask"
-    assert case.unchanged(diagnosis.rests_on) == Control(0, FIRST_CONTROLS)
-    assert case.repeated(diagnosis.rests_on) == Control(CONTROLS, CONTROLS)
+    assert diagnosis.main.rests_on == "true mask"
+    assert case.unchanged(diagnosis.main.rests_on) == Control(0, FIRST_CONTROLS)
+    assert case.repeated(diagnosis.main.rests_on) == Control(CONTROLS, CONTROLS)
 
 
 @pytest.mark.parametrize(
@@ -288,7 +288,7 @@ def test_the_threshold_decides_what_failed() -> None:
     run = toolbox.run(problem)
     run.finish()
     (diagnosis,) = diagnose(run, toolbox, threshold=0.0)
-    assert not diagnosis.is_confirmed or diagnosis.cause in (Cause.SCORE, Cause.REFINER)
+    assert not diagnosis.main.is_confirmed or diagnosis.main.cause in (Cause.SCORE, Cause.REFINER)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -301,7 +301,7 @@ def test_sound_input_draws_no_suspicion(seed: int) -> None:
     run = toolbox.run(problem)
     run.finish()
     (diagnosis,) = diagnose(run, toolbox, threshold=0.0, every_cause=True)
-    named = {diagnosis.cause, *(f.cause for f in diagnosis.others)}
+    named = {diagnosis.main.cause, *(f.cause for f in diagnosis.findings[1:])}
     assert not named & {Cause.SYMMETRIC, Cause.DEPTH, Cause.MASK, Cause.PLANE, Cause.COLLIDER, Cause.NEIGHBOUR}
 
 
@@ -313,8 +313,8 @@ def test_a_mask_beside_the_object_and_a_frame_without_plane_are_no_errors() -> N
     run = toolbox.run(blank)
     run.finish()
     (diagnosis,) = diagnose(run, toolbox, threshold=0.03)
-    assert diagnosis.cause == Cause.MASK
-    assert diagnosis.evidence["miss_share"] == 1.0
+    assert diagnosis.main.cause == Cause.MASK
+    assert diagnosis.main.numbers["miss_share"] == 1.0
 
 
 def test_without_ground_truth_nothing_is_said() -> None:
@@ -330,11 +330,11 @@ def test_an_empty_pool_is_no_bad_pool() -> None:
     run = toolbox.run(problem)
     run.finish()
     (diagnosis,) = diagnose(run, toolbox)
-    assert diagnosis.cause == Cause.NO_HYPOTHESIS
+    assert diagnosis.main.cause == Cause.NO_HYPOTHESIS
     # Started at the ground truth it stays there, which says nothing.
-    assert diagnosis.sentence == "There is no hypothesis for the duck."
-    assert diagnosis.others == ()
-    assert diagnosis.evidence["error_from_ground_truth"] < 0.1
+    assert diagnosis.main.text == "There is no hypothesis for the duck."
+    assert diagnosis.findings == (diagnosis.main,)
+    assert diagnosis.main.numbers["error_from_ground_truth"] < 0.1
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "metres"), (10.0, "centimetres"), (1.0, "")])
@@ -349,10 +349,10 @@ def test_translations_of_another_unit_are_named(factor: float, unit: str) -> Non
     if not unit:
         assert found == ()
         return
-    assert (found[0].cause, found[0].is_confirmed) == (Cause.UNIT, True)
+    assert (found[0].main.cause, found[0].main.is_confirmed) == (Cause.UNIT, True)
     said = f"The translations of 2 of 2 hypotheses of the duck look like {unit}, where millimetres are expected; "
-    assert found[0].sentence.startswith(f"{said}with {factor:g} × t the error is ")
-    assert found[0].evidence["error_repaired"] < 0.1
+    assert found[0].main.text.startswith(f"{said}with {factor:g} × t the error is ")
+    assert found[0].main.numbers["error_repaired"] < 0.1
 
 
 def test_where_millimetres_alone_do_not_help_the_pool_is_named_with_its_unit() -> None:
@@ -363,11 +363,11 @@ def test_where_millimetres_alone_do_not_help_the_pool_is_named_with_its_unit() -
     run = toolbox.run(replace(problem, instances=(replace(instance, hypotheses=(upside_down,)),)))
     run.finish()
     (diagnosis,) = diagnose(run, toolbox)
-    assert diagnosis.cause == Cause.POOL
-    assert "its translation looks like metres where millimetres are expected" in diagnosis.sentence
-    (unit,) = [other for other in diagnosis.others if other.cause == Cause.UNIT]
+    assert diagnosis.main.cause == Cause.POOL
+    assert "its translation looks like metres where millimetres are expected" in diagnosis.main.text
+    (unit,) = [other for other in diagnosis.findings[1:] if other.cause == Cause.UNIT]
     assert not unit.is_confirmed
-    assert unit.sentence.startswith("The translation of the only hypothesis of the duck looks like metres, ")
+    assert unit.text.startswith("The translation of the only hypothesis of the duck looks like metres, ")
 
 
 def test_the_same_run_gets_the_same_diagnosis_and_is_left_as_it_was() -> None:
@@ -387,9 +387,9 @@ def test_asking_for_every_cause_keeps_the_main_one() -> None:
     run = broken.toolbox.run(broken.problem)
     run.finish()
     (brief,), (thorough,) = diagnose(run, broken.toolbox), diagnose(run, broken.toolbox, every_cause=True)
-    assert brief.cause == thorough.cause == Cause.SIMULATION
+    assert brief.main.cause == thorough.main.cause == Cause.SIMULATION
     assert brief.n_reruns <= thorough.n_reruns
-    assert {f.cause for f in brief.others} <= {f.cause for f in thorough.others}
+    assert {f.cause for f in brief.findings[1:]} <= {f.cause for f in thorough.findings[1:]}
 
 
 @pytest.mark.parametrize("method", ["vf_depth", "physim_mcts"])
@@ -400,4 +400,4 @@ def test_methods_of_whole_scenes_are_diagnosed_as_well(method: str) -> None:
     run = toolbox.run(broken.problem)
     run.finish()
     (diagnosis,) = diagnose(run, toolbox)
-    assert diagnosis.cause == Cause.POOL
+    assert diagnosis.main.cause == Cause.POOL

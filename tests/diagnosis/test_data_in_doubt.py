@@ -28,7 +28,7 @@ def test_a_wrong_focal_length_is_reported_beside_the_cause(tmp_path: Path, focal
     run = toolbox.run(toolbox.problem("0/0"))
     run.finish()
     (diagnosis,) = diagnose(run, toolbox, threshold=1e-3)
-    assert (DOUBT in diagnosis.sentence) == (focal != 1)
+    assert (DOUBT in diagnosis.main.text) == (focal != 1)
     if focal != 1:
-        assert "fx and fy of cam_K look too small, about 1.3" in diagnosis.sentence
-        assert diagnosis.sentence.endswith(".")
+        assert "fx and fy of cam_K look too small, about 1.3" in diagnosis.main.text
+        assert diagnosis.main.text.endswith(".")

@@ -59,8 +59,8 @@ def test_a_starved_hypothesis_is_found_by_the_method_itself() -> None:
     broken = beside_a_can("carton", np.random.default_rng(0), Cause.ARM_STARVED, quarter_turns(), method=settings)
     diagnosis = named(broken)
     assert diagnosis is not None
-    assert diagnosis.cause == Cause.ARM_STARVED
-    assert diagnosis.is_confirmed
+    assert diagnosis.main.cause == Cause.ARM_STARVED
+    assert diagnosis.main.is_confirmed
 
 
 @pytest.mark.parametrize("seed", [0, 3])
@@ -70,8 +70,8 @@ def test_a_budget_that_ends_too_early_is_found_by_the_method_itself(seed: int) -
     rng = np.random.default_rng(seed)
     diagnosis = named(beside_a_can("duck", rng, Cause.BUDGET, None, icp=icp, physics=physics))
     assert diagnosis is not None
-    assert diagnosis.cause == Cause.BUDGET
-    assert diagnosis.is_confirmed
+    assert diagnosis.main.cause == Cause.BUDGET
+    assert diagnosis.main.is_confirmed
 
 
 def test_a_misplaced_neighbour_is_put_right_in_the_search_for_both() -> None:
@@ -79,8 +79,8 @@ def test_a_misplaced_neighbour_is_put_right_in_the_search_for_both() -> None:
     together = replace(broken, toolbox=broken.toolbox.restarted({"method": {"name": "vf_depth"}}))
     diagnosis = named(together)
     assert diagnosis is not None
-    assert diagnosis.cause == Cause.NEIGHBOUR
-    assert diagnosis.is_confirmed
+    assert diagnosis.main.cause == Cause.NEIGHBOUR
+    assert diagnosis.main.is_confirmed
 
 
 def test_numbers_of_the_scores_of_scenes_say_so() -> None:
@@ -97,11 +97,11 @@ def test_numbers_of_the_scores_of_scenes_say_so() -> None:
     broken = broken_by(Cause.SCORE, frame_of(things, rng), session)
     diagnosis = named(broken)
     assert diagnosis is not None
-    assert diagnosis.cause == Cause.SCORE
-    assert diagnosis.sentence.startswith("The scene's score prefers ")
-    assert {name for name in diagnosis.evidence if not name.startswith("scene_")} == {"error"}
+    assert diagnosis.main.cause == Cause.SCORE
+    assert diagnosis.main.text.startswith("The scene's score prefers ")
+    assert {name for name in diagnosis.main.numbers if not name.startswith("scene_")} == {"error"}
     run = broken.toolbox.run(broken.problem)
     Ts = np.array([[best.T_cam_obj for best in run.finish().best if best is not None]])
     score = broken.toolbox.verifier.score_scene(broken.problem.targets, Ts)[0]
-    assert diagnosis.evidence["scene_score"] == score.score
-    assert diagnosis.evidence["scene_depth_fit"] == score.depth_fit
+    assert diagnosis.main.numbers["scene_score"] == score.score
+    assert diagnosis.main.numbers["scene_depth_fit"] == score.depth_fit

@@ -9,13 +9,13 @@ import pytest
 
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.core.settings import Session
+from verefine_viz.diagnosis.data_doubts import plane_doubt
 from verefine_viz.run.session_file import load_session, resolve
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.physics_panel import plane_warning
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.text.findings import findings
-from verefine_viz.viewer.text.plausibility_verdict import plane_doubt
 
 pytestmark = pytest.mark.usefixtures("long_run")
 

@@ -31,7 +31,7 @@ def solved() -> tuple[Diagnosis, Debugger]:
     """What a batch says of such an object, and the page at the end of the same run."""
     broken = broken_scene(Cause.SYMMETRIC, 0)
     told, toolbox = named(broken), cast(Any, broken.toolbox)
-    assert told.cause == Cause.SYMMETRIC
+    assert told.main.cause == Cause.SYMMETRIC
     toolbox.__dict__["source"] = OneFrame(broken.problem)
     return told, Debugger(toolbox.session, None, lambda _: toolbox).carry_out([c.RunUntil("end")])
 
@@ -46,11 +46,11 @@ def test_the_page_tells_the_cause_that_a_batch_tells_and_blames_nothing_else(
     told, debugger = solved
     view = seen(debugger, debugger.workspace.run.length)
     (said,) = [one for one in findings(view) if one.red]
-    assert said.text == f"{told.sentence} Declare the symmetry in models_info.json if shape is all that matters."
+    assert said.text == f"{told.main.text} Declare the symmetry in models_info.json if shape is all that matters."
     others = " ".join(one.text for one in findings(view) if one != said)
     assert "search missed" not in others
     assert "estimator" not in others
-    assert errors_words(view).endswith(told.sentence)
+    assert errors_words(view).endswith(told.main.text)
 
 
 def test_before_the_run_is_over_nothing_is_blamed(solved: tuple[Diagnosis, Debugger]) -> None:
@@ -74,8 +74,8 @@ def test_what_the_batch_told_is_not_told_twice(solved: tuple[Diagnosis, Debugger
     told, debugger = solved
     view = seen(debugger, debugger.workspace.run.length)
     row = ObjectRow(
-        scene_id=0, im_id=0, instance_id=0, status="ok", add_s_mm=50.0, diameter_mm=100.0, cause=str(told.cause),
-        evidence=told.sentence,
+        scene_id=0, im_id=0, instance_id=0, status="ok", add_s_mm=50.0, diameter_mm=100.0, cause=str(told.main.cause),
+        evidence=told.main.text,
     )  # fmt: skip
     batch = Entry("run", row)
-    assert sum(told.sentence in one.text for one in findings(replace(view, entry=batch))) == 1
+    assert sum(told.main.text in one.text for one in findings(replace(view, entry=batch))) == 1

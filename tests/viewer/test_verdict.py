@@ -19,8 +19,9 @@ from verefine_viz.core.problem import ANSWER, Instance, Placed, Problem, Recorde
 from verefine_viz.core.records import Best
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, Session
-from verefine_viz.diagnosis.causes import TITLES, Cause
-from verefine_viz.diagnosis.signs import Course, Discarded, Lost
+from verefine_viz.diagnosis.causes import TITLES, Cause, Finding
+from verefine_viz.diagnosis.lost_poses import Discarded, Lost
+from verefine_viz.diagnosis.signs import signs
 from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.methods.registry import make_method
 from verefine_viz.viewer import commands as c
@@ -174,7 +175,7 @@ def test_without_ground_truth_the_answer_is_compared_with_the_runner_up() -> Non
 
 def test_without_ground_truth_an_ambiguous_answer_names_the_least_certain_axis() -> None:
     view = debugger(Blind).carry_out([END]).view()
-    other: Any = SimpleNamespace(apart_mm=31.2)
+    other: Any = SimpleNamespace(apart_mm=31.2, score=0.8, score_of_answer=0.81, noise=0.01)
     for width, words in (
         (25.0, "turn about the vertical undetermined within ±25°"),
         (0.3, "a pose 31 mm away fits as well"),
@@ -182,7 +183,7 @@ def test_without_ground_truth_an_ambiguous_answer_names_the_least_certain_axis()
         axis = SimpleNamespace(steps=(1.5,))
         widest = SimpleNamespace(in_words=lambda words=words: words, width=width, axis=axis)
         around: Any = SimpleNamespace(least_certain=widest)
-        it = verdict(replace(view, landscape=around, other_pose=other))
+        it = verdict(with_finished(view, around=around, other_pose=other))
         assert (it.mark, it.cause) == ("?", words)
 
 
@@ -192,13 +193,12 @@ def test_a_correct_pose_that_was_given_up_is_named_with_its_margin() -> None:
     iteration = view.at(2)
     lower = replace(own.answer.score, score=own.answer.score.score - 0.003)
     given_up = Discarded(1, 2, iteration.accepted_stage, lower, 3, own.answer)
-    course = Course((off(50, 0.5),), (4,), off(15.7, 0.13), own.answer.score, None)
-    shown = with_finished(view, discarded=given_up, course=course, errors=course.answer)
+    shown = with_finished(view, discarded=given_up, errors=off(15.7, 0.13), score_at_gt=None)
     it = verdict(shown)
     assert it.line.startswith("✗ 15.7 mm: correct at iteration 2, given up for a score 0.003 higher")
     assert it.look_at == ("iteration 3", visit(view, view.at(3)))
     first = findings(shown)[0]
-    assert "Hypothesis 2 had a correct pose in iteration 2" in first.text
+    assert "Hypothesis 2 of the box was correct at iteration 2" in first.text
     assert first.red
 
 
@@ -211,23 +211,19 @@ def led_away(by_simulation: bool, inlier_share: float = 0.6, score_rose: bool = 
     target = replace(view.target, observation=replace(view.target.observation, support=support))
     at_gt = replace(own.answer.score, score=0.97, counts=(100 - missed, missed, 0, 0, 0))
     answer = replace(own.answer, score=replace(own.answer.score, score=0.5))
-    course = Course((off(5, 0.05),), (4,), off(39.1, 0.2), answer.score, at_gt)
     lost = Lost(
         5e-3 / target.model.diameter_m, answer.score, 1, 2, 0.2, 0.3 * by_simulation, score_rose, 2 * by_simulation
     )
-    best = replace(view.poses["best"], errors=course.answer, score=answer.score)
-    truth = view.ground_truth
-    assert truth is not None
-    view = replace(view, target=target, poses=view.poses | {"best": best}, ground_truth=replace(truth, score=at_gt))
-    return with_finished(view, target=target, answer=answer, course=course, errors=course.answer, lost=lost)
+    view = replace(view, target=target)
+    return with_finished(view, target=target, answer=answer, errors=off(39.1, 0.2), score_at_gt=at_gt, lost=lost)
 
 
 def test_what_led_a_near_pose_away_is_the_cause_and_its_evidence_comes_first() -> None:
     for view, cause, first in (
-        (led_away(True), "simulation pushed it away: it tips over", "Hypothesis 1 was 5.0 mm off in iteration 1"),
+        (led_away(True), "simulation pushed it away: it tips over", "Hypothesis 1 of the box was 5.0 mm off"),
         (led_away(True, 0.26), "wrong support plane: it explains only 26% of the background", "The support plane"),
-        (led_away(False, 0.26), "nearer at iteration 1, then lost in iteration 2", "Hypothesis 1 was 5.0 mm off"),
-        (led_away(False, score_rose=True), "refiner led it away: score rose while the error grew", "Hypothesis 1 was"),
+        (led_away(False, 0.26), "nearer at iteration 1, then lost in iteration 2", "Hypothesis 1 of the"),
+        (led_away(False, score_rose=True), "refiner led it away: score rose while the error grew", "Hypothesis 1 of"),
     ):
         it = verdict(view)
         assert it.cause == cause
@@ -244,8 +240,7 @@ def test_the_pixels_that_mislead_the_score_are_named() -> None:
     for missed, protruding, more in ((0, 13, ": 13% of it protruding"), (12, 0, ": 12% of it missed"), (0, 0, "")):
         explained = 100 - missed - protruding
         at_gt = replace(own.answer.score, score=0.82, counts=(explained, missed, protruding, 0, 0))
-        course = Course((off(5, 0.05),), (4,), off(39.1, 0.2), answer.score, at_gt)
-        it = verdict(with_finished(view, answer=answer, course=course, errors=course.answer, discarded=None))
+        it = verdict(with_finished(view, answer=answer, score_at_gt=at_gt, errors=off(39.1, 0.2), discarded=None))
         assert it.cause == f"score ranks a wrong pose above the ground truth, by 0.14{more}"
 
 
@@ -323,3 +318,38 @@ def test_a_best_pose_is_no_runner_up_where_one_hypothesis_alone_is_worked_on() -
     assert isinstance(own.answer, Best)
     assert own.runner_up is None
     assert (view.options.a, view.options.b) == ("initial", "best")
+
+
+def test_the_verdict_is_the_first_of_the_signs_and_why_is_all_of_them() -> None:
+    for tools, name in ((Astray, "rir"), (Astray, "pir"), (Blind, "rir")):
+        view = debugger(tools, name).carry_out([END]).view()
+        low = with_finished(view, impossible=IMPOSSIBLE, discarded=None)
+        (own,) = low.finished
+        found = signs(own, low.session, low.refiner)
+        it = verdict(low)
+        assert found
+        assert it.about == found[0].cause
+        assert it.cause == (found[0].short or TITLES[found[0].cause]) + found[0].detail
+        assert [one.text for one in findings(low)] == [sign.text for sign in found]
+
+
+IMPOSSIBLE = Finding(
+    Cause.IMPOSSIBLE, "The box cannot lie where its answer has it: sinks 9.0 mm into the mug.", detail=": sinks 9.0 mm"
+)
+
+
+def test_without_ground_truth_an_impossible_answer_of_several_is_named_first_then_the_lowest_score() -> None:
+    d = debugger(Blind, frame="0/2").carry_out([END])
+    view = d.view()
+    lower, higher = sorted(view.finished, key=lambda o: o.score.score)
+    assert verdict(view).cause.startswith(f"2 poses; lowest: {lower.label}, 0.")
+    sunk = replace(view, finished=(lower, replace(higher, impossible=IMPOSSIBLE)))
+    it = verdict(sunk)
+    assert (it.mark, it.cause) == ("?", f"2 poses; {higher.label}: physically impossible where it is")
+    assert it.pictured is not None
+    assert it.pictured[0].instance.instance_id == higher.instance_id
+    first = findings(sunk)[0]
+    assert (first.text, first.red) == (IMPOSSIBLE.text, True)
+    d.carry_out([c.Focus(higher.instance_id)])
+    own = verdict(replace(d.view(), finished=sunk.finished))
+    assert own.cause == "physically impossible where it is: sinks 9.0 mm"

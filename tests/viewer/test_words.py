@@ -56,51 +56,52 @@ def test_a_far_start_is_found_until_the_run_arrives() -> None:
     view = replace(after(), initial_errors=(off(41, 80, 0.9), off(50, 90, 1.1), None))
     view = replace(view, poses=view.poses | {"best": replace(view.poses["best"], errors=off(41, 80, 0.9))})
     (said,) = findings(view)
-    assert said.text.startswith("The nearest start is off by 41° and 80 mm (hypothesis 1)")
+    assert said.text.startswith("The nearest start of the box is off by 41° and 80 mm (hypothesis 1)")
     assert said.calm, "nothing is wrong before the run"
     arrived = replace(view, poses=view.poses | {"best": replace(view.poses["best"], errors=off(1, 1, 0.01))})
     assert findings(arrived) == ()
     assert findings(after(c.RunUntil("end"))) == (), "a good run has none"
 
 
-def test_findings_about_hypotheses_name_the_object_where_there_are_several() -> None:
-    for frame, who in (("0/1", ""), ("0/2", " of box #0")):
-        view = after(c.OpenFrame(frame), c.RunUntil("end"), c.Focus(0))
-        best = view.state.best
-        low = replace(view.state, best=replace(best, score=replace(best.score, score=0.41)))
-        said = f"All hypotheses{who} stay low: the best score is 0.41"
-        assert any(said in f.text for f in findings(replace(view, state=low))), frame
-
-
-def test_a_far_start_that_led_nowhere_is_red_at_the_end_of_the_run_only() -> None:
-    far = {"initial_errors": (off(41, 80, 0.9),) * 3}
+def test_a_far_start_that_led_nowhere_is_red_once_the_run_is_over() -> None:
     view = after(c.RunUntil("end"))
-    (iteration, kept, _), *_ = reversed(view.error_series)
-    poses = view.poses | {"best": replace(view.poses["best"], errors=off(40, 70, 0.8))}
-    lost = replace(view, poses=poses, error_series=((iteration, kept, off(40, 70, 0.8)),), **far)  # type: ignore[arg-type]
-    texts = [f.text for f in findings(lost) if f.red]
-    assert any(t.startswith("No hypothesis starts near: best initial error 41° and 80 mm") for t in texts)
-    assert not [f for f in findings(replace(lost, cursor=0)) if f.red], "what is shown is not the end"
-    back = replace(after(c.RunUntil("end"), c.Seek(0)), **far)  # type: ignore[arg-type]
-    assert findings(back) == (), "the run got there, wherever the cursor is"
+    (own,) = view.finished
+    wrong = replace(own, errors=off(40, 70, 0.8), starts=(off(41, 80, 0.9),) * 3, discarded=None)
+    (said,) = findings(replace(view, finished=(wrong,)))
+    assert said.red
+    assert said.text.startswith("No hypothesis of the box starts near: best initial error 41° and 80 mm")
+    assert (said.label, said.command) == ("iteration 0", c.Seek(0))
+    assert findings(after(c.RunUntil("end"), c.Seek(0))) == (), "the run got there, wherever the cursor is"
 
 
-def test_a_score_that_prefers_a_wrong_pose_is_found() -> None:
-    view = after(c.RunUntil("end"))
-    best = view.poses["best"]
-    truth = view.ground_truth
+def test_a_score_that_prefers_a_wrong_pose_is_blamed_but_for_ground_truth_that_does_not_fit() -> None:
+    view = after(c.RunUntil("end"), c.ScoreGroundTruth())
+    best, truth = view.poses["best"], view.ground_truth
+    (own,) = view.finished
     assert best.score is not None
     assert truth is not None
-    view = replace(
-        view,
-        poses=view.poses | {"best": replace(best, errors=off(127, 45, 0.5), score=replace(best.score, score=0.94))},
-        ground_truth=replace(truth, score=replace(best.score, score=0.82)),
-    )
-    (said,) = (f.text for f in findings(view) if f.text.startswith("The score prefers"))
-    assert "50% of the diameter (127° and 45 mm off): 0.940 against 0.820" in said
-    assert "The score prefers" in errors_words(view)
-    view = replace(view, ground_truth=replace(truth, score=replace(best.score, score=0.99)))
-    assert any(f.text.startswith("The search missed it") for f in findings(view))
+    assert view.a is not None
+    assert view.b is not None
+    for at_gt, said, other in (
+        (0.82, "The score prefers the answer to ground truth.", "does not fit"),
+        (0.08, "Ground truth does not fit this image: the answer explains most of it", "prefers"),
+    ):
+        wrong = replace(best, errors=off(127, 45, 0.5), score=replace(best.score, score=0.94))
+        right = replace(truth, score=replace(best.score, score=at_gt))
+        done = replace(own, answer=replace(own.answer, score=wrong.score), errors=wrong.errors, score_at_gt=right.score)
+        shown = replace(
+            view,
+            poses=view.poses | {"best": wrong, "ground truth": right},
+            ground_truth=right,
+            finished=(done,),
+            a=replace(view.a, pose=wrong),
+            b=replace(view.b, pose=right),
+        )
+        for words in (errors_words(shown), compared(shown)):
+            assert said in words
+            assert other not in words
+    (note,) = findings(shown)
+    assert note.text.startswith("The ground truth of the box does not fit this image: it scores 0.08, the answer 0.94.")
 
 
 def test_errors_and_score_say_what_the_score_makes_of_the_true_pose() -> None:
@@ -155,15 +156,6 @@ def test_a_weak_plane_and_a_missing_one_are_found() -> None:
     none = replace(observation, support=None, support_note="no plane among 12 points")
     found = findings(replace(view, target=replace(view.target, observation=none)))
     assert found[0].text.startswith("No physics: no plane among 12 points.")
-
-
-def test_a_leaking_mask_is_found_after_the_run() -> None:
-    view = after(c.RunUntil("end"))
-    best = view.poses["best"]
-    assert best.score is not None
-    leaking = replace(best.score, counts=(45, 55, 0, 0, 0))
-    view = replace(view, poses=view.poses | {"best": replace(best, score=leaking)})
-    assert any(f.text.startswith("55% of the pixels are missed") for f in findings(view))
 
 
 def test_the_arms_table_shows_the_numbers_that_chose() -> None:

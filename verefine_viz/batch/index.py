@@ -17,6 +17,7 @@ from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.paths import LEVELS_BELOW
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import MOST_NAMED, first_of
+from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.run.session_file import load_session
 
 Order = Literal["error", "score", "misleading", "cause", "object", "frame", "time", "undetermined"]
@@ -213,7 +214,7 @@ def _by_error(row: ObjectRow) -> tuple[int, float]:
     if row.status != "ok":
         return _by_score(row)
     if row.relative_error is None:
-        return 3, row.score or 0.0
+        return (3 if row.cause == Cause.IMPOSSIBLE else 4), row.score or 0.0
     return 2, -row.relative_error
 
 

@@ -84,7 +84,7 @@ def with_causes(result: FrameResult, run: Run, toolbox: Toolbox) -> FrameResult:
     doubts = result.doubts
     try:
         diagnoses = diagnose(run, toolbox)
-        causes: dict[int | None, tuple[str, str]] = {d.instance_id: (str(d.cause), d.sentence) for d in diagnoses}
+        causes: dict[int | None, tuple[str, str]] = {d.instance_id: (str(d.main.cause), d.main.text) for d in diagnoses}
         # Each has all of the frame's.
         doubts = diagnoses[0].doubts if diagnoses else doubts
     except Exception as error:
@@ -93,7 +93,8 @@ def with_causes(result: FrameResult, run: Run, toolbox: Toolbox) -> FrameResult:
         causes = {row.instance_id: ("", why) for row in result.objects if row.has_truth and row.is_correct is not True}
     rows = []
     for row in result.objects:
-        cause, sentence = causes.get(row.instance_id, ("", ""))
+        unknown = ("", "") if row.has_truth else (row.cause, row.evidence)
+        cause, sentence = causes.get(row.instance_id, unknown)
         rows.append(row.model_copy(update={"cause": cause, "evidence": " ".join(sentence.split())}))
     return result.model_copy(update={"objects": tuple(rows), "doubts": doubts})
 

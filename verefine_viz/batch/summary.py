@@ -18,7 +18,8 @@ from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import DATA_FIRST
 from verefine_viz.diagnosis.data_doubts import answer_doubts
-from verefine_viz.diagnosis.signs import discarded
+from verefine_viz.diagnosis.impossible import impossible_answers
+from verefine_viz.diagnosis.lost_poses import discarded
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.landscape import Landscape, undetermined
 from verefine_viz.evaluation.pose_errors import add_s_mm, add_where_add_s_is_below, pose_errors
@@ -52,6 +53,10 @@ def frame_result(
         _object_row(problem, target, best, initial, run, session, recorded.get(target.instance.instance_id))
         for target, best, initial in zip(problem.targets, state.best, state.initial, strict=True)
     )
+    simulates = session.physics.enabled and method_of(session.method.name).simulates
+    for own, finding in impossible_answers(problem, poses).items() if simulates and not doubts else ():
+        found = {"cause": str(finding.cause), "evidence": finding.text}
+        rows = tuple(row.model_copy(update=found) if row.instance_id == own else row for row in rows)
     if doubts:
         evidence = " ".join(f"{DATA_FIRST} {doubt}." for doubt in doubts)
         rows = tuple(row.model_copy(update={"evidence": evidence}) if row.status == "ok" else row for row in rows)

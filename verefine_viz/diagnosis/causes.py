@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Literal
 
@@ -12,7 +12,8 @@ from typing import Literal
 class Cause(StrEnum):
     """Why an answer is wrong or missing, in the order in which causes are tested: what was given, what was done.
 
-    Without a hypothesis nothing was done, so that nothing else is tested.
+    Without a hypothesis nothing was done, so that nothing else is tested. The last one is of answers without ground
+    truth.
     """
 
     GROUND_TRUTH = "ground_truth"
@@ -34,6 +35,7 @@ class Cause(StrEnum):
     POOL = "pool"
     UNDECIDED = "undecided"
     NO_HYPOTHESIS = "no_hypothesis"
+    IMPOSSIBLE = "impossible"
 
 
 TITLES: dict[Cause, str] = {
@@ -56,23 +58,33 @@ TITLES: dict[Cause, str] = {
     Cause.POOL: "no good hypothesis in the pool",
     Cause.UNDECIDED: "undecided: between two basins",
     Cause.NO_HYPOTHESIS: "no hypothesis at all",
+    Cause.IMPOSSIBLE: "physically impossible where it is",
 }
 """For tables, bar charts, filters."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One cause that had a part in it."""
+    """One thing that had a part in an answer that is wrong, missing or in doubt."""
 
-    cause: Cause
-    sentence: str
-    """What happened, with numbers and units."""
-    evidence: Mapping[str, float]
-    """Names carry their unit; errors are ADD(-S) as a share of the diameter."""
-    is_confirmed: bool
+    cause: Cause | None
+    """None: not one of them, as where the data do not fit together."""
+    text: str
+    """What happened, in a sentence with numbers and units."""
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    """The evidence. Names carry their unit; errors are ADD(-S) as a share of the diameter."""
+    is_confirmed: bool = False
     """Whether it alone explains the failure: a re-run without it came out right, or nothing else can."""
     rests_on: str = ""
     """The re-run that came out right; empty where none was needed."""
+    iteration: int | None = None
+    """Where to look; 0 = before the first. None: nowhere in particular."""
+    try_: Mapping[str, float] | None = None
+    """Settings that may help, such as ``method.exploration``."""
+    short: str = ""
+    """The same in a few words, for one line; empty where the title of the cause says it."""
+    detail: str = ""
+    """Goes on behind ``short`` where there is room: a number."""
 
 
 @dataclass(frozen=True)
@@ -80,20 +92,18 @@ class Diagnosis:
     """Why one instance failed."""
 
     instance_id: int
-    cause: Cause
-    sentence: str
-    evidence: Mapping[str, float]
-    is_confirmed: bool
-    others: tuple[Finding, ...]
-    """What else had a part in it, the likeliest first."""
+    findings: tuple[Finding, ...]
+    """The main one first, then what else had a part in it, the likeliest first."""
     n_reruns: int
     """Runs of the method on this instance that it took to find out."""
     ms: float = 0.0
     """Time it took [ms]."""
     doubts: tuple[str, ...] = ()
-    """What is off with the data of the frame, and may be behind the cause; the sentence ends with it."""
-    rests_on: str = ""
-    """As in :class:`Finding`."""
+    """What is off with the data of the frame, and may be behind the cause; the main text ends with it."""
+
+    @property
+    def main(self) -> Finding:
+        return self.findings[0]
 
 
 DATA_FIRST = "Look at the data first:"
@@ -119,6 +129,11 @@ def distinct_texts(a: float, b: float, digits: int, kind: Literal["f", "%"] = "f
         if texts[0] != texts[1]:
             return texts
     return f"{a:.{digits}{kind}}", f"{b:.{digits}{kind}}"
+
+
+def millimetres(mm: float) -> str:
+    """A length with as many digits as matter."""
+    return f"{mm:.1f} mm" if mm < 99.95 else f"{mm:.0f} mm"
 
 
 def instead(then: float, now: float) -> str:

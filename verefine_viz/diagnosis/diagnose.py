@@ -19,7 +19,7 @@ from verefine_viz.diagnosis.ambiguity import ambiguous
 from verefine_viz.diagnosis.case import ALONE, HELPS, TOGETHER, Case, Control, ErrorOf, Lab
 from verefine_viz.diagnosis.causes import DATA_FIRST, Cause, Diagnosis, Finding
 from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
-from verefine_viz.diagnosis.input_causes import INPUT_TESTS
+from verefine_viz.diagnosis.input_causes import INPUT_TESTS, ground_truth
 from verefine_viz.diagnosis.scene_causes import WORLD_TESTS, neighbour, simulation
 from verefine_viz.diagnosis.score_causes import discarded, score
 from verefine_viz.diagnosis.search_causes import SEARCH_TESTS, no_hypothesis
@@ -32,9 +32,11 @@ THRESHOLD = 0.1
 
 
 def preference(case: Case) -> Finding | None:
-    """The score prefers the wrong answer, by more than its noise."""
+    """The score prefers the wrong answer, by more than its noise; to a ground truth that fits its image."""
     finding = score(case)
-    return finding if finding is None or ambiguous(case) is None else None
+    if finding is None or ground_truth(case) is not None or ambiguous(case) is not None:
+        return None
+    return finding
 
 
 _GIVEN = (*INPUT_TESTS, neighbour, preference, *WORLD_TESTS)
@@ -74,7 +76,10 @@ def diagnose(
     # A wrong camera changes all objects.
     doubts = camera_notes(trace.problem)
     notes = "".join(f" {DATA_FIRST} {doubt}." for doubt in doubts)
-    return tuple(replace(one, sentence=one.sentence + notes, doubts=doubts) for one in diagnoses)
+    return tuple(
+        replace(one, findings=(replace(one.main, text=one.main.text + notes), *one.findings[1:]), doubts=doubts)
+        for one in diagnoses
+    )
 
 
 def failed_cases(trace: Trace, toolbox: Toolbox, threshold: float = THRESHOLD) -> Iterator[Case]:
@@ -107,18 +112,8 @@ def diagnosed(case: Case, every_cause: bool = False) -> Diagnosis:
     if main is None and between is not None:
         main = _undecided(case, between)
     main = main or _likeliest(findings)
-    others = tuple(sorted((f for f in findings if f is not main), key=lambda f: not f.is_confirmed))
-    return Diagnosis(
-        case.instance_id,
-        main.cause,
-        main.sentence,
-        main.evidence,
-        main.is_confirmed,
-        others,
-        case.lab.n_reruns - before,
-        (perf_counter() - began) * 1e3,
-        rests_on=main.rests_on,
-    )
+    others = sorted((f for f in findings if f is not main), key=lambda f: not f.is_confirmed)
+    return Diagnosis(case.instance_id, (main, *others), case.lab.n_reruns - before, (perf_counter() - began) * 1e3)
 
 
 def _controlled(case: Case, finding: Finding) -> tuple[Finding, Control | None]:
@@ -137,8 +132,8 @@ def _controlled(case: Case, finding: Finding) -> tuple[Finding, Control | None]:
         repaired = case.repeated(finding.rests_on)
         evidence |= {"repaired": float(repaired.n), "repaired_right": float(repaired.n_right)}
         if repaired.n_right / repaired.n - chance.n_right / chance.n >= HELPS:
-            return replace(finding, evidence={**finding.evidence, **evidence}), None
-    return replace(finding, evidence={**finding.evidence, **evidence}, is_confirmed=False), chance
+            return replace(finding, numbers={**finding.numbers, **evidence}), None
+    return replace(finding, numbers={**finding.numbers, **evidence}, is_confirmed=False), chance
 
 
 def _undecided(case: Case, chance: Control) -> Finding:
@@ -164,9 +159,9 @@ def _solved_alone(case: Case) -> bool:
 
 def _likeliest(findings: Sequence[Finding]) -> Finding:
     """Where no single repair saves it: the one that helps most; the last test always finds a cause."""
-    helps = [f for f in findings if f.evidence.get("error_repaired", 1.0) < 0.7 * f.evidence.get("error", 0.0)]
+    helps = [f for f in findings if f.numbers.get("error_repaired", 1.0) < 0.7 * f.numbers.get("error", 0.0)]
     if helps:
-        return min(helps, key=lambda f: f.evidence["error_repaired"])
+        return min(helps, key=lambda f: f.numbers["error_repaired"])
     return findings[-1]
 
 

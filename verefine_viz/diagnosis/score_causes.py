@@ -9,7 +9,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore
-from verefine_viz.diagnosis import signs
+from verefine_viz.diagnosis import lost_poses
 from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts
 from verefine_viz.evaluation.pose_errors import rotation_error_deg, turning_on
@@ -34,7 +34,7 @@ def score(case: Case) -> Finding | None:
         return _cost(case, case.answer.T_cam_obj)
     wrong = scored(case, case.answer.T_cam_obj[None])[0]
     right = max(scored(case, poses_at_gt(case)), key=lambda s: s.score)
-    if not signs.prefers(wrong, right):
+    if wrong.score < right.score:
         return None
     of = "scene_" if case.lab.traits.takes_turns else ""
     evidence = {"error": case.error}
@@ -50,7 +50,7 @@ def discarded(case: Case) -> Finding | None:
     """A correct pose was reached, and another preferred: by its own score, or by that of the scene that it stood in."""
     if case.answer is None or not case.lab.traits.verifies:
         return None
-    seen = signs.discarded(case.own, case.answer, lambda T: case.error_of(T) < case.threshold)
+    seen = lost_poses.discarded(case.own, case.answer, lambda T: case.error_of(T) < case.threshold)
     if seen is None:
         return None
     T, error = seen.stage.T_cam_obj, case.error_of(seen.stage.T_cam_obj)

@@ -10,7 +10,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Hypothesis
 from verefine_viz.core.records import Best
-from verefine_viz.diagnosis import score_causes, signs
+from verefine_viz.diagnosis import lost_poses, score_causes, signs
 from verefine_viz.diagnosis.case import ALONE, FAR, Case, Pools, Rerun
 from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts, instead, share
 from verefine_viz.diagnosis.input_causes import of_another_unit
@@ -72,7 +72,7 @@ def refiner(case: Case) -> Finding | None:
 
 def _astray(case: Case) -> Finding | None:
     """The answer is worse than a pose that it came from, and refinement made it so."""
-    lost = signs.lost(case.own, case.answer, case.error_of, FAR) if case.answer is not None else None
+    lost = lost_poses.lost(case.own, case.answer, case.error_of, FAR) if case.answer is not None else None
     if lost is None or case.answer is None or lost.added_by_refiner <= lost.added_by_simulation:
         return None
     where = "it started" if lost.iteration == 0 else f"after iteration {lost.iteration} it was"

@@ -1,80 +1,157 @@
-"""Signs of a fault that a run shows by itself, for the page, which cannot wait for the re-runs of a diagnosis.
+"""Signs of a fault that a finished run shows without a re-run: the first is the verdict, all of them are why.
 
-What needs no re-run is decided by the same functions in both: undeclared symmetries, data in doubt, and whether the
-score prefers a wrong pose. Where a diagnosis would let a re-run decide, a sign alone must be clearer.
+What needs no re-run is decided by the same functions in a diagnosis: undeclared symmetries, data in doubt, and whether
+the score prefers a wrong pose. Where a diagnosis would let a re-run decide, a sign alone must be clearer.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
-from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Target
 from verefine_viz.core.protocols import Refiner
-from verefine_viz.core.records import Best, Iteration, Stage
+from verefine_viz.core.records import Best
 from verefine_viz.core.refiner_steps import TrainedRange, TrainedRefiner
 from verefine_viz.core.scores import PoseScore
+from verefine_viz.core.settings import Session
+from verefine_viz.core.text_format import distinguishing_digits
+from verefine_viz.diagnosis.ambiguity import OtherPose, in_short, in_words
+from verefine_viz.diagnosis.causes import DECLARE, Cause, Finding, distinct_texts, millimetres
+from verefine_viz.diagnosis.data_doubts import plane_doubt
+from verefine_viz.diagnosis.lost_poses import FAR, Discarded, Lost
+from verefine_viz.diagnosis.score_causes import blamed_pixels, preferred
+from verefine_viz.diagnosis.symmetry import UndeclaredTurn
 from verefine_viz.evaluation.answers import CORRECT
+from verefine_viz.evaluation.landscape import Landscape
 from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.evaluation.trained_range import Start, start_of
+from verefine_viz.methods.registry import Method, method_of
 
-FAR = 0.25
-"""A start further away than this share of the diameter is not near (ADD(-S))."""
 STARVED = 0.3
 """A hypothesis that got at most this share of an even split of the iterations, or one of them, was starved."""
 LOW_SCORE = 0.45
+"""An answer that scores less is likely to be wrong."""
 UNFIT_SCORE, FITTING_SCORE = 0.4, 0.7
 """Ground truth that scores less than the one, where an answer scores more than the other, is not that of this image: a
 model with other axes (Y up) scored 0.08, its answers 0.94."""
-WORSE = 0.03
-"""The answer is worse than a pose before by more than this share of the diameter …"""
-WORSE_BY = 1.2
-"""… and by more than this factor: then something led it astray."""
 LEAK_SHARE = 0.25
 """More of the pixels without the model may be a mask that leaks."""
+NO_LEAD = 1e-6
+"""A smaller lead is none [score]."""
+NEAR_TIE = 0.03
+"""A smaller lead says little about which pose is better [score]. Of refined pairs on real frames, the one that scores
+less is more than 1 mm nearer to ground truth in 3 of 10 where 0.01 to 0.03 lie between, in 3 of 20 up to 0.1, and never
+beyond."""
+APART = 0.1
+"""Poses further apart than this share of the diameter are two answers."""
 
 
 @dataclass(frozen=True)
-class Course:
-    """How one object has fared so far. Errors are None where they are unknown."""
+class RunnerUp:
+    """The best pose of another hypothesis than the answer's."""
 
-    starts: tuple[PoseErrors | None, ...]
+    pose: Best
+    lead: float
+    """How much more the answer scores."""
+    apart_mm: float
+    """ADD(-S) between it and the answer [mm]."""
+
+    def in_words(self) -> str:
+        """As in: 0.003 ahead of hypothesis 2."""
+        lead, who = self.lead, f"hypothesis {self.pose.arm + 1}"
+        return f"level with {who}" if lead < NO_LEAD else f"{lead:.{distinguishing_digits(lead)}f} ahead of {who}"
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedObject:
+    """What a finished run made of one object. Errors are None where they are unknown."""
+
+    target: Target
+    label: str
+    answer: Best | None = None
+    """None where it had no hypothesis."""
+    errors: PoseErrors | None = None
+    """Of the answer."""
+    starts: tuple[PoseErrors | None, ...] = ()
     """Of each hypothesis."""
-    n_tried: tuple[int, ...]
+    n_tried: tuple[int, ...] = ()
     """Iterations of each hypothesis."""
-    answer: PoseErrors | None
-    """Of the best pose so far."""
-    score: PoseScore | None
-    """The same pose's."""
-    score_at_gt: PoseScore | None
+    score_at_gt: PoseScore | None = None
+    discarded: Discarded | None = None
+    """The correct pose that was given up for a wrong answer."""
+    lost: Lost | None = None
+    """The pose near ground truth that a wrong answer came from; None where nothing led it away."""
+    undeclared: UndeclaredTurn | None = None
+    """The turn that alone makes the answer count as wrong; None where it is right, or wrong otherwise."""
+    runner_up: RunnerUp | None = None
+    """None where no other hypothesis could have been the answer."""
+    impossible: Finding | None = None
+    """That it cannot lie where the answer has it; None where it can, or that is unknown."""
+    around: Landscape | None = None
+    """The score around the answer, where it is known."""
+    other_pose: OtherPose | None = None
+    """A pose that the observation cannot tell from the answer."""
+
+    @property
+    def instance_id(self) -> int:
+        return self.target.instance.instance_id
 
     @property
     def is_wrong(self) -> bool:
-        """Whether the best pose so far is known to be wrong."""
-        return self.answer is not None and self.answer.relative >= CORRECT
+        """Whether the answer is known to be wrong."""
+        return self.errors is not None and self.errors.relative >= CORRECT
+
+    @property
+    def is_misled(self) -> bool:
+        """Whether the score prefers the answer to ground truth: then more iterations need not help."""
+        return self.score_at_gt is not None and self.score.score >= self.score_at_gt.score
+
+    @property
+    def score(self) -> PoseScore:
+        """Of the answer, where there is one."""
+        assert self.answer is not None
+        return self.answer.score
 
     @property
     def nearest(self) -> tuple[int, PoseErrors] | None:
         """The hypothesis that started nearest to ground truth, and how far that was."""
-        known = [(errors.add_s_mm, j) for j, errors in enumerate(self.starts) if errors is not None]
-        if not known:
-            return None
-        _, j = min(known)
-        errors = self.starts[j]
-        assert errors is not None
-        return j, errors
-
-    @property
-    def is_misled(self) -> bool:
-        """Whether the score prefers the best pose so far to ground truth."""
-        return self.score is not None and self.score_at_gt is not None and prefers(self.score, self.score_at_gt)
+        known = [(j, errors) for j, errors in enumerate(self.starts) if errors is not None]
+        return min(known, key=lambda start: start[1].add_s_mm) if known else None
 
 
-def prefers(score: PoseScore, score_at_gt: PoseScore) -> bool:
-    """Whether a pose scores at least as much as ground truth: then more iterations need not help."""
-    return score.score >= score_at_gt.score
+def signs(o: FinishedObject, session: Session, refiner: Refiner | None = None) -> tuple[Finding, ...]:
+    """What is wrong with an answer, or in doubt where there is no ground truth; the most telling first.
+
+    Args:
+        o: the object after the run.
+        session: what was run.
+        refiner: of the run; None where poses outside its training range are not to be looked for.
+    """
+    if o.answer is None:
+        return ()
+    method = method_of(session.method.name)
+    if o.errors is None:
+        return _known(o.impossible, _low(o, method), _leak(o), _ambiguous(o), _near_tie(o))
+    if not o.is_wrong:
+        return _known(_leak(o))
+    whole = _unfit(o) or _symmetric(o, session)
+    if whole is not None:
+        return (whole,)
+    by_score = _misled(o, method)
+    if o.discarded is not None:
+        way = [_discarded(o, o.discarded)]
+    else:
+        way = [_starved(o, session, method), *(_led_away(o) or [_far_start(o, session, method, refiner)])]
+    # Ground truth may score a little less than the pose beside it that a refiner finds: then a tie was decided.
+    is_tie = o.discarded is not None and abs(o.discarded.margin) < NEAR_TIE
+    return _known(_mask(o), *([*way, by_score] if is_tie else [by_score, *way])) or _known(_missed(o))
+
+
+def _known(*findings: Finding | None) -> tuple[Finding, ...]:
+    return tuple(finding for finding in findings if finding is not None)
+
+
+# Of a wrong answer.
 
 
 def ground_truth_is_unfit(score: PoseScore | None, score_at_gt: PoseScore | None) -> bool:
@@ -84,20 +161,149 @@ def ground_truth_is_unfit(score: PoseScore | None, score_at_gt: PoseScore | None
     return score_at_gt.score < UNFIT_SCORE and score.score > FITTING_SCORE
 
 
-def far_start(course: Course) -> tuple[int, PoseErrors] | None:
-    """The nearest start, where it is not near."""
-    return course.nearest if course.nearest is not None and course.nearest[1].relative >= FAR else None
-
-
-def starved(course: Course) -> tuple[int, PoseErrors] | None:
-    """The nearest start, where it got next to no iterations and the answer is wrong.
-
-    Not where the score prefers that answer to ground truth: more iterations would not have helped.
-    """
-    if course.nearest is None or len(course.n_tried) < 2 or not course.is_wrong or course.is_misled:
+def _unfit(o: FinishedObject) -> Finding | None:
+    at_gt = o.score_at_gt
+    if at_gt is None or not ground_truth_is_unfit(o.score, at_gt):
         return None
-    even_split = sum(course.n_tried) / len(course.n_tried)
-    return course.nearest if course.n_tried[course.nearest[0]] <= max(1, STARVED * even_split) else None
+    return Finding(
+        Cause.GROUND_TRUTH,
+        f"The ground truth of the {o.label} does not fit this image: it scores {at_gt.score:.2f}, the answer "
+        f"{o.score.score:.2f}. The mesh may have other axes than the poses are about, or the poses another frame.",
+        {"score_of_ground_truth": at_gt.score, "score": o.score.score},
+        detail=f": scores {at_gt.score:.2f}, the answer {o.score.score:.2f}",
+    )
+
+
+def _symmetric(o: FinishedObject, session: Session) -> Finding | None:
+    turn = o.undeclared
+    if turn is None:
+        return None
+    return Finding(
+        Cause.SYMMETRIC,
+        f"{turn.in_words(o.target.model.name)} {DECLARE[0].upper()}{DECLARE[1:]}.",
+        {"turn_deg": turn.turn_deg, "error": turn.error, "error_with_symmetry": turn.error_with_symmetry},
+        try_={"score.colour_weight": 0.1} if turn.texture_tells and session.score.colour_weight == 0 else None,
+        detail=f": turned by {turn.turn_deg:.0f}°",
+    )
+
+
+def _mask(o: FinishedObject) -> Finding | None:
+    """A wrong pose misses pixels of any mask; ground truth only those of a mask that leaks."""
+    at_gt = o.score_at_gt
+    if at_gt is None or not _leaks(at_gt):
+        return None
+    missed = at_gt.shares["missed"]
+    return _leaking(
+        o.score, f", {missed:.0%} even at ground truth", detail=f": {missed:.0%} missed even at ground truth"
+    )
+
+
+def _leaks(score: PoseScore) -> bool:
+    """Whether much of the mask is surface that the pose does not explain."""
+    return score.shares["missed"] >= LEAK_SHARE
+
+
+def _leaking(score: PoseScore, too: str = "", short: str = "", detail: str = "") -> Finding:
+    missed = score.shares["missed"]
+    text = (
+        f"{missed:.0%} of the pixels are missed (red){too}: the mask holds surface that the pose does not explain. If "
+        "the red pixels form another object, the mask leaks onto it."
+    )
+    return Finding(Cause.MASK, text, {"missed_share": missed}, short=short, detail=detail)
+
+
+def _misled(o: FinishedObject, method: Method) -> Finding | None:
+    right, errors, answer = o.score_at_gt, o.errors, o.answer
+    if right is None or errors is None or answer is None or not o.is_misled:
+        return None
+    margin = o.score.score - right.score
+    detail = f", by {margin:.{distinguishing_digits(margin)}f}"
+    blamed = blamed_pixels(o.score, right)
+    if blamed is not None:
+        detail += f": {right.shares[blamed]:.0%} of it {blamed}"
+    how = f" ({errors.rotation_deg:.0f}° and {errors.translation_mm:.0f} mm off)"
+    text = preferred(o.label, errors.relative, o.score, right, how)
+    if not method.takes_turns:  # A scene's answer is not decided by this score alone.
+        text += " More iterations need not help: look at the depth there and at the score's settings."
+    numbers = {"score": o.score.score, "score_of_ground_truth": right.score, "error": errors.relative}
+    return Finding(Cause.SCORE, text, numbers, iteration=answer.iteration, detail=detail)
+
+
+def _discarded(o: FinishedObject, given_up: Discarded) -> Finding:
+    assert o.errors is not None
+    made = f"at iteration {given_up.iteration}" if given_up.iteration else "at the start"
+    pose, answer = distinct_texts(given_up.score.score, given_up.answer.score.score, 3)
+    since = f"from iteration {given_up.given_up} on" if given_up.given_up > given_up.iteration else "at once"
+    margin, way = abs(given_up.margin), "higher" if given_up.margin >= 0 else "lower"
+    return Finding(
+        Cause.DISCARDED,
+        f"Hypothesis {given_up.arm + 1} of the {o.label} was correct {made}, where it scores {pose}. A wrong pose was "
+        f"preferred to it {since}: the answer scores {answer} and is {o.errors.add_s_mm:.1f} mm off.",
+        {"hypothesis": given_up.arm, "iteration": given_up.iteration, "margin": given_up.margin},
+        iteration=given_up.given_up,
+        short=f"correct {made}, given up",
+        detail=f" for a score {margin:.{distinguishing_digits(margin)}f} {way}",
+    )
+
+
+def _starved(o: FinishedObject, session: Session, method: Method) -> Finding | None:
+    """The nearest start, where it is near and got next to no iterations.
+
+    Not where the score prefers the answer to ground truth: more iterations would not have helped.
+    """
+    if o.nearest is None or len(o.n_tried) < 2 or o.is_misled:
+        return None
+    (j, errors), n = o.nearest, sum(o.n_tried)
+    if errors.relative >= FAR or o.n_tried[j] > max(1, STARVED * n / len(o.n_tried)):
+        return None
+    return Finding(
+        Cause.ARM_STARVED,
+        f"Hypothesis {j + 1} of the {o.label} started nearest to ground truth ({errors.add_s_mm:.0f} mm) but was tried "
+        f"{o.n_tried[j]} of {n} times{': its exploration bonus never won' * method.has_ucb}.",
+        {"hypothesis": j, "iterations_of_it": o.n_tried[j], "iterations": n},
+        try_={"method.exploration": max(2 * session.method.exploration, 0.05)} if method.has_ucb else None,
+        detail=f": {o.n_tried[j]} of {n} iterations",
+    )
+
+
+def _led_away(o: FinishedObject) -> list[Finding]:
+    """What made a wrong answer of a pose near ground truth; a plane in doubt before the simulation on it."""
+    lost, answer, errors = o.lost, o.answer, o.errors
+    if lost is None or answer is None or errors is None:
+        return []
+    near_mm = 1e3 * o.target.model.diameter_m * lost.error
+    when = f"in iteration {lost.iteration}" if lost.iteration else "at its start"
+    scored = f" and scored {lost.score.score:.2f}" if lost.score is not None else ""
+    text = (
+        f"Hypothesis {answer.arm + 1} of the {o.label} was {near_mm:.1f} mm off {when}{scored}; the answer, which came "
+        f"from it, is {errors.add_s_mm:.1f} mm off and scores {answer.score.score:.2f}. The "
+        f"{'simulation' if lost.by_simulation else 'refiner'} led it away, most in iteration {lost.lost_in}."
+    )
+    numbers = {
+        "error_before": lost.error,
+        "error": errors.relative,
+        "added_by_refiner": lost.added_by_refiner,
+        "added_by_simulation": lost.added_by_simulation,
+    }
+    at = lost.lost_in
+    if not lost.by_simulation:
+        where = f"at iteration {lost.iteration}" if lost.iteration else "at the start"
+        short, detail = f"nearer {where}, then lost in iteration {at}", ""
+        if lost.score_rose:
+            short, detail = "refiner led it away", ": score rose while the error grew"
+        return [Finding(Cause.REFINER, text, numbers, iteration=at, short=short, detail=detail)]
+    detail = f": {millimetres(near_mm)} off before"
+    if lost.n_unstable:
+        text += f" In {lost.n_unstable} iteration{'s' * (lost.n_unstable != 1)} its centre of mass is outside its "
+        text += "support: it tips over."
+        detail = ": it tips over"
+    pushed = Finding(Cause.SIMULATION, text, numbers, iteration=at, detail=detail)
+    support = o.target.observation.support
+    doubt = plane_doubt(support) if support is not None else ""
+    if support is None or not doubt:
+        return [pushed]
+    detail, share = f": it explains only {support.inlier_share:.0%} of the background", support.inlier_share
+    return [Finding(Cause.PLANE, doubt, {"inlier_share": share}, iteration=at, detail=detail), pushed]
 
 
 @dataclass(frozen=True)
@@ -119,136 +325,82 @@ def out_of_range(refiner: Refiner | None, target: Target, first_only: bool) -> O
     return OutOfRange(trained, starts) if all(start.is_beyond(trained) for start in starts) else None
 
 
-@dataclass(frozen=True, eq=False)
-class Discarded:
-    """A correct pose that a run had and gave up for a wrong one."""
-
-    arm: int
-    """Of the hypothesis that it came from."""
-    iteration: int
-    """Which made it; 0 = it is the initial pose of the hypothesis."""
-    stage: Stage
-    score: PoseScore
-    """The same pose's, as the iteration had it."""
-    given_up: int
-    """The first iteration from then on after which the object's best pose was a wrong one."""
-    answer: Best
-    """What was preferred to it in the end."""
-
-    @property
-    def margin(self) -> float:
-        """By how much the answer scores more; negative where the scene decided, not the object's own score."""
-        return self.answer.score.score - self.score.score
-
-
-def discarded(own: Sequence[Iteration], answer: Best | None, is_correct: Callable[[Float], bool]) -> Discarded | None:
-    """The highest-scoring correct pose among all that a run scored on its way to a wrong answer; None if there is none.
-
-    Only for methods that answer with the pose that scores best. A hypothesis that was never tried is not on the way.
-
-    Args:
-        own: all iterations of the object.
-        answer: of the run.
-        is_correct: whether a pose T_cam_obj (4, 4) is, by its ADD(-S).
-    """
-    known: dict[bytes, bool] = {}  # An iteration starts where an earlier one ended: half of the poses come twice.
-
-    def correct(T_cam_obj: Float) -> bool:
-        key = T_cam_obj.tobytes()
-        if key not in known:
-            known[key] = is_correct(T_cam_obj)
-        return known[key]
-
-    if answer is None or correct(answer.T_cam_obj):
+def _far_start(o: FinishedObject, session: Session, method: Method, refiner: Refiner | None) -> Finding | None:
+    """The nearest start, where it is not near."""
+    if o.nearest is None or o.nearest[1].relative < FAR:
         return None
-    highest: tuple[Iteration, Stage, PoseScore] | None = None
-    for iteration in own:
-        for stage in iteration.stages:
-            if stage.score is None or (highest is not None and stage.score.score <= highest[2].score):
-                continue
-            if correct(stage.T_cam_obj):
-                highest = (iteration, stage, stage.score)
-    if highest is None:
+    j, errors = o.nearest
+    off = (
+        f"{errors.rotation_deg:.0f}° and {errors.translation_mm:.0f} mm (hypothesis {j + 1}), ADD(-S) "
+        f"{errors.relative:.0%} of the diameter."
+    )
+    numbers = {"nearest": j, "nearest_rotation_deg": errors.rotation_deg, "nearest_error": errors.relative}
+    beyond = out_of_range(refiner, o.target, method.first_only)
+    if beyond is not None:
+        start = beyond.starts[j if j < len(beyond.starts) else 0]
+        text = (
+            f"No hypothesis of the {o.label} is within the training range of {session.method.refiner}, "
+            f"{beyond.trained.rotation_deg:.0f}° and {beyond.starts[0].largest_shift_mm(beyond.trained):.0f} mm: best "
+            f"initial error {off}"
+        )
+        detail = f": starts {start.rotation_deg:.0f}° off"
+        return Finding(Cause.OUT_OF_RANGE, text, numbers, iteration=0, detail=detail)
+    text = (
+        f"No hypothesis of the {o.label} starts near: best initial error {off} Refinement did not help: look at the "
+        "estimator first."
+    )
+    return Finding(Cause.POOL, text, numbers, iteration=0, detail=f": nearest start {millimetres(errors.add_s_mm)}")
+
+
+def _missed(o: FinishedObject) -> Finding | None:
+    """Ground truth scores more than the answer, and nothing else explains it."""
+    if o.score_at_gt is None or o.errors is None:
         return None
-    iteration, stage, score = highest
-    is_initial = stage is iteration.stages[0] and iteration.arm_iteration == 1
-    made = 0 if is_initial else iteration.index
-    given_up = next((i.index for i in own if i.index >= made and not correct(i.best.T_cam_obj)), own[-1].index)
-    return Discarded(iteration.arm, made, stage, score, given_up, answer)
+    right, wrong = o.score_at_gt.score, o.score.score
+    how = f"{o.errors.rotation_deg:.0f}° and {o.errors.translation_mm:.0f} mm off"
+    return Finding(
+        Cause.BUDGET,
+        f"The search missed the {o.label}: the ground truth would score {right:.2f}, the answer scores {wrong:.2f} "
+        f"({how}). More iterations or better hypotheses can help; another score cannot.",
+        {"score_of_ground_truth": right, "score": wrong, "error": o.errors.relative},
+        short="search missed it",
+        detail=f": ground truth scores {right - wrong:.{distinguishing_digits(right - wrong)}f} more",
+    )
 
 
-@dataclass(frozen=True, eq=False)
-class Lost:
-    """A pose near ground truth that the wrong answer came from, and what led it away; errors are ADD(-S) as a share of
-    the diameter.
-    """
-
-    error: float
-    """Of that pose."""
-    score: PoseScore | None
-    iteration: int
-    """Which came by it; 0 = it is the initial pose of the hypothesis."""
-    lost_in: int
-    """The iteration that added most to the error."""
-    added_by_refiner: float
-    added_by_simulation: float
-    """What each added to the error from then on."""
-    score_rose: bool
-    """Whether the answer scores more all the same."""
-    n_unstable: int
-    """Iterations from then on that the simulation left unstable."""
-
-    @property
-    def by_simulation(self) -> bool:
-        """Whether the simulation added more to the error than the refiner."""
-        return self.added_by_simulation > self.added_by_refiner
+# Of an answer without ground truth.
 
 
-def lost(
-    own: Sequence[Iteration], answer: Best, error_of: Callable[[Float], float | None], far: float = FAR
-) -> Lost | None:
-    """The nearest of the poses that the answer came from, where the answer is clearly worse; None if there is none.
-
-    Args:
-        own: all iterations of the object.
-        answer: of the run.
-        error_of: ADD(-S) of a pose T_cam_obj (4, 4) as a share of the diameter; None without ground truth.
-        far: a pose further away than this share is not near.
-    """
-    way = [i for i in own if i.arm == answer.arm and i.index <= answer.iteration]
-    # An iteration starts where the one before ended: its first pose counts as made by that one.
-    steps = [(i, stage, error_of(stage.T_cam_obj)) for i in way for stage in i.stages]
-    known = [(i, stage, error) for i, stage, error in steps if error is not None]
-    at_end = error_of(answer.T_cam_obj)
-    if not known or at_end is None:
+def _low(o: FinishedObject, method: Method) -> Finding | None:
+    score = o.score.score
+    if score >= LOW_SCORE:
         return None
-    k = min(range(len(known)), key=lambda k: known[k][2])
-    iteration, stage, nearest = known[k]
-    if nearest > far or at_end < max(nearest + WORSE, WORSE_BY * nearest):
+    text = f"The answer for the {o.label} scores only {score:.2f}."
+    if method.verifies:
+        text = f"All hypotheses of the {o.label} stay low: the best score is {score:.2f}."
+    text += " Expect the answer to be wrong."
+    return Finding(Cause.POOL, text, {"score": score}, short="so low a score is likely wrong")
+
+
+def _leak(o: FinishedObject) -> Finding | None:
+    missed = o.score.shares["missed"]
+    short = f"{missed:.0%} of its mask unexplained: does it leak?"
+    return _leaking(o.score, short=short) if _leaks(o.score) else None
+
+
+def _ambiguous(o: FinishedObject) -> Finding | None:
+    if o.other_pose is None or o.around is None:
         return None
-    by_simulation = by_refiner = 0.0
-    grown: dict[int, float] = {}
-    for (_, _, before), (i, after, error) in pairwise(known[k:]):
-        change = error - before
-        grown[i.index] = grown.get(i.index, 0.0) + change
-        if after.name in ("simulated", "mixed"):
-            by_simulation += max(change, 0.0)
-        elif after.name == "refined":
-            by_refiner += max(change, 0.0)
-    if not by_simulation and not by_refiner:
-        return None  # It was edited.
-    made = 0 if stage is iteration.stages[0] and iteration.arm_iteration == 1 else iteration.index
-    rose = stage.score is not None and answer.score.score > stage.score.score
-    n_unstable = sum(any(e.kind == "unstable" for e in i.events) for i in way if i.index >= iteration.index)
-    lost_in = max(grown, key=lambda index: grown[index])
-    return Lost(nearest, stage.score, made, lost_in, by_refiner, by_simulation, rose, n_unstable)
+    numbers = {"apart_mm": o.other_pose.apart_mm, "score_noise": o.other_pose.noise}
+    text = in_words(o.label, o.around, o.other_pose)
+    return Finding(Cause.AMBIGUOUS, text, numbers, short=in_short(o.around, o.other_pose))
 
 
-def leaks(score: PoseScore) -> bool:
-    """Whether much of the mask is surface that the pose does not explain."""
-    return score.shares["missed"] >= LEAK_SHARE
-
-
-def is_low(score: PoseScore) -> bool:
-    """Whether a score is so low that its pose is likely to be wrong."""
-    return score.score < LOW_SCORE
+def _near_tie(o: FinishedObject) -> Finding | None:
+    """Another hypothesis scores nearly as much elsewhere."""
+    rival = o.runner_up
+    if rival is None or rival.lead >= NEAR_TIE or rival.apart_mm <= APART * o.target.model.diameter_m * 1e3:
+        return None
+    short = f"{rival.in_words()}, which lies {millimetres(rival.apart_mm)} away"
+    numbers = {"margin": rival.lead, "apart_mm": rival.apart_mm}
+    return Finding(Cause.AMBIGUOUS, f"The answer for the {o.label} is {short}.", numbers, short=short)

@@ -137,7 +137,7 @@ def failures_sentence(n_shown: int, n_more: int, has_truth: bool) -> str:
         hidden = f"{n_more} failures, none of them shown (--failures)."
         return hidden if n_more else "Nothing that could be solved came out wrong."
     what = "failure" if has_truth else "object"
-    order = "worst first" if has_truth else "lowest score first, as there is no ground truth"
+    order = "worst first" if has_truth else "what cannot be, then the lowest score first, as there is no ground truth"
     more = f"; {n_more} more in frames.csv" if n_more else ""
     return f"{n_shown} {what}{'s' * (n_shown != 1)}, {order}{more}."
 
@@ -170,6 +170,7 @@ ADVICE = {
     "([hypotheses], max_per_object)",
     Cause.NO_HYPOTHESIS: "without an initial pose nothing is refined, so name further results files or an estimator "
     "(hypotheses.files, hypotheses.estimate)",
+    Cause.IMPOSSIBLE: "they sink in, float or would tip, so look at the support plane and at what they touch",
 }
 """What to try, by cause."""
 _FIRST_ONLY = "each came right from another hypothesis than the first, the only one that this method looks at"
@@ -205,6 +206,7 @@ def next_step(run: LoadedRun) -> NextStep | None:
         return None
     if not run.with_truth:
         worst = "the lowest score" if wrong[0].status == "ok" else "one that has no answer"
+        worst = "one that is physically impossible" if wrong[0].cause == Cause.IMPOSSIBLE else worst
         return NextStep(f"Which answers are wrong is not known; begin with {worst},", wrong[0])
     counts = Counter(row.cause for row in wrong if row.cause).most_common()
     if not counts:

@@ -9,6 +9,7 @@ import viser
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.surroundings import UnknownObject
+from verefine_viz.diagnosis.data_doubts import plane_doubt
 from verefine_viz.pictures.surroundings_meshes import DROPPED_COLOR, UNKNOWN_COLOR
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import link, sentence, swatch, warning
@@ -18,7 +19,7 @@ from verefine_viz.viewer.panels.widgets import Block, Send, add_buttons, add_sty
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, is_revealed
 from verefine_viz.viewer.state.edited_pose import Axes, SentPoses, displaced, displacement
 from verefine_viz.viewer.text.display_names import counted, method_name
-from verefine_viz.viewer.text.plausibility_verdict import gravity_doubt, plane_doubt
+from verefine_viz.viewer.text.plausibility_verdict import gravity_doubt
 from verefine_viz.viewer.text.pose_words import beside_answer, edited_score, turn
 from verefine_viz.viewer.web.viser_internals import lettered, unlabelled
 

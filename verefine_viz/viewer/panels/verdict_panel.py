@@ -15,7 +15,7 @@ from verefine_viz.viewer.assets import asset
 from verefine_viz.viewer.drawing.markup import carries, link, sentence, text, warning
 from verefine_viz.viewer.panels.widgets import Block, add_style
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
-from verefine_viz.viewer.text.findings import Finding, findings
+from verefine_viz.viewer.text.findings import Note, findings
 from verefine_viz.viewer.text.headline import HINTS, headline
 from verefine_viz.viewer.text.verdict import Verdict, verdict
 
@@ -99,7 +99,7 @@ def bar_html(
     )
 
 
-def why_html(snapshot: Snapshot, it: Verdict, warnings: Sequence[Finding]) -> str:
+def why_html(snapshot: Snapshot, it: Verdict, warnings: Sequence[Note]) -> str:
     """The evidence: what happened at the cursor in full, and everything that may be wrong, with what to do."""
     means = f'<p class="dim">{text(it.number)}: {text(it.number_means)}.</p>' if it.number_means else ""
     if it.about is not None:  # The evidence of what the bar says comes first.
@@ -107,7 +107,7 @@ def why_html(snapshot: Snapshot, it: Verdict, warnings: Sequence[Finding]) -> st
     return f"{means}{sentence(headline(snapshot), HINTS)}{finding_boxes(warnings)}"
 
 
-def finding_boxes(warnings: Sequence[Finding]) -> str:
+def finding_boxes(warnings: Sequence[Note]) -> str:
     """A box each; what is good to know without one."""
     boxes = []
     for finding in warnings:

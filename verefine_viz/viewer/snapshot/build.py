@@ -17,11 +17,12 @@ from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import Cause
+from verefine_viz.diagnosis.signs import FinishedObject
 from verefine_viz.methods.registry import method_of
 from verefine_viz.pictures.refiner_crops import start_words
 from verefine_viz.viewer.snapshot.compared_poses import compared_poses, compared_scenes
 from verefine_viz.viewer.snapshot.comparison_snapshot import comparison_snapshot
-from verefine_viz.viewer.snapshot.finished_objects import FinishedObject, finished_objects
+from verefine_viz.viewer.snapshot.finished_objects import finished_objects
 from verefine_viz.viewer.snapshot.frame_track import frame_track
 from verefine_viz.viewer.snapshot.scene_state import SceneState, known_physics, others_of, scene_state, work_out
 from verefine_viz.viewer.snapshot.snapshot import BranchSummary, EvaluatedPose, Progress, Snapshot
@@ -222,7 +223,7 @@ def _against(options: ViewOptions, finished: FinishedObject | None) -> ViewOptio
     if finished is None or finished.answer is None or options.has_chosen:
         return options
     with_gt, with_runner_up = AGAINST
-    if finished.course.is_wrong:
+    if finished.is_wrong:
         return replace(options, a=with_gt[0], b=with_gt[1])
     if finished.errors is None and finished.runner_up is not None:
         return replace(options, a=with_runner_up[0], b=with_runner_up[1], layers=options.layers | {"runner-up"})

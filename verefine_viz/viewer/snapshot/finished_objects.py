@@ -1,61 +1,23 @@
-"""What a finished run made of each object: its answer, how far off that is, and what else the run came by."""
+"""What a finished run made of each object, gathered for the signs of a fault."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.problem import Target
+from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Best
-from verefine_viz.diagnosis.signs import Course, Discarded, Lost, lost
-from verefine_viz.diagnosis.symmetry import UndeclaredTurn
-from verefine_viz.evaluation.pose_errors import PoseErrors, add_s_mm
+from verefine_viz.diagnosis.impossible import impossible
+from verefine_viz.diagnosis.lost_poses import lost
+from verefine_viz.diagnosis.signs import FinishedObject, RunnerUp
+from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.snapshot.scene_state import labels_of
 from verefine_viz.viewer.state.branch import Branch
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator
-
-
-@dataclass(frozen=True)
-class RunnerUp:
-    """The best pose of another hypothesis than the answer's."""
-
-    pose: Best
-    lead: float
-    """How much more the answer scores."""
-    apart_mm: float
-    """ADD(-S) between it and the answer [mm]."""
-
-
-@dataclass(frozen=True)
-class FinishedObject:
-    """One object after its last iteration, whatever the cursor shows."""
-
-    target: Target
-    label: str
-    answer: Best | None
-    """None where it had no hypothesis."""
-    errors: PoseErrors | None
-    """Of the answer; None without ground truth."""
-    course: Course
-    discarded: Discarded | None
-    """The correct pose that was given up for a wrong answer."""
-    lost: Lost | None
-    """The pose near ground truth that a wrong answer came from; None where nothing led it away."""
-    undeclared: UndeclaredTurn | None
-    """The turn that alone makes the answer count as wrong; None where it is right, or wrong otherwise."""
-    runner_up: RunnerUp | None
-    """None where no other hypothesis could have been the answer."""
-
-    @property
-    def instance_id(self) -> int:
-        return self.target.instance.instance_id
-
-    def in_mm(self, share: float) -> float:
-        """A share of the model's diameter [mm]."""
-        return 1e3 * self.target.model.diameter_m * share
 
 
 def finished_objects(branch: Branch) -> tuple[FinishedObject, ...]:
@@ -64,8 +26,13 @@ def finished_objects(branch: Branch) -> tuple[FinishedObject, ...]:
     if not run.is_done or not run.length:
         return ()
     evaluator, state, labels = branch.final_evaluator, run.final_state, labels_of(run.problem)
+    placed = [
+        Placed(target.instance.instance_id, target.model, best.T_cam_obj)
+        for target, best in zip(state.problem.targets, state.best, strict=True)
+        if best is not None
+    ]
     return tuple(
-        _finished(branch, evaluator, target, own, best, labels[target.instance.instance_id])
+        _finished(branch, evaluator, target, own, best, labels, placed)
         for target, own, best in zip(state.problem.targets, state.objects, state.best, strict=True)
     )
 
@@ -76,32 +43,49 @@ def _finished(
     target: Target,
     own: Any,
     best: Best | None,
-    label: str,
+    labels: Mapping[int, str],
+    placed: Sequence[Placed],
 ) -> FinishedObject:
-    """``own``: the method's state of the object; None where it has no hypothesis."""
+    """``own``: the method's state of the object; None where it has no hypothesis. ``placed``: all answers."""
+    instance_id, T_gt = target.instance.instance_id, target.instance.T_cam_obj_gt
+    label = labels[instance_id]
     if best is None or own is None:
-        return FinishedObject(target, label, None, None, Course((), (), None, None, None), None, None, None, None)
+        return FinishedObject(target, label)
     method = method_of(branch.settings.method.name)
-    iterations = [i for i in branch.run.iterations if i.instance_id == target.instance.instance_id]
-    errors, T_gt = evaluator.errors(target, best.T_cam_obj), target.instance.T_cam_obj_gt
+    iterations = [i for i in branch.run.iterations if i.instance_id == instance_id]
     starts = [
         next((e for e in reversed(arm.entries) if e.stage == "edited" and e.iteration == 0), arm.entries[0])
         for arm in own.arms
     ]
-    course = Course(
-        tuple(evaluator.errors(target, start.T_cam_obj) for start in starts),
-        tuple(sum(i.arm == j for i in iterations) for j in range(len(own.arms))),
-        errors,
-        best.score,
-        evaluator.score(target, T_gt) if T_gt is not None else None,
+    o = FinishedObject(
+        target,
+        label,
+        best,
+        evaluator.errors(target, best.T_cam_obj),
+        starts=tuple(evaluator.errors(target, start.T_cam_obj) for start in starts),
+        n_tried=tuple(sum(i.arm == j for i in iterations) for j in range(len(own.arms))),
+        score_at_gt=evaluator.score(target, T_gt) if T_gt is not None else None,
+        runner_up=_runner_up(own, best, target) if method.answers_best_of_all else None,
     )
-    given_up = branch.discarded().get(target.instance.instance_id)
-    led_away = None
-    if course.is_wrong and not method.has_tree:
-        led_away = lost(iterations, best, partial(_error, evaluator, target))
-    undeclared = evaluator.undeclared_turn(target, best.T_cam_obj) if course.is_wrong else None
-    runner_up = _runner_up(own, best, target) if method.answers_best_of_all else None
-    return FinishedObject(target, label, best, errors, course, given_up, led_away, undeclared, runner_up)
+    if o.is_wrong:
+        return replace(
+            o,
+            discarded=branch.discarded().get(instance_id),
+            lost=None if method.has_tree else lost(iterations, best, partial(_error, evaluator, target)),
+            undeclared=evaluator.undeclared_turn(target, best.T_cam_obj),
+        )
+    if o.errors is not None:
+        return o
+    others = [other for other in placed if other.instance_id != instance_id]
+    # Among others it is worked out bit by bit, while nothing else waits.
+    ask = evaluator.known_plausibility if others else evaluator.plausibility
+    physics = ask(target, best.T_cam_obj, others)
+    return replace(
+        o,
+        impossible=None if physics is None else impossible(target, physics, labels),
+        around=evaluator.known_landscape(target, best.T_cam_obj),
+        other_pose=evaluator.known_other_pose(target, best.T_cam_obj, iterations)[1],
+    )
 
 
 def _error(evaluator: CachedEvaluator, target: Target, T_cam_obj: Float) -> float | None:

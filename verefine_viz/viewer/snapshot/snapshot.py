@@ -17,6 +17,7 @@ from verefine_viz.core.refiner_steps import RefinerStep
 from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Edit, Session
 from verefine_viz.diagnosis.ambiguity import OtherPose
+from verefine_viz.diagnosis.signs import FinishedObject
 from verefine_viz.diagnosis.symmetry import UndeclaredTurn
 from verefine_viz.evaluation.landscape import Landscape, Slice
 from verefine_viz.evaluation.near_symmetry import NearSymmetry
@@ -25,7 +26,6 @@ from verefine_viz.run.edits import edits_of, never_reached
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Command
 from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot
-from verefine_viz.viewer.snapshot.finished_objects import FinishedObject
 from verefine_viz.viewer.snapshot.frame_track import TrackFrame
 from verefine_viz.viewer.snapshot.scene_state import ScenePhysics, SceneState
 from verefine_viz.viewer.state.batch_gallery import Entry, Gallery

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.settings import Change, Session
-from verefine_viz.diagnosis.signs import Discarded, discarded
+from verefine_viz.diagnosis.lost_poses import Discarded, discarded
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.methods.registry import method_of
 from verefine_viz.run.compare import Key

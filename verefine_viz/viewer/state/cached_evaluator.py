@@ -219,7 +219,7 @@ def _key(kind: str, target: Target, T_cam_obj: Float) -> Key:
 
 
 def _among(placed: Placed, near: Sequence[Placed]) -> Key:
-    around = tuple((p.instance_id, p.T_cam_obj.tobytes()) for p in near)
+    around = tuple(sorted((p.instance_id, p.T_cam_obj.tobytes()) for p in near))  # Their order does not matter.
     return "plausibility", placed.instance_id, placed.T_cam_obj.tobytes(), around
 
 

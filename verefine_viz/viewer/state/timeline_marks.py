@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from verefine_viz.core.palette import EVENT_COLORS, RGB
 from verefine_viz.core.records import Event, Iteration
 from verefine_viz.diagnosis.causes import distinct_texts
-from verefine_viz.diagnosis.signs import Discarded
+from verefine_viz.diagnosis.lost_poses import Discarded
 
 QUIET = frozenset({"kept_refined", "no_physics"})
 """Happens all the time, or once for a known reason: no mark."""

@@ -11,6 +11,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import Best, Iteration, Stage, TreeStep
 from verefine_viz.core.settings import Edit
 from verefine_viz.core.text_format import distinguishing_digits
+from verefine_viz.diagnosis.signs import NEAR_TIE, NO_LEAD
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.methods.registry import method_of
 from verefine_viz.pictures.visited_tree import Tree, tree_of
@@ -294,12 +295,6 @@ def _pass_closed(closed: ClosedPass) -> str:
 
 # The end of a finished run: its answers, by how much the answer won, and whether the runner-up was the better pose.
 
-NO_LEAD = 1e-6
-"""A smaller lead is none [score]."""
-NEAR_TIE = 0.03
-"""A smaller lead says little about which pose is better [score]. Of refined pairs on real frames, the one that scores
-less is more than 1 mm nearer to ground truth in 3 of 10 where 0.01 to 0.03 lie between, in 3 of 20 up to 0.1, and never
-beyond."""
 WORTH_MM = 1.0
 """A runner-up that is nearer to ground truth by less is as good."""
 

@@ -10,6 +10,7 @@ from verefine_viz.core.observation import TILT_SHOWN_DEG, Support
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.surroundings import SUPPORT_ID
 from verefine_viz.core.text_format import first_of
+from verefine_viz.diagnosis.data_doubts import PLANE_SHARE
 from verefine_viz.methods.registry import method_of
 from verefine_viz.physics.stability import IMPOSSIBLE_M
 from verefine_viz.viewer.snapshot.scene_state import ObjectState, SceneState, labels_of
@@ -115,9 +116,6 @@ def plausibility_verdict(plausibility: Any, o: ObjectState, scene: SceneState) -
 
 # Whether the support plane can be trusted.
 
-PLANE_SHARE = 0.4
-"""A plane that holds less of the background is doubted. Right ones of the eight YCB-Video frames at hand hold 43-74 %,
-walls in them 24-37 %, the board beside the box of the built-in failure 23 %."""
 GRAVITY_FROM = {"plane": "its normal", "world": "the camera's pose", "given": "scene.gravity"}
 """Where gravity comes from, in words."""
 SHARE_HINT = (
@@ -135,17 +133,4 @@ def gravity_doubt(support: Support) -> str:
         f"The support plane is tilted by {support.tilt_deg:.1f}° against gravity "
         f"({GRAVITY_FROM[support.gravity_source]}): the table leans, or one of the two is wrong. 3D shows both: yellow "
         "gravity, blue the plane's normal."
-    )
-
-
-def plane_doubt(support: Support) -> str:
-    """Why physics may rest on a wrong plane, and what to do about it; empty where nothing says so."""
-    if support.inlier_share >= PLANE_SHARE:
-        return ""
-    remedy = "give scene.gravity as a vector, or as world where the data set has camera poses"
-    if support.gravity_source != "plane":
-        remedy = "choose a frame that shows more of the table"
-    return (
-        f"The support plane explains only {support.inlier_share:.0%} of the background: physics may rest on a wrong "
-        f"plane. If it cuts through objects in 3D, {remedy}."
     )

@@ -10,7 +10,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, rotation_vector
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.text_format import distinguishing_digits
-from verefine_viz.diagnosis.score_causes import preferred
+from verefine_viz.diagnosis.signs import ground_truth_is_unfit
 from verefine_viz.evaluation.pose_errors import PoseErrors, Turning, pose_errors, turning_on
 from verefine_viz.methods.arms import Arm, Entry
 from verefine_viz.viewer.snapshot.snapshot import EvaluatedPose, Snapshot
@@ -102,35 +102,21 @@ def edited_score(snapshot: Snapshot) -> str:
 # Whether the score prefers another pose to ground truth: then more iterations need not help.
 
 
-def prefers(pose: EvaluatedPose | None, truth: EvaluatedPose | None) -> bool:
-    """Whether a pose scores at least as much as ground truth."""
-    wrong, right = pose.score if pose else None, truth.score if truth else None
-    return wrong is not None and right is not None and wrong.score >= right.score
-
-
-def preferred_wrong(snapshot: Snapshot, wrong: PoseScore, right: PoseScore) -> str:
-    """That the answer, which is wrong, scores more than ground truth, because of what, and what to do."""
-    best = snapshot.poses["best"]
-    assert best.errors is not None
-    how = f" ({best.errors.rotation_deg:.0f}° and {best.errors.translation_mm:.0f} mm off)"
-    return preferred(snapshot.name, best.errors.relative, wrong, right, how) + _what_to_do(best)
-
-
 def preference(pose: EvaluatedPose | None, truth: EvaluatedPose | None) -> str:
-    """That the score prefers a pose to ground truth, which matters where that pose is wrong; "" where it does not."""
-    if pose is None or not prefers(pose, truth):
+    """That the score prefers a pose to ground truth, which matters where that pose is wrong; "" where it does not.
+
+    Ground truth that does not fit its image says nothing about the score.
+    """
+    if pose is None or truth is None or pose.score is None or truth.score is None:
+        return ""
+    if pose.score.score < truth.score.score:
         return ""
     who = "the answer" if pose.name == "best" else f"the {pose.label} pose"
     if is_correct(pose.errors):
         return f"{who.capitalize()} is correct, and scores as much as ground truth or more."
+    if ground_truth_is_unfit(pose.score, truth.score):
+        return f"Ground truth does not fit this image: {who} explains most of it, ground truth next to nothing."
     return f"The score prefers {who} to ground truth."
-
-
-def _what_to_do(best: EvaluatedPose) -> str:
-    """Of a scene's best pose the score alone does not decide."""
-    if best.is_of_best_scene:
-        return ""
-    return " More iterations need not help: look at the depth there and at the score's settings."
 
 
 # The two stages that are compared; how much they differ, and in what, the table beside it shows.

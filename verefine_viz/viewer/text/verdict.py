@@ -6,28 +6,22 @@ Pure text and commands, no markup: who shows it escapes it.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import ANSWER, Target
-from verefine_viz.core.scores import PoseScore
-from verefine_viz.core.text_format import distinguishing_digits
-from verefine_viz.diagnosis.ambiguity import in_short
-from verefine_viz.diagnosis.causes import TITLES, Cause, cause_title
-from verefine_viz.diagnosis.score_causes import blamed_pixels
-from verefine_viz.diagnosis.signs import Lost, far_start, ground_truth_is_unfit, is_low, leaks, out_of_range, starved
+from verefine_viz.core.records import Best
+from verefine_viz.diagnosis.causes import TITLES, Cause, Finding, cause_title, millimetres
+from verefine_viz.diagnosis.signs import FinishedObject, signs
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.pose_errors import add_where_add_s_is_below
 from verefine_viz.methods.registry import method_of
 from verefine_viz.run.breakpoints import hits
 from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.snapshot.finished_objects import FinishedObject
 from verefine_viz.viewer.snapshot.snapshot import Snapshot, visit
 from verefine_viz.viewer.state.batch_gallery import Entry
 from verefine_viz.viewer.text.display_names import counted, in_focus, is_correct
-from verefine_viz.viewer.text.headline import NEAR_TIE, NO_LEAD
-from verefine_viz.viewer.text.plausibility_verdict import plane_doubt, plausibility_verdict
 from verefine_viz.viewer.text.pose_words import start_errors
 
 Mark = Literal["✓", "✗", "?", "…"]
@@ -35,20 +29,6 @@ MOST_WORDS = 12
 """Of the cause."""
 UNANSWERED = "no answer was recorded: this is the last pose"
 DATA_DOUBTED = "the data do not fit together: look at them first"
-APART = 0.1
-"""Poses further apart than this share of the diameter are two answers."""
-
-
-@dataclass(frozen=True)
-class Reason:
-    """Why, in at most :data:`MOST_WORDS` words, and the iteration to look at."""
-
-    words: str
-    iteration: int | None = None
-    more: str = ""
-    """Goes on where there is room: a number."""
-    about: Cause | None = None
-    """What of the evidence it rests on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +62,8 @@ def verdict(snapshot: Snapshot) -> Verdict:
     if snapshot.progress.running:
         return _running(snapshot)
     if snapshot.finished:
-        own = _finished_in_focus(snapshot)
-        return _of_scene(snapshot) if own is None else _of_object(snapshot, own)
+        own = subject(snapshot)
+        return _of_object(snapshot, own) if _is_about_one(snapshot) and own is not None else _of_scene(snapshot, own)
     entry = _batch_entry(snapshot)
     if entry is not None:
         return _of_batch(snapshot, entry)
@@ -93,12 +73,30 @@ def verdict(snapshot: Snapshot) -> Verdict:
 # A finished run.
 
 
-def _finished_in_focus(snapshot: Snapshot) -> FinishedObject | None:
-    """The object that the page is filtered to, or the only one; None = the verdict is about all."""
-    if len(snapshot.finished) > 1 and snapshot.options.focus is None:
-        return None
-    own = snapshot.target.instance.instance_id
-    return next((o for o in snapshot.finished if o.instance_id == own), None)
+def _is_about_one(snapshot: Snapshot) -> bool:
+    """Whether the page is filtered to one object, or there is only one."""
+    return len(snapshot.finished) == 1 or snapshot.options.focus is not None
+
+
+def subject(snapshot: Snapshot) -> FinishedObject | None:
+    """The object that the verdict on a finished run is about: the one in focus, or the worst of several.
+
+    Where ground truth is known, that with the largest error; else one that is physically impossible, then that with the
+    lowest score. None where no object has an answer.
+    """
+    if _is_about_one(snapshot):
+        own = snapshot.target.instance.instance_id
+        return next((o for o in snapshot.finished if o.instance_id == own), None)
+    answered = [o for o in snapshot.finished if o.answer is not None]
+    known = [(o.errors.relative, k) for k, o in enumerate(answered) if o.errors is not None]
+    if known:
+        return answered[max(known, key=lambda pair: pair[0])[1]]
+    return min(answered, key=lambda o: (o.impossible is None, o.score.score), default=None)
+
+
+def signs_of(snapshot: Snapshot, o: FinishedObject) -> tuple[Finding, ...]:
+    """What the run itself shows about an object."""
+    return signs(o, snapshot.session, snapshot.refiner)
 
 
 def _of_object(snapshot: Snapshot, o: FinishedObject) -> Verdict:
@@ -106,179 +104,86 @@ def _of_object(snapshot: Snapshot, o: FinishedObject) -> Verdict:
         return Verdict("✗", "no pose", TITLES[Cause.NO_HYPOTHESIS])
     pictured = o.target, o.answer.T_cam_obj
     if o.errors is None:
-        reason = doubt_of(snapshot, o)
-        return Verdict("?", f"score {o.answer.score.score:.2f}", reason.words, SCORE_MEANS, pictured=pictured)
-    number = _millimetres(o.errors.add_s_mm)
+        because = _because(snapshot, o)
+        words, about = because.short + because.detail, because.cause
+        return Verdict("?", f"score {o.score.score:.2f}", words, SCORE_MEANS, pictured=pictured, about=about)
+    number = millimetres(o.errors.add_s_mm)
     means = (
         f"ADD(-S) against ground truth: {o.errors.relative:.1%} of the diameter; {o.errors.rotation_deg:.1f}° and "
         f"{o.errors.translation_mm:.1f} mm of the model's origin"
     )
-    if not o.course.is_wrong:
-        words, way = _how_it_won(o), _way(snapshot, o.answer.iteration)
+    if not o.is_wrong:
+        words, way = _how_it_won(o, o.answer), way_to(snapshot, o.answer.iteration)
         add = add_where_add_s_is_below(o.target, o.answer.T_cam_obj, CORRECT)
         if add is not None:
             words = f"right by ADD-S only: ADD over its symmetries is {add:.0%}"
         return Verdict("✓", number, words, means, way, pictured=pictured)
-    reason = cause_of(snapshot, o)
-    look = _way(snapshot, reason.iteration)
-    return Verdict("✗", number, reason.words + reason.more, means, look, pictured=pictured, about=reason.about)
+    because = _because(snapshot, o)
+    look, words = way_to(snapshot, because.iteration), because.short + because.detail
+    return Verdict("✗", number, words, means, look, pictured=pictured, about=because.cause)
 
 
 SCORE_MEANS = "verification score of the answer; without ground truth nothing says whether it is right"
 
 
-def _of_scene(snapshot: Snapshot) -> Verdict:
+def _of_scene(snapshot: Snapshot, worst: FinishedObject | None) -> Verdict:
     """All objects: how many are right, and the one that is worst."""
+    if worst is None or worst.answer is None:
+        return Verdict("✗", "no pose", TITLES[Cause.NO_HYPOTHESIS])
     answered = [o for o in snapshot.finished if o.answer is not None]
     n, n_known = len(snapshot.finished), sum(o.errors is not None for o in answered)
-    if not answered:
-        return Verdict("✗", "no pose", TITLES[Cause.NO_HYPOTHESIS])
-    if not n_known:
-        least = min(answered, key=lambda o: _score_of(o).score)
-        words = f"{counted(len(answered), 'pose')}; lowest: {least.label}, {_score_of(least).score:.2f}"
-        score = snapshot.frame_score or _score_of(least)
-        return Verdict("?", f"score {score.score:.2f}", words, SCORE_MEANS, pictured=_pictured(least))
-    worst = max(answered, key=lambda o: o.errors.relative if o.errors is not None else -1.0)
-    assert worst.errors is not None
+    pictured = worst.target, worst.answer.T_cam_obj
+    if worst.errors is None:
+        which = f"lowest: {worst.label}, {worst.score.score:.2f}"
+        if worst.impossible is not None:
+            which = f"{worst.label}: {TITLES[Cause.IMPOSSIBLE]}"
+        words, score = f"{counted(len(answered), 'pose')}; {which}", snapshot.frame_score or worst.score
+        about = worst.impossible.cause if worst.impossible is not None else None
+        return Verdict("?", f"score {score.score:.2f}", words, SCORE_MEANS, pictured=pictured, about=about)
     n_right = sum(is_correct(o.errors) for o in answered)
     # One without a pose is not right, where ground truth is known of the others.
     n_asked = n_known + n - len(answered)
     number, means = f"{n_right} of {n_asked} right", "within 10 % of their diameter, by ADD(-S)"
-    off = f"{worst.label} {_millimetres(worst.errors.add_s_mm)}"
+    off = f"{worst.label} {millimetres(worst.errors.add_s_mm)}"
     if n_right == n_asked:
-        return Verdict("✓", number, f"largest error: {off}", means, pictured=_pictured(worst))
+        return Verdict("✓", number, f"largest error: {off}", means, pictured=pictured)
     if n_right == n_known:
         missing = next(o.label for o in snapshot.finished if o.answer is None)
         return Verdict("✗", number, f"{missing}: {TITLES[Cause.NO_HYPOTHESIS]}", means)
-    reason = cause_of(snapshot, worst)
-    look = _way(snapshot, reason.iteration)
-    return Verdict("✗", number, f"{off}, {reason.words}", means, look, pictured=_pictured(worst), about=reason.about)
+    because = _because(snapshot, worst)
+    look, words = way_to(snapshot, because.iteration), f"{off}, {because.short}"
+    return Verdict("✗", number, words, means, look, pictured=pictured, about=because.cause)
 
 
-def _pictured(o: FinishedObject) -> tuple[Target, Float] | None:
-    return None if o.answer is None else (o.target, o.answer.T_cam_obj)
-
-
-def _score_of(o: FinishedObject) -> PoseScore:
-    assert o.answer is not None
-    return o.answer.score
-
-
-def _how_it_won(o: FinishedObject) -> str:
+def _how_it_won(o: FinishedObject, best: Best) -> str:
     """As in: score 0.95, hypothesis 4, 0.63 ahead of hypothesis 2; the link beside it names the iteration."""
-    assert o.answer is not None
-    best = o.answer
     words = f"score {best.score.score:.2f}, hypothesis {best.arm + 1}{'' if best.iteration else ' as it started'}"
-    return f"{words}, {_lead(o)}" if o.runner_up is not None else words
+    return f"{words}, {o.runner_up.in_words()}" if o.runner_up is not None else words
 
 
-def _lead(o: FinishedObject) -> str:
-    """As in: 0.003 ahead of hypothesis 2."""
-    assert o.runner_up is not None
-    lead = o.runner_up.lead
-    who = f"hypothesis {o.runner_up.pose.arm + 1}"
-    return f"level with {who}" if lead < NO_LEAD else f"{lead:.{distinguishing_digits(lead)}f} ahead of {who}"
-
-
-def _is_unanswered(snapshot: Snapshot, o: FinishedObject) -> bool:
-    """Whether another program recorded steps and no answer, as one that was killed."""
-    steps = o.target.instance.recorded
-    return method_of(snapshot.session.method.name).repeats and bool(steps) and all(s.name != ANSWER for s in steps)
-
-
-def cause_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
-    """Why a wrong answer is wrong: as the batch says, which made re-runs, or else by the signs that a run shows."""
-    entry = _batch_entry(snapshot)
+def _because(snapshot: Snapshot, o: FinishedObject) -> Finding:
+    """Why an answer is wrong, or what is in doubt: as a batch says, which made re-runs, or else the first sign."""
+    entry, steps = _batch_entry(snapshot), o.target.instance.recorded
     if snapshot.data_doubts:
-        return Reason(DATA_DOUBTED)
-    if _is_unanswered(snapshot, o):
-        return Reason(UNANSWERED)
+        return Finding(None, DATA_DOUBTED, short=DATA_DOUBTED)
+    repeats = method_of(snapshot.session.method.name).repeats
+    if o.is_wrong and repeats and steps and all(s.name != ANSWER for s in steps):  # As of a program that was killed.
+        return Finding(None, UNANSWERED, short=UNANSWERED)
     if entry is not None and entry.row.cause and _is_answer_of(entry, o):
-        return Reason(cause_title(entry.row.cause), entry.row.worst_iteration)
-    if ground_truth_is_unfit(o.course.score, o.course.score_at_gt):
-        assert o.course.score_at_gt is not None
-        more = f": scores {o.course.score_at_gt.score:.2f}, the answer {_score_of(o).score:.2f}"
-        return Reason(TITLES[Cause.GROUND_TRUTH], more=more, about=Cause.GROUND_TRUTH)
-    if o.undeclared is not None:
-        return Reason(TITLES[Cause.SYMMETRIC], more=f": turned by {o.undeclared.turn_deg:.0f}°", about=Cause.SYMMETRIC)
-    course, score = o.course, _score_of(o)
-    # A wrong pose misses pixels of any mask; ground truth only those of a mask that leaks.
-    if course.score_at_gt is not None and leaks(course.score_at_gt):
-        more = f": {course.score_at_gt.shares['missed']:.0%} missed even at ground truth"
-        return Reason(TITLES[Cause.MASK], more=more, about=Cause.MASK)
-    # Ground truth may score a little less than the pose beside it that a refiner finds: then a tie was decided.
-    is_tie = o.discarded is not None and abs(o.discarded.margin) < NEAR_TIE
-    if course.is_misled and course.score_at_gt is not None and not is_tie:
-        margin = score.score - course.score_at_gt.score
-        more = f", by {margin:.{distinguishing_digits(margin)}f}"
-        blamed = blamed_pixels(score, course.score_at_gt)
-        if blamed is not None:
-            more += f": {course.score_at_gt.shares[blamed]:.0%} of it {blamed}"
-        return Reason(TITLES[Cause.SCORE], o.answer.iteration if o.answer is not None else None, more, Cause.SCORE)
-    if o.discarded is not None:
-        margin = o.discarded.margin
-        more = f"{abs(margin):.{distinguishing_digits(abs(margin))}f} {'higher' if margin >= 0 else 'lower'}"
-        where = f"at iteration {o.discarded.iteration}" if o.discarded.iteration else "at the start"
-        return Reason(f"correct {where}, given up", o.discarded.given_up, f" for a score {more}", Cause.DISCARDED)
-    far = far_start(course)
-    few = starved(course)
-    if far is None and few is not None:
-        more = f": {course.n_tried[few[0]]} of {sum(course.n_tried)} iterations"
-        return Reason(TITLES[Cause.ARM_STARVED], more=more, about=Cause.ARM_STARVED)
-    if o.lost is not None:
-        return _led_away(o, o.lost)
-    first_only = method_of(snapshot.session.method.name).first_only
-    beyond = out_of_range(snapshot.refiner, o.target, first_only) if far is not None else None
-    if far is not None and beyond is not None:
-        start = beyond.starts[far[0] if far[0] < len(beyond.starts) else 0]
-        more = f": starts {start.rotation_deg:.0f}° off"
-        return Reason(TITLES[Cause.OUT_OF_RANGE], 0, more, Cause.OUT_OF_RANGE)
-    if far is not None:
-        return Reason(TITLES[Cause.POOL], 0, f": nearest start {_millimetres(far[1].add_s_mm)}", Cause.POOL)
-    if course.score_at_gt is None:
-        return Reason("no cause in sight")
-    margin = course.score_at_gt.score - score.score
-    return Reason("search missed it", more=f": ground truth scores {margin:.{distinguishing_digits(margin)}f} more")
-
-
-def _led_away(o: FinishedObject, lost: Lost) -> Reason:
-    """What made a wrong answer of a pose near ground truth."""
-    support = o.target.observation.support
-    if lost.by_simulation and support is not None and plane_doubt(support):
-        more = f": it explains only {support.inlier_share:.0%} of the background"
-        return Reason(TITLES[Cause.PLANE], lost.lost_in, more, Cause.PLANE)
-    if lost.by_simulation:
-        more = ": it tips over" if lost.n_unstable else f": {_millimetres(o.in_mm(lost.error))} off before"
-        return Reason(TITLES[Cause.SIMULATION], lost.lost_in, more, Cause.SIMULATION)
-    if lost.score_rose:
-        more = ": score rose while the error grew"
-        return Reason("refiner led it away", lost.lost_in, more, Cause.REFINER)
-    where = f"at iteration {lost.iteration}" if lost.iteration else "at the start"
-    return Reason(f"nearer {where}, then lost in iteration {lost.lost_in}", lost.lost_in, about=Cause.REFINER)
-
-
-def doubt_of(snapshot: Snapshot, o: FinishedObject) -> Reason:
-    """What is uncertain about an answer without ground truth."""
-    score = _score_of(o)
-    if snapshot.data_doubts:
-        return Reason(DATA_DOUBTED)
-    if is_low(score):
-        return Reason("so low a score is likely wrong")
-    if leaks(score):
-        return Reason(f"{score.shares['missed']:.0%} of its mask unexplained: does it leak?")
-    in_sight = o.instance_id == snapshot.target.instance.instance_id
-    physics = snapshot.plausible.get("best") if in_sight else None
-    if physics is not None and plausibility_verdict(physics, in_focus(snapshot), snapshot.scene).light == "red":
-        return Reason("physically impossible where it is")
-    if in_sight and snapshot.other_pose is not None and snapshot.landscape is not None:
-        return Reason(in_short(snapshot.landscape, snapshot.other_pose))
-    rival = o.runner_up
-    if rival is None:
-        alone = len(o.course.starts) < 2
-        return Reason("one hypothesis alone: nothing to compare it with" if alone else "no doubt in sight")
-    if rival.lead < NEAR_TIE and rival.apart_mm > APART * o.target.model.diameter_m * 1e3:
-        return Reason(f"{_lead(o)}, which lies {_millimetres(rival.apart_mm)} away")
-    return Reason(f"{_lead(o)}, no doubt in sight")
+        row = entry.row
+        return Finding(
+            None, row.evidence, is_confirmed=True, iteration=row.worst_iteration, short=cause_title(row.cause)
+        )
+    shown = signs_of(snapshot, o)
+    if shown:
+        first = shown[0]
+        return replace(first, short=first.short or cause_title(first.cause or ""))
+    words = "no cause in sight" if o.is_wrong else "no doubt in sight"
+    if not o.is_wrong and o.runner_up is not None:
+        words = f"{o.runner_up.in_words()}, no doubt in sight"
+    elif not o.is_wrong and len(o.starts) < 2:
+        words = "one hypothesis alone: nothing to compare it with"
+    return Finding(None, words, short=words)
 
 
 # A failure of a batch, opened where it went wrong.
@@ -310,13 +215,13 @@ def _of_batch(snapshot: Snapshot, entry: Entry) -> Verdict:
     if snapshot.cursor != entry.iteration:
         look = (f"iteration {entry.iteration}", c.OpenAt(snapshot.frame, entry.iteration, instance=row.instance_id))
     if row.is_correct:
-        return Verdict("✓", _millimetres(row.add_s_mm), f"in the batch, {number}", means, look)
+        return Verdict("✓", millimetres(row.add_s_mm), f"in the batch, {number}", means, look)
     cause = cause_title(row.cause) if row.cause else "no cause was looked for"
     if snapshot.data_doubts:
         cause = DATA_DOUBTED
     elif row.worst_iteration is not None:
         cause += f" (iteration {row.worst_iteration})"
-    return Verdict("✗", _millimetres(row.add_s_mm), cause, means, look)
+    return Verdict("✗", millimetres(row.add_s_mm), cause, means, look)
 
 
 # While it is not over.
@@ -362,7 +267,7 @@ def _ready(snapshot: Snapshot) -> Verdict:
         words = f"{len(snapshot.scene.objects)} objects; {in_focus(snapshot).label}: {words}"
     known = [e.add_s_mm for e in start_errors(snapshot) if e is not None]
     if known:
-        words += f", nearest {_millimetres(min(known))} off"
+        words += f", nearest {millimetres(min(known))} off"
     return Verdict("…", "ready", words, f"{snapshot.progress.total} iterations to come")
 
 
@@ -382,12 +287,8 @@ def _remaining(seconds: float | None) -> str:
     return f", {seconds:.0f} s left" if seconds < 90 else f", {seconds / 60:.0f} min left"
 
 
-def _way(snapshot: Snapshot, index: int | None) -> tuple[str, c.Command] | None:
+def way_to(snapshot: Snapshot, index: int | None) -> tuple[str, c.Command] | None:
     """The link to an iteration; None where the cursor is there, or there is nothing to see."""
     if index is None or index > len(snapshot.iterations) or (index == snapshot.cursor and not snapshot.is_answer):
         return None
     return f"iteration {index}", visit(snapshot, snapshot.at(index)) if index else c.Seek(0)
-
-
-def _millimetres(mm: float) -> str:
-    return f"{mm:.1f} mm" if mm < 99.95 else f"{mm:.0f} mm"
