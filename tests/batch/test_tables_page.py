@@ -61,7 +61,7 @@ def keys_of_evidence(path: Path) -> Iterator[str]:
         elif isinstance(node, ast.Assign | ast.AugAssign):
             to = node.targets[0] if isinstance(node, ast.Assign) else node.target
             at = to.value if isinstance(to, ast.Subscript) else to
-            is_it = isinstance(at, ast.Name) and at.id == "evidence"
+            is_it = isinstance(at, ast.Name) and at.id in ("evidence", "numbers")
             places = (
                 [node.value, *([ast.Dict([to.slice], [])] if isinstance(to, ast.Subscript) else [])] if is_it else []
             )

@@ -63,7 +63,7 @@ def given_up(margin: float) -> Discarded:
 
 LOST = Lost(0.05, score(0.7), 1, 2, 0.4, 0.0, False, 0)
 TURNED = UndeclaredTurn(180.0, 0.5, 0.01)
-IMPOSSIBLE = Finding(C.IMPOSSIBLE, "The box cannot lie where its answer has it: sinks 9.0 mm into the mug.")
+IMPOSSIBLE = Finding(C.IMPOSSIBLE, "The box cannot lie where its answer has it. Sinks 9.0 mm into the mug.")
 FAR = (errors(0.6), errors(0.4))
 
 

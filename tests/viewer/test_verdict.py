@@ -334,7 +334,7 @@ def test_the_verdict_is_the_first_of_the_signs_and_why_is_all_of_them() -> None:
 
 
 IMPOSSIBLE = Finding(
-    Cause.IMPOSSIBLE, "The box cannot lie where its answer has it: sinks 9.0 mm into the mug.", detail=": sinks 9.0 mm"
+    Cause.IMPOSSIBLE, "The box cannot lie where its answer has it. Sinks 9.0 mm into the mug.", detail=": sinks 9.0 mm"
 )
 
 

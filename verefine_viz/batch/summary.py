@@ -54,7 +54,7 @@ def frame_result(
         for target, best, initial in zip(problem.targets, state.best, state.initial, strict=True)
     )
     simulates = session.physics.enabled and method_of(session.method.name).simulates
-    for own, finding in impossible_answers(problem, poses).items() if simulates and not doubts else ():
+    for own, finding in impossible_answers(problem, poses, session.physics).items() if simulates and not doubts else ():
         found = {"cause": str(finding.cause), "evidence": finding.text}
         rows = tuple(row.model_copy(update=found) if row.instance_id == own else row for row in rows)
     if doubts:

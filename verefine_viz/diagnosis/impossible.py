@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Problem, Target
+from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.core.surroundings import SUPPORT_ID
 from verefine_viz.diagnosis.causes import Cause, Finding
 from verefine_viz.diagnosis.data_doubts import plane_doubt
@@ -38,22 +39,21 @@ def impossible(target: Target, physics: Plausibility, labels: Mapping[int, str])
         detail = f"Floats {physics.gap_mm:.1f} mm"
     return Finding(
         Cause.IMPOSSIBLE,
-        f"The {labels[target.instance.instance_id]} cannot lie where its answer has it: {_lower(sentence)}",
+        f"The {labels[target.instance.instance_id]} cannot lie where its answer has it. {sentence}",
         {"penetration_mm": physics.penetration_mm, "gap_mm": physics.gap_mm},
-        detail=f": {_lower(detail)}",
+        detail=f": {detail[0].lower()}{detail[1:]}",
     )
 
 
-def _lower(sentence: str) -> str:
-    return sentence[0].lower() + sentence[1:]
-
-
-def impossible_answers(problem: Problem, poses: Sequence[Float | None]) -> dict[int, Finding]:
+def impossible_answers(
+    problem: Problem, poses: Sequence[Float | None], settings: PhysicsSettings
+) -> dict[int, Finding]:
     """Answers without ground truth that cannot be, by instance, each among all others.
 
     Args:
         problem: the frame.
         poses: T_cam_obj (4, 4) that answers each target, None where there is none.
+        settings: of the simulator.
     """
     support = problem.observation.support
     if support is None:
@@ -70,7 +70,7 @@ def impossible_answers(problem: Problem, poses: Sequence[Float | None]) -> dict[
         if own is None or target.instance.T_cam_obj_gt is not None:
             continue
         others = [other for other in placed.values() if other is not own]
-        finding = impossible(target, plausibility(own, others, support, surface_of=_surfaces), labels)
+        finding = impossible(target, plausibility(own, others, support, settings, surface_of=_surfaces), labels)
         if finding is not None:
             found[own.instance_id] = finding
     return found
