@@ -273,4 +273,4 @@ def test_the_page_names_its_range_without_a_re_run(monkeypatch: pytest.MonkeyPat
     assert shown.cause.endswith("refiner out of its training range: starts 120° off")
     assert len(shown.cause.split()) <= MOST_WORDS
     (found,) = [one for one in findings(debugger.view()) if one.cause == Cause.OUT_OF_RANGE]
-    assert "No hypothesis is within the training range of own, 20° and " in found.text
+    assert "No hypothesis of the mug is within the training range of own, 20° and " in found.text

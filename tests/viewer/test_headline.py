@@ -8,6 +8,7 @@ from tests.changing import replace
 from tests.viewer.test_words import after, debugger, off
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.diagnosis.signs import RunnerUp
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.bandit_tables import arms_table
 from verefine_viz.viewer.panels.bandit_panel import chosen
@@ -59,7 +60,11 @@ def with_best_scores(view: Snapshot, scores: list[float]) -> Snapshot:
     j = int(np.argmax(scores))
     answer = replace(own.answer, arm=j, score=replace(own.answer.score, score=scores[j]))
     scene = replace(view.scene, objects=(replace(own, answer=answer),))
-    return replace(view, state=replace(view.state, arms=arms), scene=scene)
+    rival = max((k for k in range(len(scores)) if k != j), key=lambda k: scores[k])
+    pose = replace(answer, arm=rival, score=replace(answer.score, score=scores[rival]))
+    (done,) = view.finished
+    done = replace(done, answer=answer, runner_up=RunnerUp(pose, scores[j] - scores[rival], 0.0))
+    return replace(view, state=replace(view.state, arms=arms), scene=scene, finished=(done,))
 
 
 def test_the_end_names_the_runner_up_and_its_distance() -> None:
@@ -92,12 +97,10 @@ def with_poses(view: Snapshot, best_mm: float, rival_mm: float) -> Snapshot:
     """The view with the answer (of hypothesis 2) and the poses of hypothesis 3 so far beside the truth."""
     T_gt = view.target.instance.T_cam_obj_gt
     best, rival = (T_gt @ transform(np.eye(3), [1e-3 * mm, 0, 0]) for mm in (best_mm, rival_mm))
-    arms = list(view.state.arms)
-    arms[2] = replace(arms[2], entries=tuple(replace(e, T_cam_obj=rival) for e in arms[2].entries))
-    own = view.scene.object(view.target.instance.instance_id)
-    assert own.answer is not None
-    objects = (replace(own, answer=replace(own.answer, T_cam_obj=best)),)
-    return replace(view, state=replace(view.state, arms=tuple(arms)), scene=replace(view.scene, objects=objects))
+    (done,) = view.finished
+    answer, runner_up = replace(done.answer, T_cam_obj=best), done.runner_up
+    pose = replace(runner_up.pose, T_cam_obj=rival)
+    return replace(view, finished=(replace(done, answer=answer, runner_up=replace(runner_up, pose=pose)),))
 
 
 def test_stages_are_reported_one_by_one() -> None:

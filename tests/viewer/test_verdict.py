@@ -329,7 +329,7 @@ def test_the_verdict_is_the_first_of_the_signs_and_why_is_all_of_them() -> None:
         it = verdict(low)
         assert found
         assert it.about == found[0].cause
-        assert it.cause == (found[0].short or TITLES[found[0].cause]) + found[0].detail
+        assert it.cause == found[0].title + found[0].detail
         assert [one.text for one in findings(low)] == [sign.text for sign in found]
 
 

@@ -67,8 +67,7 @@ TITLES: dict[Cause, str] = {
 class Finding:
     """One thing that had a part in an answer that is wrong, missing or in doubt."""
 
-    cause: Cause | None
-    """None: not one of them, as where the data do not fit together."""
+    cause: Cause
     text: str
     """What happened, in a sentence with numbers and units."""
     numbers: Mapping[str, float] = field(default_factory=dict)
@@ -84,7 +83,12 @@ class Finding:
     short: str = ""
     """The same in a few words, for one line; empty where the title of the cause says it."""
     detail: str = ""
-    """Goes on behind ``short`` where there is room: a number."""
+    """Goes on behind ``title`` where there is room: a number."""
+
+    @property
+    def title(self) -> str:
+        """A few words for one line."""
+        return self.short or TITLES[self.cause]
 
 
 @dataclass(frozen=True)

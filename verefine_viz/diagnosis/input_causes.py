@@ -72,14 +72,7 @@ def symmetric(case: Case) -> Finding | None:
     if case.answer is None:
         return None
     turn = undeclared_turn(case.target.model, case.answer.T_cam_obj, case.T_gt, case.threshold)
-    if turn is None:
-        return None
-    return Finding(
-        Cause.SYMMETRIC,
-        turn.in_words(case.name),
-        {"turn_deg": turn.turn_deg, "error": turn.error, "error_with_symmetry": turn.error_with_symmetry},
-        True,
-    )
+    return None if turn is None else turn.finding(case.name)
 
 
 def unit(case: Case) -> Finding | None:

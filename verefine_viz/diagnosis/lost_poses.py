@@ -9,6 +9,7 @@ from itertools import pairwise
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import Best, Iteration, Stage
 from verefine_viz.core.scores import PoseScore
+from verefine_viz.diagnosis.causes import distinct_texts
 
 FAR = 0.25
 """A start further away than this share of the diameter is not near (ADD(-S))."""
@@ -38,6 +39,20 @@ class Discarded:
     def margin(self) -> float:
         """By how much the answer scores more; negative where the scene decided, not the object's own score."""
         return self.answer.score.score - self.score.score
+
+    @property
+    def where(self) -> str:
+        """As in: at iteration 3."""
+        return f"at iteration {self.iteration}" if self.iteration else "at the start"
+
+    def in_words(self, name: str) -> str:
+        """What happened to the object ``name``."""
+        pose, answer = distinct_texts(self.score.score, self.answer.score.score, 3)
+        since = f"from iteration {self.given_up} on" if self.given_up > self.iteration else "at once"
+        return (
+            f"Hypothesis {self.arm + 1} of the {name} was correct {self.where}, where it scores {pose}. A wrong pose "
+            f"was preferred to it {since}: the answer scores {answer}."
+        )
 
 
 def discarded(own: Sequence[Iteration], answer: Best | None, is_correct: Callable[[Float], bool]) -> Discarded | None:

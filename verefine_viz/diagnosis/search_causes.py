@@ -32,7 +32,7 @@ def out_of_range(case: Case) -> Finding | None:
     seen = signs.out_of_range(case.lab.refiner, case.target, case.lab.traits.first_only)
     if seen is None:
         return None
-    trained, starts = seen.trained, seen.starts
+    trained, starts = seen
     brought = case.with_pool(*(start.brought_within(trained, WELL_WITHIN) for start in starts))
     what = "brought into the trained range"
     if case.group:

@@ -6,7 +6,7 @@ the score prefers a wrong pose. Where a diagnosis would let a re-run decide, a s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from verefine_viz.core.problem import Target
 from verefine_viz.core.protocols import Refiner
@@ -16,7 +16,7 @@ from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import distinguishing_digits
 from verefine_viz.diagnosis.ambiguity import OtherPose, in_short, in_words
-from verefine_viz.diagnosis.causes import DECLARE, Cause, Finding, distinct_texts, millimetres
+from verefine_viz.diagnosis.causes import DECLARE, Cause, Finding, millimetres
 from verefine_viz.diagnosis.data_doubts import plane_doubt
 from verefine_viz.diagnosis.lost_poses import FAR, Discarded, Lost
 from verefine_viz.diagnosis.score_causes import blamed_pixels, preferred
@@ -144,7 +144,7 @@ def signs(o: FinishedObject, session: Session, refiner: Refiner | None = None) -
         way = [_starved(o, session, method), *(_led_away(o) or [_far_start(o, session, method, refiner)])]
     # Ground truth may score a little less than the pose beside it that a refiner finds: then a tie was decided.
     is_tie = o.discarded is not None and abs(o.discarded.margin) < NEAR_TIE
-    return _known(_mask(o), *([*way, by_score] if is_tie else [by_score, *way])) or _known(_missed(o))
+    return _known(_leak(o), *([*way, by_score] if is_tie else [by_score, *way])) or _known(_missed(o))
 
 
 def _known(*findings: Finding | None) -> tuple[Finding, ...]:
@@ -178,38 +178,26 @@ def _symmetric(o: FinishedObject, session: Session) -> Finding | None:
     turn = o.undeclared
     if turn is None:
         return None
-    return Finding(
-        Cause.SYMMETRIC,
-        f"{turn.in_words(o.target.model.name)} {DECLARE[0].upper()}{DECLARE[1:]}.",
-        {"turn_deg": turn.turn_deg, "error": turn.error, "error_with_symmetry": turn.error_with_symmetry},
-        try_={"score.colour_weight": 0.1} if turn.texture_tells and session.score.colour_weight == 0 else None,
-        detail=f": turned by {turn.turn_deg:.0f}°",
-    )
+    found = turn.finding(o.target.model.name)
+    tells = turn.texture_tells and session.score.colour_weight == 0
+    text = f"{found.text} {DECLARE[0].upper()}{DECLARE[1:]}."
+    return replace(found, text=text, is_confirmed=False, try_={"score.colour_weight": 0.1} if tells else None)
 
 
-def _mask(o: FinishedObject) -> Finding | None:
+def _leak(o: FinishedObject) -> Finding | None:
     """A wrong pose misses pixels of any mask; ground truth only those of a mask that leaks."""
-    at_gt = o.score_at_gt
-    if at_gt is None or not _leaks(at_gt):
+    judged = o.score_at_gt if o.is_wrong else o.score
+    if judged is None or judged.shares["missed"] < LEAK_SHARE:
         return None
-    missed = at_gt.shares["missed"]
-    return _leaking(
-        o.score, f", {missed:.0%} even at ground truth", detail=f": {missed:.0%} missed even at ground truth"
+    missed, at_gt = f"{o.score.shares['missed']:.0%}", f"{judged.shares['missed']:.0%}"
+    return Finding(
+        Cause.MASK,
+        f"{missed} of the pixels are missed (red){f', {at_gt} even at ground truth' * o.is_wrong}: the mask holds "
+        "surface that the pose does not explain. If the red pixels form another object, the mask leaks onto it.",
+        {"missed_share": o.score.shares["missed"]},
+        short="" if o.is_wrong else f"{missed} of its mask unexplained: does it leak?",
+        detail=f": {at_gt} missed even at ground truth" if o.is_wrong else "",
     )
-
-
-def _leaks(score: PoseScore) -> bool:
-    """Whether much of the mask is surface that the pose does not explain."""
-    return score.shares["missed"] >= LEAK_SHARE
-
-
-def _leaking(score: PoseScore, too: str = "", short: str = "", detail: str = "") -> Finding:
-    missed = score.shares["missed"]
-    text = (
-        f"{missed:.0%} of the pixels are missed (red){too}: the mask holds surface that the pose does not explain. If "
-        "the red pixels form another object, the mask leaks onto it."
-    )
-    return Finding(Cause.MASK, text, {"missed_share": missed}, short=short, detail=detail)
 
 
 def _misled(o: FinishedObject, method: Method) -> Finding | None:
@@ -230,18 +218,13 @@ def _misled(o: FinishedObject, method: Method) -> Finding | None:
 
 
 def _discarded(o: FinishedObject, given_up: Discarded) -> Finding:
-    assert o.errors is not None
-    made = f"at iteration {given_up.iteration}" if given_up.iteration else "at the start"
-    pose, answer = distinct_texts(given_up.score.score, given_up.answer.score.score, 3)
-    since = f"from iteration {given_up.given_up} on" if given_up.given_up > given_up.iteration else "at once"
     margin, way = abs(given_up.margin), "higher" if given_up.margin >= 0 else "lower"
     return Finding(
         Cause.DISCARDED,
-        f"Hypothesis {given_up.arm + 1} of the {o.label} was correct {made}, where it scores {pose}. A wrong pose was "
-        f"preferred to it {since}: the answer scores {answer} and is {o.errors.add_s_mm:.1f} mm off.",
+        given_up.in_words(o.label),
         {"hypothesis": given_up.arm, "iteration": given_up.iteration, "margin": given_up.margin},
         iteration=given_up.given_up,
-        short=f"correct {made}, given up",
+        short=f"correct {given_up.where}, given up",
         detail=f" for a score {margin:.{distinguishing_digits(margin)}f} {way}",
     )
 
@@ -306,23 +289,19 @@ def _led_away(o: FinishedObject) -> list[Finding]:
     return [Finding(Cause.PLANE, doubt, {"inlier_share": share}, iteration=at, detail=detail), pushed]
 
 
-@dataclass(frozen=True)
-class OutOfRange:
-    """All initial poses are further from the ground truth than the refiner was trained for."""
+def out_of_range(
+    refiner: Refiner | None, target: Target, first_only: bool
+) -> tuple[TrainedRange, tuple[Start, ...]] | None:
+    """What the refiner was trained for, and the starts, all of which are further from the ground truth.
 
-    trained: TrainedRange
-    starts: tuple[Start, ...]
-    """Of each hypothesis that the method works on."""
-
-
-def out_of_range(refiner: Refiner | None, target: Target, first_only: bool) -> OutOfRange | None:
-    """None where a hypothesis is within the range, or that is unknown; ``first_only``: the others are not worked on."""
+    None where a hypothesis is within the range, or that is unknown; ``first_only``: the others are not worked on.
+    """
     trained = refiner.trained_range if isinstance(refiner, TrainedRefiner) else None
     T_gt, pool = target.instance.T_cam_obj_gt, target.instance.hypotheses[: 1 if first_only else None]
     if trained is None or T_gt is None or not pool:
         return None
     starts = tuple(start_of(target.model, h.T_cam_obj, T_gt) for h in pool)
-    return OutOfRange(trained, starts) if all(start.is_beyond(trained) for start in starts) else None
+    return (trained, starts) if all(start.is_beyond(trained) for start in starts) else None
 
 
 def _far_start(o: FinishedObject, session: Session, method: Method, refiner: Refiner | None) -> Finding | None:
@@ -337,10 +316,11 @@ def _far_start(o: FinishedObject, session: Session, method: Method, refiner: Ref
     numbers = {"nearest": j, "nearest_rotation_deg": errors.rotation_deg, "nearest_error": errors.relative}
     beyond = out_of_range(refiner, o.target, method.first_only)
     if beyond is not None:
-        start = beyond.starts[j if j < len(beyond.starts) else 0]
+        trained, starts = beyond
+        start = starts[j if j < len(starts) else 0]
         text = (
             f"No hypothesis of the {o.label} is within the training range of {session.method.refiner}, "
-            f"{beyond.trained.rotation_deg:.0f}° and {beyond.starts[0].largest_shift_mm(beyond.trained):.0f} mm: best "
+            f"{trained.rotation_deg:.0f}° and {starts[0].largest_shift_mm(trained):.0f} mm: best "
             f"initial error {off}"
         )
         detail = f": starts {start.rotation_deg:.0f}° off"
@@ -380,12 +360,6 @@ def _low(o: FinishedObject, method: Method) -> Finding | None:
         text = f"All hypotheses of the {o.label} stay low: the best score is {score:.2f}."
     text += " Expect the answer to be wrong."
     return Finding(Cause.POOL, text, {"score": score}, short="so low a score is likely wrong")
-
-
-def _leak(o: FinishedObject) -> Finding | None:
-    missed = o.score.shares["missed"]
-    short = f"{missed:.0%} of its mask unexplained: does it leak?"
-    return _leaking(o.score, short=short) if _leaks(o.score) else None
 
 
 def _ambiguous(o: FinishedObject) -> Finding | None:

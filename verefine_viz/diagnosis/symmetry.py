@@ -12,7 +12,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between, apply, inverse, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.diagnosis.case import ErrorOf
-from verefine_viz.diagnosis.causes import instead
+from verefine_viz.diagnosis.causes import Cause, Finding, instead
 from verefine_viz.evaluation.near_symmetry import Surface
 from verefine_viz.evaluation.pose_errors import adds_mm
 
@@ -51,6 +51,16 @@ class UndeclaredTurn:
             f"The {name} has the same shape when turned by {self.turn_deg:.0f}°, but its model declares no such "
             "symmetry, so that the turn counts as an error: with it declared, "
             f"{instead(self.error_with_symmetry, self.error)}.{self._of_texture()}"
+        )
+
+    def finding(self, name: str) -> Finding:
+        """That it alone makes the answer of the object ``name`` count as wrong."""
+        return Finding(
+            Cause.SYMMETRIC,
+            self.in_words(name),
+            {"turn_deg": self.turn_deg, "error": self.error, "error_with_symmetry": self.error_with_symmetry},
+            True,
+            detail=f": turned by {self.turn_deg:.0f}°",
         )
 
     def _of_texture(self) -> str:

@@ -58,7 +58,8 @@ def errors_words(snapshot: Snapshot) -> str:
     best = snapshot.poses.get("best")
     if best is None or best.errors is None or best.score is None or snapshot.ground_truth.score is None:
         return f"{snapshot.name} has no pose to measure."
-    turn = snapshot.undeclared  # A score cannot tell such a pose from ground truth.
+    own = snapshot.finished_in_focus
+    turn = own.undeclared if own is not None else None  # A score cannot tell such a pose from ground truth.
     sentences = [
         _never_refined(snapshot),
         preference(best, snapshot.ground_truth) if turn is None else turn.in_words(snapshot.name),

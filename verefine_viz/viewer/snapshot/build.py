@@ -138,10 +138,6 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
             for i in own
         ),
         ground_truth=poses.get("ground truth"),
-        # Up to half a second for a pose that is nearly such a turn: a run does not wait for it.
-        undeclared=evaluator.undeclared_turn(target, poses["best"].T_cam_obj)
-        if "best" in poses and not running
-        else None,
         **_landscape(evaluator, target, poses, own, options),
         scene=scene,
         finished=finished,

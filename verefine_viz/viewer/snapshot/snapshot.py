@@ -18,7 +18,6 @@ from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Edit, Session
 from verefine_viz.diagnosis.ambiguity import OtherPose
 from verefine_viz.diagnosis.signs import FinishedObject
-from verefine_viz.diagnosis.symmetry import UndeclaredTurn
 from verefine_viz.evaluation.landscape import Landscape, Slice
 from verefine_viz.evaluation.near_symmetry import NearSymmetry
 from verefine_viz.evaluation.pose_errors import PoseErrors
@@ -165,9 +164,6 @@ class Snapshot:
     """(iteration, errors of its accepted pose, errors of the best pose so far) of the object in focus."""
     ground_truth: EvaluatedPose | None
     """Scored; None where there is none."""
-    undeclared: UndeclaredTurn | None
-    """The turn that alone makes the best pose so far count as wrong; None where it is right, or wrong otherwise, and
-    while a run is on."""
     landscape: Landscape | None
     """The score around the best pose of the object in focus; None where it is not known, or not asked for."""
     score_slice: Slice | None
@@ -219,6 +215,11 @@ class Snapshot:
     def name(self) -> str:
         """Of the object in focus."""
         return self.target.model.name
+
+    @property
+    def finished_in_focus(self) -> FinishedObject | None:
+        """The object in focus once the run is over."""
+        return next((o for o in self.finished if o.instance_id == self.target.instance.instance_id), None)
 
     @property
     def is_whole_scene(self) -> bool:

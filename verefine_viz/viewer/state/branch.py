@@ -19,7 +19,7 @@ from verefine_viz.run.engine import Run
 from verefine_viz.run.session_file import changed
 from verefine_viz.viewer.commands import Changes, SidePose
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator
-from verefine_viz.viewer.state.timeline_marks import Mark, mark_of_discarded, marks_of, once_per_object
+from verefine_viz.viewer.state.timeline_marks import RED, Mark, marks_of, once_per_object
 from verefine_viz.viewer.state.view_options import STAGES
 
 if TYPE_CHECKING:
@@ -144,7 +144,11 @@ class Branch:
             self._marks.append(marks_of(iteration, growth))
         pairs = zip(self.run.iterations, self._marks, strict=False)
         marks = once_per_object([(i, marks) for i, marks in pairs if instance_id in (None, i.instance_id)])
-        given_up = [mark_of_discarded(d) for own, d in self.discarded().items() if instance_id in (None, own)]
+        given_up = [
+            Mark(d.given_up, "discarded", d.in_words(self.run.problem.target(own).model.name), RED)
+            for own, d in self.discarded().items()
+            if instance_id in (None, own)
+        ]
         return tuple(sorted((*marks, *given_up), key=lambda mark: mark.iteration)) if given_up else marks
 
     def discarded(self) -> dict[int, Discarded]:

@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 
 from verefine_viz.core.palette import EVENT_COLORS, RGB
 from verefine_viz.core.records import Event, Iteration
-from verefine_viz.diagnosis.causes import distinct_texts
-from verefine_viz.diagnosis.lost_poses import Discarded
 
 QUIET = frozenset({"kept_refined", "no_physics"})
 """Happens all the time, or once for a known reason: no mark."""
@@ -141,17 +139,6 @@ def marks_of(iteration: Iteration, error_growth_mm: float | None = None) -> tupl
         )
         marks.append(Mark(iteration.index, "error_grew", text, RED))
     return tuple(marks)
-
-
-def mark_of_discarded(given_up: Discarded) -> Mark:
-    """Where a correct pose was given up for the wrong answer of a finished run."""
-    made = f"iteration {given_up.iteration}" if given_up.iteration else "the start"
-    pose, answer = distinct_texts(given_up.score.score, given_up.answer.score.score, 3)
-    text = (
-        f"A correct pose of {made} (hypothesis {given_up.arm + 1}, score {pose}) was given up: the answer, which is "
-        f"wrong, scores {answer}."
-    )
-    return Mark(given_up.given_up, "discarded", text, RED)
 
 
 def once_per_object(marked: Sequence[tuple[Iteration, Sequence[Mark]]]) -> tuple[Mark, ...]:

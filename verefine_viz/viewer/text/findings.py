@@ -8,18 +8,16 @@ from dataclasses import dataclass
 from verefine_viz.batch.summary import MUCH, MUCH_SCORE
 from verefine_viz.diagnosis.causes import DATA_FIRST, Cause, Finding, cause_title
 from verefine_viz.diagnosis.data_doubts import plane_doubt
-from verefine_viz.diagnosis.lost_poses import FAR
 from verefine_viz.scenes.instance_notes import without
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.snapshot.snapshot import Snapshot
 from verefine_viz.viewer.state.batch_gallery import Entry
-from verefine_viz.viewer.text.display_names import in_focus, is_correct
+from verefine_viz.viewer.text.display_names import is_correct
 from verefine_viz.viewer.text.plausibility_verdict import (
     gravity_doubt,
     unsupported_stacking,
     unsupported_stacking_warning,
 )
-from verefine_viz.viewer.text.pose_words import start_errors
 from verefine_viz.viewer.text.verdict import signs_of, subject, way_to
 
 BESIDE_GROUND_TRUTH = (Cause.GROUND_TRUTH, Cause.SYMMETRIC, Cause.SCORE, Cause.BUDGET)
@@ -46,7 +44,7 @@ class Note:
 
 def findings(snapshot: Snapshot) -> tuple[Note, ...]:
     """All that is worth knowing, the most telling first."""
-    checks = (_of_data, _of_batch, _support, _no_hypothesis, _far_start, _stacking)
+    checks = (_of_data, _of_batch, _support, _no_hypothesis, _stacking)
     told = [note for check in checks for note in check(snapshot)]
     return (*told, *_signs(snapshot, told))
 
@@ -123,23 +121,6 @@ def _of_sign(snapshot: Snapshot, sign: Finding, is_red: bool) -> Note:
     elif (way := way_to(snapshot, sign.iteration)) is not None:
         label, command = way
     return Note(sign.text, is_red, False, command, label, sign.cause)
-
-
-def _far_start(snapshot: Snapshot) -> list[Note]:
-    """Before the run is over: that no start is near."""
-    errors = [(e, j) for j, e in enumerate(start_errors(snapshot)) if e is not None]
-    best, last = snapshot.poses.get("best"), snapshot.error_series[-1:]
-    if snapshot.finished or not errors or any(is_correct(e) for e in (best and best.errors, *(e for _, _, e in last))):
-        return []
-    nearest, j = min(errors, key=lambda pair: pair[0].add_s_mm)
-    if nearest.relative < FAR:
-        return []
-    text = (
-        f"The nearest start of the {in_focus(snapshot).label} is off by {nearest.rotation_deg:.0f}° and "
-        f"{nearest.translation_mm:.0f} mm (hypothesis {j + 1}), ADD(-S) {nearest.relative:.0%} of the diameter. "
-        "Refinement may get there or not: run it and see."
-    )
-    return [Note(text, calm=True, command=c.SelectArm(j), label="show it")]
 
 
 def _stacking(snapshot: Snapshot) -> list[Note]:

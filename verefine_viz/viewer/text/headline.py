@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.records import Best, Iteration, Stage, TreeStep
+from verefine_viz.core.records import Iteration, Stage, TreeStep
 from verefine_viz.core.settings import Edit
 from verefine_viz.core.text_format import distinguishing_digits
-from verefine_viz.diagnosis.signs import NEAR_TIE, NO_LEAD
+from verefine_viz.diagnosis.signs import NEAR_TIE
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.methods.registry import method_of
 from verefine_viz.pictures.visited_tree import Tree, tree_of
@@ -343,28 +343,21 @@ def _answer(snapshot: Snapshot) -> str:
     who = f"{label} {best.score.score:.2f}, {arm_name(snapshot.target, best.arm)}"
     where = "its initial pose" if best.iteration == 0 else f"iteration {best.iteration} ({best.stage})"
     off = f"; {errors_in_words(pose.errors)}" if pose.errors else ""
-    return f"{who}, {where}{_score_margin(snapshot, best)}{off}."
+    return f"{who}, {where}{_score_margin(snapshot)}{off}."
 
 
-def _score_margin(snapshot: Snapshot, best: Best) -> str:
+def _score_margin(snapshot: Snapshot) -> str:
     """As in: , 0.003 ahead of hypothesis 2, which is 4.1 mm nearer to ground truth.
 
     The latter where ground truth is known, of a lead below ``NEAR_TIE``, measured as ADD(-S) of the two poses. Empty
     where no other hypothesis could have been the answer.
     """
-    if snapshot.state is None or not method_of(snapshot.session.method.name).answers_best_of_all:
+    own = snapshot.finished_in_focus
+    if own is None or own.answer is None or own.runner_up is None:
         return ""
-    highest = {
-        j: max(arm.entries, key=lambda e: e.score.score) for j, arm in enumerate(snapshot.state.arms) if j != best.arm
-    }
-    if not highest:
-        return ""
-    rival = max(highest, key=lambda j: highest[j].score.score)
-    lead = best.score.score - highest[rival].score.score
-    nearer = _nearer(snapshot, best.T_cam_obj, highest[rival].T_cam_obj) if lead < NEAR_TIE else ""
-    if lead < NO_LEAD:
-        return f", level with hypothesis {rival + 1}{nearer}"
-    return f", {lead:.{distinguishing_digits(lead)}f} ahead of hypothesis {rival + 1}{nearer}"
+    rival = own.runner_up
+    is_tie = rival.lead < NEAR_TIE
+    return f", {rival.in_words()}{_nearer(snapshot, own.answer.T_cam_obj, rival.pose.T_cam_obj) * is_tie}"
 
 
 def _nearer(snapshot: Snapshot, T_best: Float, T_rival: Float) -> str:

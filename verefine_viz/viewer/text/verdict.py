@@ -6,8 +6,8 @@ Pure text and commands, no markup: who shows it escapes it.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import ANSWER, Target
@@ -29,6 +29,16 @@ MOST_WORDS = 12
 """Of the cause."""
 UNANSWERED = "no answer was recorded: this is the last pose"
 DATA_DOUBTED = "the data do not fit together: look at them first"
+
+
+class Reason(NamedTuple):
+    """Why, in at most :data:`MOST_WORDS` words, and where to look."""
+
+    words: str
+    detail: str = ""
+    """Goes on where there is room: a number."""
+    iteration: int | None = None
+    cause: Cause | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +95,7 @@ def subject(snapshot: Snapshot) -> FinishedObject | None:
     lowest score. None where no object has an answer.
     """
     if _is_about_one(snapshot):
-        own = snapshot.target.instance.instance_id
-        return next((o for o in snapshot.finished if o.instance_id == own), None)
+        return snapshot.finished_in_focus
     answered = [o for o in snapshot.finished if o.answer is not None]
     known = [(o.errors.relative, k) for k, o in enumerate(answered) if o.errors is not None]
     if known:
@@ -105,8 +114,8 @@ def _of_object(snapshot: Snapshot, o: FinishedObject) -> Verdict:
     pictured = o.target, o.answer.T_cam_obj
     if o.errors is None:
         because = _because(snapshot, o)
-        words, about = because.short + because.detail, because.cause
-        return Verdict("?", f"score {o.score.score:.2f}", words, SCORE_MEANS, pictured=pictured, about=about)
+        number, words = f"score {o.score.score:.2f}", because.words + because.detail
+        return Verdict("?", number, words, SCORE_MEANS, pictured=pictured, about=because.cause)
     number = millimetres(o.errors.add_s_mm)
     means = (
         f"ADD(-S) against ground truth: {o.errors.relative:.1%} of the diameter; {o.errors.rotation_deg:.1f}° and "
@@ -119,7 +128,7 @@ def _of_object(snapshot: Snapshot, o: FinishedObject) -> Verdict:
             words = f"right by ADD-S only: ADD over its symmetries is {add:.0%}"
         return Verdict("✓", number, words, means, way, pictured=pictured)
     because = _because(snapshot, o)
-    look, words = way_to(snapshot, because.iteration), because.short + because.detail
+    look, words = way_to(snapshot, because.iteration), because.words + because.detail
     return Verdict("✗", number, words, means, look, pictured=pictured, about=because.cause)
 
 
@@ -151,7 +160,7 @@ def _of_scene(snapshot: Snapshot, worst: FinishedObject | None) -> Verdict:
         missing = next(o.label for o in snapshot.finished if o.answer is None)
         return Verdict("✗", number, f"{missing}: {TITLES[Cause.NO_HYPOTHESIS]}", means)
     because = _because(snapshot, worst)
-    look, words = way_to(snapshot, because.iteration), f"{off}, {because.short}"
+    look, words = way_to(snapshot, because.iteration), f"{off}, {because.words}"
     return Verdict("✗", number, words, means, look, pictured=pictured, about=because.cause)
 
 
@@ -161,29 +170,24 @@ def _how_it_won(o: FinishedObject, best: Best) -> str:
     return f"{words}, {o.runner_up.in_words()}" if o.runner_up is not None else words
 
 
-def _because(snapshot: Snapshot, o: FinishedObject) -> Finding:
+def _because(snapshot: Snapshot, o: FinishedObject) -> Reason:
     """Why an answer is wrong, or what is in doubt: as a batch says, which made re-runs, or else the first sign."""
     entry, steps = _batch_entry(snapshot), o.target.instance.recorded
+    repeats, found = method_of(snapshot.session.method.name).repeats, signs_of(snapshot, o)
     if snapshot.data_doubts:
-        return Finding(None, DATA_DOUBTED, short=DATA_DOUBTED)
-    repeats = method_of(snapshot.session.method.name).repeats
+        return Reason(DATA_DOUBTED)
     if o.is_wrong and repeats and steps and all(s.name != ANSWER for s in steps):  # As of a program that was killed.
-        return Finding(None, UNANSWERED, short=UNANSWERED)
+        return Reason(UNANSWERED)
     if entry is not None and entry.row.cause and _is_answer_of(entry, o):
-        row = entry.row
-        return Finding(
-            None, row.evidence, is_confirmed=True, iteration=row.worst_iteration, short=cause_title(row.cause)
-        )
-    shown = signs_of(snapshot, o)
-    if shown:
-        first = shown[0]
-        return replace(first, short=first.short or cause_title(first.cause or ""))
-    words = "no cause in sight" if o.is_wrong else "no doubt in sight"
-    if not o.is_wrong and o.runner_up is not None:
-        words = f"{o.runner_up.in_words()}, no doubt in sight"
-    elif not o.is_wrong and len(o.starts) < 2:
-        words = "one hypothesis alone: nothing to compare it with"
-    return Finding(None, words, short=words)
+        return Reason(cause_title(entry.row.cause), iteration=entry.row.worst_iteration)
+    if found:
+        return Reason(found[0].title, found[0].detail, found[0].iteration, found[0].cause)
+    if o.is_wrong:
+        return Reason("no cause in sight")
+    if o.runner_up is not None:
+        return Reason(f"{o.runner_up.in_words()}, no doubt in sight")
+    alone = len(o.starts) < 2
+    return Reason("one hypothesis alone: nothing to compare it with" if alone else "no doubt in sight")
 
 
 # A failure of a batch, opened where it went wrong.
