@@ -6,7 +6,7 @@ import pytest
 
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.batch.totals import Doubts, doubts_in_words
-from verefine_viz.diagnosis.causes import DATA_FIRST
+from verefine_viz.run.record import DATA_FIRST
 
 LARGE = "objects appear 11% larger: check cam_K"
 LARGER = "objects appear 12.5% larger: check cam_K"

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from verefine_viz.batch.folder import RunFolder, first_change
-from verefine_viz.batch.journal import RunFile, read_run
+from verefine_viz.batch.journal import BatchInfo, read_run
 from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.settings import Session
@@ -208,8 +208,8 @@ def test_a_foreign_run_json_is_one_clear_error(tmp_path: Path, text: str | bytes
 
 def test_run_json_is_read_back(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text(json.dumps({"seconds": 3}))
-    assert read_run(tmp_path) == RunFile(seconds=3)
-    assert read_run(tmp_path / "nowhere") == RunFile()
+    assert read_run(tmp_path) == BatchInfo(seconds=3)
+    assert read_run(tmp_path / "nowhere") == BatchInfo()
 
 
 def test_the_first_change_names_field_and_values() -> None:

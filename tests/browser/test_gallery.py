@@ -15,7 +15,7 @@ from verefine_viz.batch.answer_cards import WRONG
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, write_frames_csv
 from verefine_viz.core.settings import Session
-from verefine_viz.diagnosis.causes import DATA_FIRST
+from verefine_viz.run.record import DATA_FIRST
 from verefine_viz.run.session_file import resolve
 from verefine_viz.scenes.demo import demo_problem
 from verefine_viz.viewer import commands as c

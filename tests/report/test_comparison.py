@@ -10,7 +10,7 @@ import pytest
 
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import RunFile
+from verefine_viz.batch.journal import BatchInfo
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.report.bop_recalls import FrameRecalls
 from verefine_viz.report.failure_cards import group_gallery
@@ -27,7 +27,7 @@ NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None}
 
 def run(method: str, seed: int, *rows: ObjectRow) -> LoadedRun:
     session = resolve({"method": {"name": method, "seed": seed}, "hypotheses": {"seed": seed}})
-    return LoadedRun("", BatchIndex(Path(f"{method}-{seed}"), session, RunFile(), rows))
+    return LoadedRun("", BatchIndex(Path(f"{method}-{seed}"), session, BatchInfo(), rows))
 
 
 def group(method: str, *rows_by_seed: tuple[ObjectRow, ...]) -> Group:

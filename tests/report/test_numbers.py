@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tests.report.runs import row, write_run
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import Journal, RunFile
+from verefine_viz.batch.journal import Journal, BatchInfo
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.evaluation.pose_table import read_pose_table
 from verefine_viz.report.bop_recalls import run_rows
@@ -38,7 +38,7 @@ NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None}
 
 
 def run_of(*rows: ObjectRow, label: str = "") -> LoadedRun:
-    return LoadedRun(label, BatchIndex(Path("run"), resolve({}), RunFile(), rows))
+    return LoadedRun(label, BatchIndex(Path("run"), resolve({}), BatchInfo(), rows))
 
 
 def test_an_object_without_an_answer_is_not_found() -> None:
@@ -81,7 +81,7 @@ def test_solving_takes_as_long_as_results_csv_says(tmp_path: Path) -> None:
 
 
 def test_search_trees_do_not_count_refiner_calls() -> None:
-    run = LoadedRun("", BatchIndex(Path("run"), resolve({"method": {"name": "physim_mcts"}}), RunFile(), (row(1),)))
+    run = LoadedRun("", BatchIndex(Path("run"), resolve({"method": {"name": "physim_mcts"}}), BatchInfo(), (row(1),)))
     assert numbers_of(run).calls_per_object is None
     assert numbers_of(run_of(row(1))).calls_per_object == 25.0
 

@@ -12,7 +12,7 @@ from verefine_viz.batch.answer_cards import RIGHT, WRONG
 from verefine_viz.batch.answer_tags import TAGS_FILE, Arrangement
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import RunFile
+from verefine_viz.batch.journal import BatchInfo
 from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
@@ -44,8 +44,8 @@ SIR_ROWS = (row(1, add_s_mm=40.0, best_iteration=0, method="sir", cause="pool"),
 def several(tmp_path: Path) -> Gallery:
     return Gallery(
         [
-            BatchIndex(tmp_path / "rir", SESSION, RunFile(), RIR_ROWS),
-            BatchIndex(tmp_path / "sir", SIR, RunFile(), SIR_ROWS),
+            BatchIndex(tmp_path / "rir", SESSION, BatchInfo(), RIR_ROWS),
+            BatchIndex(tmp_path / "sir", SIR, BatchInfo(), SIR_ROWS),
         ]
     )
 

@@ -15,7 +15,7 @@ from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_app import cursor
 from verefine_viz.batch.answer_cards import WRONG
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import RunFile
+from verefine_viz.batch.journal import BatchInfo
 from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
@@ -31,7 +31,7 @@ def row(im_id: int, status: str = "ok", add_s_mm: float | None = None, worst: in
 
 
 def gallery(tmp_path: Path, *rows: ObjectRow) -> Gallery:
-    return Gallery([BatchIndex(tmp_path, SESSION, RunFile(), rows)])
+    return Gallery([BatchIndex(tmp_path, SESSION, BatchInfo(), rows)])
 
 
 def test_tiles_lead_to_the_worst_iteration_and_names_are_text(tmp_path: Path) -> None:
@@ -79,7 +79,7 @@ def test_data_in_doubt_are_reported_on_the_card_and_above_all_cards(tmp_path: Pa
     assert gallery(tmp_path, row(2, add_s_mm=42.0)).doubt == ""
     twice = gallery(tmp_path, doubted, doubted.model_copy(update={"im_id": 3}), row(2, add_s_mm=42.0))
     assert "in 2 of 3 frames, such as 0/1, objects" in twice.doubt
-    runs = [BatchIndex(tmp_path / name, SESSION, RunFile(), found.runs[tmp_path.name].rows) for name in ("rir", "sir")]
+    runs = [BatchIndex(tmp_path / name, SESSION, BatchInfo(), found.runs[tmp_path.name].rows) for name in ("rir", "sir")]
     assert "in 2 of 4 frames of 2 runs, such as 0/1 of rir, objects" in Gallery(runs).doubt
 
 

@@ -13,7 +13,7 @@ from PIL import Image
 
 from tests.viewer.conftest import SESSION
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import Journal, RunFile
+from verefine_viz.batch.journal import Journal, BatchInfo
 from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.palette import STAGE_COLORS
@@ -97,7 +97,7 @@ def test_the_painter_draws_answer_and_ground_truth(tmp_path: Path) -> None:
     (tmp_path / "frames").mkdir()
     result = FrameResult(frame="0/0", failed=False, seconds=1.0, objects=(found,), estimates=(estimate,))
     Journal(tmp_path / "frames").save(result)
-    gallery = Gallery([BatchIndex(tmp_path, SESSION, RunFile(), (found, row(77), row(None), row(0, im_id=99)))])
+    gallery = Gallery([BatchIndex(tmp_path, SESSION, BatchInfo(), (found, row(77), row(None), row(0, im_id=99)))])
     painter = Painter(gallery)
     image = np.asarray(Image.open(io.BytesIO(painter(gallery.entries[0]))).convert("RGB")).astype(int)
     assert image.shape == (WIDTH_PX * 3 // 4, WIDTH_PX, 3)

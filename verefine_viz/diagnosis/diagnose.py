@@ -17,7 +17,7 @@ from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Best, PlacedPose
 from verefine_viz.diagnosis.ambiguity import ambiguous
 from verefine_viz.diagnosis.case import ALONE, HELPS, TOGETHER, Case, Control, ErrorOf, Lab
-from verefine_viz.diagnosis.causes import DATA_FIRST, Cause, Diagnosis, Finding
+from verefine_viz.diagnosis.causes import Cause, Diagnosis, Finding
 from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
 from verefine_viz.diagnosis.input_causes import INPUT_TESTS
 from verefine_viz.diagnosis.scene_causes import WORLD_TESTS, neighbour, simulation
@@ -25,6 +25,7 @@ from verefine_viz.diagnosis.score_causes import discarded, score
 from verefine_viz.diagnosis.search_causes import SEARCH_TESTS, no_hypothesis
 from verefine_viz.run.compare import Trace, trace_of
 from verefine_viz.run.engine import Run
+from verefine_viz.run.record import DATA_FIRST
 from verefine_viz.run.toolbox import Toolbox
 
 THRESHOLD = 0.1

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.paths import at_home
 from verefine_viz.core.settings import SURROUNDINGS, Session
+from verefine_viz.run.record import session_of
 from verefine_viz.run.variants import parsed, settings_between, variant
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Changes
@@ -17,7 +18,6 @@ from verefine_viz.viewer.state.state import State
 from verefine_viz.viewer.state.workspace import Workspace
 
 if TYPE_CHECKING:
-    from verefine_viz.recording.reader import Recorded
     from verefine_viz.run.toolbox import Toolbox
 
 
@@ -52,10 +52,11 @@ def _branch_with(space: Workspace, changes: Changes) -> Branch:
 def _recorded_branch(space: Workspace, path: Path) -> Branch:
     from verefine_viz.recording.reader import read_recording
 
-    recorded = read_recording(path)
-    check_same_frame(recorded, space.branch.tools.session, space.frame)
-    tools = space.make_tools(recorded.session)
-    return space.recorded_branch(recorded, tools, tools.problem(recorded.frame))
+    record = read_recording(path)
+    session, frame = session_of(record.header), record.header.frame
+    check_same_frame(path, (session, frame), (space.branch.tools.session, space.frame))
+    tools = space.make_tools(session)
+    return space.recorded_branch(path, record, tools, tools.problem(frame))
 
 
 def _tools(space: Workspace, tools: Toolbox, session: Session) -> Toolbox:
@@ -68,15 +69,16 @@ def _tools(space: Workspace, tools: Toolbox, session: Session) -> Toolbox:
     return tools.changed(nested(tuple((name, value) for name, _, value in between)))
 
 
-def check_same_frame(recorded: Recorded, session: Session, frame: str) -> None:
-    """Two runs can be compared only where they look at the same picture.
+def check_same_frame(path: Path, theirs: tuple[Session, str], ours: tuple[Session, str]) -> None:
+    """Two runs can be compared only where they look at the same picture: session and frame.
 
     Raises:
-        InputError: the recording is of another frame.
+        InputError: the recording at ``path`` is of another frame.
     """
-    theirs, ours = _place_of(recorded.session, recorded.frame), _place_of(session, frame)
-    if theirs != ours:
-        raise InputError(f"{recorded.path} shows {theirs}, A shows {ours}; two runs are compared on the same frame")
+    if _place_of(*theirs) != _place_of(*ours):
+        raise InputError(
+            f"{path} shows {_place_of(*theirs)}, A shows {_place_of(*ours)}; two runs are compared on the same frame"
+        )
 
 
 def _place_of(session: Session, frame: str) -> str:

@@ -13,10 +13,10 @@ from verefine_viz.batch.answer_cards import WRONG, matches, places_of, values_of
 from verefine_viz.batch.answer_tags import Arrangement, TagFile, answer_key, checked_name, read_tags, save_tags
 from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.index import BatchIndex, Order, find_runs, read_batch
-from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.batch.totals import doubts_in_words
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.settings import Session
+from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import load_session
 from verefine_viz.viewer.commands import OpenAt
 
@@ -31,7 +31,7 @@ class Entry:
 
     run: str
     """Name of the run's folder."""
-    row: ObjectRow
+    row: Answer
 
     @property
     def is_waiting(self) -> bool:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from verefine_viz.batch.summary import MUCH, MUCH_SCORE
-from verefine_viz.diagnosis.causes import DATA_FIRST, DECLARE, Cause, cause_title, distinct_texts
+from verefine_viz.diagnosis.causes import DECLARE, Cause, cause_title, distinct_texts
 from verefine_viz.diagnosis.signs import Course, far_start, ground_truth_is_unfit, is_low, leaks, out_of_range, starved
 from verefine_viz.methods.registry import method_of
+from verefine_viz.run.record import DATA_FIRST
 from verefine_viz.scenes.instance_notes import without
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.snapshot.finished_objects import FinishedObject
