@@ -8,8 +8,8 @@ import pytest
 
 from tests.calibration.sizes import WithoutTruth, scene, written
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import Journal, BatchInfo
-from verefine_viz.batch.rows import FrameResult
+from verefine_viz.batch.journal import Runs, BatchInfo
+# NAMES FrameResult
 from verefine_viz.batch.solve_frame import explain_frame
 from verefine_viz.batch.totals import Totals
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, RecordingSettings, SceneSettings, Session
@@ -53,7 +53,7 @@ def test_without_ground_truth_every_answer_of_the_frame_says_so(tmp_path: Path, 
     result = explain_frame(WithoutTruth(session), "0/0", tmp_path)
     assert len(result.doubts) == in_doubt
     assert all(row.evidence.startswith(DATA_FIRST) == bool(in_doubt) for row in result.objects)
-    journal = Journal(tmp_path)
+    journal = Runs(tmp_path)
     journal.save(result)
     assert journal.read("0/0") == result, "a batch that goes on later still knows"
     totals = Totals()

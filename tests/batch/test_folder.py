@@ -15,7 +15,7 @@ import pytest
 
 from verefine_viz.batch.folder import RunFolder, first_change
 from verefine_viz.batch.journal import BatchInfo, read_run
-from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame
+# NAMES FrameResult,Answer,failed_frame
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import load_session, resolve
@@ -24,7 +24,7 @@ SESSION = resolve({"title": "a", "method": {"name": "sir"}})
 
 
 def finished(frame: str, score: float = 0.5) -> FrameResult:
-    row = ObjectRow(scene_id=1, im_id=2, status="ok", score=score)
+    row = answer(scene_id=1, im_id=2, status="ok", score=score)
     return FrameResult(frame=frame, failed=False, seconds=0.1, objects=(row,))
 
 

@@ -20,15 +20,15 @@ from verefine_viz.batch.index import (
     read_batch,
 )
 from verefine_viz.batch.journal import BatchInfo
-from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame, write_frames_csv
+# NAMES FrameResult,Answer,failed_frame,write_frames_csv
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.run.session_file import resolve
 
 SESSION = resolve({"title": "t"})
 
 
-def row(im_id: int, **values: object) -> ObjectRow:
-    return ObjectRow.model_validate({"scene_id": 1, "im_id": im_id, "status": "ok", "diameter_mm": 100.0, **values})
+def row(im_id: int, **values: object) -> Answer:
+    return Answer.model_validate({"scene_id": 1, "im_id": im_id, "status": "ok", "diameter_mm": 100.0, **values})
 
 
 ROWS = (

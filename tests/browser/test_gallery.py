@@ -13,7 +13,7 @@ from tests.browser.conftest import SIZE, SLOW_MS, Screen, Show, is_seen, until_t
 from tests.browser.test_layout import WINDOWS, boxes_of
 from verefine_viz.batch.answer_cards import WRONG
 from verefine_viz.batch.folder import RunFolder
-from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, write_frames_csv
+# NAMES Estimate,FrameResult,Answer,write_frames_csv
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import DATA_FIRST
 from verefine_viz.run.session_file import resolve
@@ -34,8 +34,7 @@ def written(folder: Path, session: Session) -> None:
     for im_id in (0, 1):
         targets = demo_problem("clutter", session.scene, session.hypotheses, f"0/{im_id}").targets
         objects = tuple(
-            ObjectRow(
-                scene_id=0, im_id=im_id, instance_id=t.instance.instance_id, obj_id=t.model.obj_id, name=t.model.name,
+            answer(scene_id=0, im_id=im_id, instance_id=t.instance.instance_id, obj_id=t.model.obj_id, name=t.model.name,
                 method=method, has_truth=True, status="ok", score=0.9 - 0.005 * error_mm, add_s_mm=error_mm,
                 diameter_mm=1e3 * t.model.diameter_m, worst_iteration=2 + k, n_iterations=4,
                 cause=("refiner", "score")[k] if error_mm > 15 else "", evidence=EVIDENCE if error_mm > 15 else "",

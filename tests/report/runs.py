@@ -9,23 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from verefine_viz.batch.journal import Journal
-from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, write_frames_csv
+from verefine_viz.batch.journal import Runs
+# NAMES Estimate,FrameResult,Answer,write_frames_csv
 from verefine_viz.core.arrays import Float
 from verefine_viz.run.session_file import resolve, save_session
 
 
-def row(im_id: int, instance_id: int = 0, **values: object) -> ObjectRow:
+def row(im_id: int, instance_id: int = 0, **values: object) -> Answer:
     """An object that was solved, right unless ``values`` say otherwise."""
     known = {"obj_id": 1 + instance_id, "name": f"object {1 + instance_id}", "method": "rir", "diameter_mm": 100.0}
     known |= {"has_truth": True, "add_s_mm": 2.0, "rotation_deg": 1.0, "translation_mm": 1.0, "score": 0.9}
     known |= {"n_iterations": 25, "ms_refine": 10.0, "ms_simulate": 5.0, "ms_score": 15.0, "ms_total": 40.0}
     ids = {"scene_id": 1, "im_id": im_id, "instance_id": instance_id, "status": "ok"}
-    return ObjectRow.model_validate({**known, **ids, **values})
+    return Answer.model_validate({**known, **ids, **values})
 
 
 def write_run(
-    folder: Path, rows: Sequence[ObjectRow], session: Mapping[str, Any] | None = None, T_cam_obj: Float | None = None
+    folder: Path, rows: Sequence[Answer], session: Mapping[str, Any] | None = None, T_cam_obj: Float | None = None
 ) -> Path:
     """A finished batch of these rows; every object that was solved stands at ``T_cam_obj``, or at the identity."""
     pose = tuple((np.eye(4) if T_cam_obj is None else T_cam_obj).ravel().tolist())
@@ -40,9 +40,9 @@ def write_run(
         )
         failed = any(r.status == "failed" for r in mine)
         results.append(FrameResult(frame=frame, failed=failed, seconds=1.0, objects=mine, estimates=estimates))
-    (folder / "frames").mkdir(exist_ok=True)
+    (folder / "runs").mkdir(exist_ok=True)
     for result in results:
-        Journal(folder / "frames").save(result)
+        Runs(folder / "runs").save(result)
     write_frames_csv(folder / "frames.csv", results)
     totals = {"frames": len(results), "mean_stages_ms_per_frame": {"read": 30.0, "start": 10.0, "iterate": 200.0}}
     facts = {"version": "0.1.0", "status": "finished", "seconds": 12.0, "begun": "2026-01-02T03:04:05+00:00"}

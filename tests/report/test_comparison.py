@@ -11,7 +11,7 @@ import pytest
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import BatchInfo
-from verefine_viz.batch.rows import ObjectRow
+# NAMES Answer
 from verefine_viz.report.bop_recalls import FrameRecalls
 from verefine_viz.report.failure_cards import group_gallery
 from verefine_viz.report.group_comparison import Comparison, compare
@@ -25,16 +25,16 @@ WRONG = {"add_s_mm": 40.0}
 NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None}
 
 
-def run(method: str, seed: int, *rows: ObjectRow) -> LoadedRun:
+def run(method: str, seed: int, *rows: Answer) -> LoadedRun:
     session = resolve({"method": {"name": method, "seed": seed}, "hypotheses": {"seed": seed}})
     return LoadedRun("", BatchIndex(Path(f"{method}-{seed}"), session, BatchInfo(), rows))
 
 
-def group(method: str, *rows_by_seed: tuple[ObjectRow, ...]) -> Group:
+def group(method: str, *rows_by_seed: tuple[Answer, ...]) -> Group:
     return Group(method, tuple(run(method, seed, *rows) for seed, rows in enumerate(rows_by_seed)))
 
 
-def frames(n: int, wrong: tuple[int, ...] = (), **values: Any) -> tuple[ObjectRow, ...]:
+def frames(n: int, wrong: tuple[int, ...] = (), **values: Any) -> tuple[Answer, ...]:
     return tuple(row(k, **(values | (WRONG if k in wrong else {}))) for k in range(n))
 
 
@@ -114,7 +114,7 @@ def test_scenes_are_drawn_where_there_are_many() -> None:
 
 
 def test_failed_frames_count_apart_and_search_trees_do_not_count_refiner_calls() -> None:
-    failed = ObjectRow(scene_id=1, im_id=9, status="failed", message="no depth")
+    failed = answer(scene_id=1, im_id=9, status="failed", message="no depth")
     line = compared(group("rir", (row(1), failed))).lines[0]
     assert (line.n_failed_frames, line.n_objects) == (1, 1)
     assert compared(group("physim_mcts", frames(2))).lines[0].calls is None

@@ -12,7 +12,7 @@ from tests.report.pages import GONE, figures, fill_cards, size_of_1000_frames, w
 from tests.report.runs import row, write_run
 from tests.scenes.bop_folder import box_ply, make
 from verefine_viz import cli
-from verefine_viz.batch.rows import ObjectRow
+# NAMES Answer
 from verefine_viz.report.build_report import write_report
 from verefine_viz.run.session_file import resolve
 from verefine_viz.scenes.demo import demo_problem
@@ -87,7 +87,7 @@ def test_without_ground_truth_it_says_so(tmp_path: Path) -> None:
 
 
 def test_a_run_of_failed_frames_only_has_a_report(tmp_path: Path) -> None:
-    rows = [ObjectRow(scene_id=1, im_id=k, status="failed", message="no depth") for k in (1, 2)]
+    rows = [answer(scene_id=1, im_id=k, status="failed", message="no depth") for k in (1, 2)]
     write_report(write_run(tmp_path / "a", rows, GONE), None, tmp_path / "r.html")
     assert "2 frames failed as a whole" in (tmp_path / "r.html").read_text(encoding="utf-8")
 

@@ -13,7 +13,7 @@ from verefine_viz.batch.answer_tags import TAGS_FILE, Arrangement
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import BatchInfo
-from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
+# NAMES FrameResult,Answer,write_frames_csv
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import AT_ITS_START, changed
@@ -27,9 +27,9 @@ SIR = changed(SESSION, {"method": {"name": "sir"}}, AT_ITS_START)
 EVIDENCE = "No hypothesis of the box leads to the truth: the nearest starts 30° away."
 
 
-def row(im_id: int, instance_id: int = 0, **values: object) -> ObjectRow:
+def row(im_id: int, instance_id: int = 0, **values: object) -> Answer:
     known = {"scene_id": 0, "obj_id": 1, "name": "box", "status": "ok", "diameter_mm": 100.0, "score": 0.5}
-    return ObjectRow.model_validate({**known, "im_id": im_id, "instance_id": instance_id, **values})
+    return Answer.model_validate({**known, "im_id": im_id, "instance_id": instance_id, **values})
 
 
 RIR_ROWS = (
@@ -219,7 +219,7 @@ def test_the_plot_says_how_often_the_score_lies_and_rings_what_is_open(several: 
     assert "<circle" not in plot_svg(plot, None)
 
 
-def written(folder: Path, session: Session, rows: tuple[ObjectRow, ...], is_finished: bool = True) -> None:
+def written(folder: Path, session: Session, rows: tuple[Answer, ...], is_finished: bool = True) -> None:
     run = RunFolder(folder, session)
     run.write_json("run.json", {"status": "finished" if is_finished else "running"})
     if is_finished:

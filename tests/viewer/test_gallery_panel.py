@@ -16,21 +16,20 @@ from tests.viewer.test_app import cursor
 from verefine_viz.batch.answer_cards import WRONG
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import BatchInfo
-from verefine_viz.batch.rows import ObjectRow
+# NAMES Answer
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.panels.gallery_panel import entry_of, gallery_html, tip
 from verefine_viz.viewer.state.batch_gallery import Gallery
 
 
-def row(im_id: int, status: str = "ok", add_s_mm: float | None = None, worst: int | None = None) -> ObjectRow:
-    return ObjectRow(
-        scene_id=0, im_id=im_id, instance_id=0, obj_id=1, name="<b>box</b>", status=status, score=0.5,  # type: ignore[arg-type]
+def row(im_id: int, status: str = "ok", add_s_mm: float | None = None, worst: int | None = None) -> Answer:
+    return answer(scene_id=0, im_id=im_id, instance_id=0, obj_id=1, name="<b>box</b>", status=status, score=0.5,  # type: ignore[arg-type]
         add_s_mm=add_s_mm, diameter_mm=100.0, worst_iteration=worst, events="score_fell", message="no depth <i>",
     )  # fmt: skip
 
 
-def gallery(tmp_path: Path, *rows: ObjectRow) -> Gallery:
+def gallery(tmp_path: Path, *rows: Answer) -> Gallery:
     return Gallery([BatchIndex(tmp_path, SESSION, BatchInfo(), rows)])
 
 

@@ -11,7 +11,7 @@ import pytest
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import BatchInfo
-from verefine_viz.batch.rows import ObjectRow
+# NAMES Answer
 from verefine_viz.core.problem import DependencyGraph, Edge, EdgeState, Problem
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.core.surroundings import SupportSurface, Surroundings
@@ -107,7 +107,7 @@ def test_nothing_is_said_while_the_data_are_in_doubt() -> None:
 
 def test_nothing_is_said_where_a_batch_doubts_the_frame_by_another_object(tmp_path: Path) -> None:
     rows = tuple(
-        ObjectRow(scene_id=0, im_id=2, instance_id=k, obj_id=1, name="box", status="ok", evidence=evidence)
+        answer(scene_id=0, im_id=2, instance_id=k, obj_id=1, name="box", status="ok", evidence=evidence)
         for k, evidence in enumerate((f"{DATA_FIRST} objects appear larger: check cam_K.", ""))
     )
     session = Session(method=MethodSettings(name="rir", iterations=1))
