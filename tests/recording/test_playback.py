@@ -15,8 +15,7 @@ from verefine_viz.recording.playback import played
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.verify import first_difference
-from verefine_viz.run import compare
-from verefine_viz.run.compare import aligned, trace_of
+from verefine_viz.run.compare import aligned, departures
 
 pytestmark = pytest.mark.usefixtures("processes")
 
@@ -30,10 +29,9 @@ def test_it_is_the_run_that_was_recorded(tmp_path: Path, name: str) -> None:
     recorded = read_recording(tmp_path / "run.rrd")
     again = played(recorded, problem)
     assert (again.cursor, again.length, again.is_done) == (0, run.length, True)
-    a, b = trace_of(run), trace_of(again)
-    assert a.initial == b.initial
-    assert compare.first_difference(a, b, aligned(a, b)) is None
-    for before, after in zip(a.answers, b.answers, strict=True):
+    assert departures(run, again, aligned(run.iterations, again.iterations)) == (None, None)
+    for k in range(run.length + 1):
+        before, after = run.best_at(k), again.best_at(k)
         assert (
             first_difference([best.T_cam_obj for best in before.values()], [best.T_cam_obj for best in after.values()])
             is None
