@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.viewer.two_runs import SIR, TWO, debugger, sides
+from tests.viewer.fake_tools import FakeTools
+from tests.viewer.two_runs import SESSION, SIR, TWO, debugger, sides
+from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.debugger import Debugger
 
 
 def test_both_move_along_their_iterations() -> None:
@@ -111,3 +114,26 @@ def test_curves_run_over_the_iterations_of_the_object_in_focus() -> None:
     assert curves.score_b[2:] == (curves.score_b[2],) * 5, "a run that has ended stays where it was"
     assert curves.error_a is not None
     assert list(curves.score_a) == sorted(curves.score_a)
+
+
+class Ordered(FakeTools):
+    """Objects in the order of the session."""
+
+    def problem(self, frame: str) -> Problem:
+        return self.ordered(super().problem(frame))
+
+
+def test_runs_in_another_order_go_forward_together_and_end_at_their_answers() -> None:
+    d = Debugger(SESSION, None, Ordered).carry_out([TWO, c.RunUntil("end")])
+    d.carry_out([c.CompareRun((("method.name", "vf_depth"), ("dependency.order", (("#1", "#0"),))))])
+    runs = [branch.run for branch in d.workspace.work.branches]
+    assert [[i.instance_id for i in run.iterations][:3] for run in runs] == [[0, 0, 0], [1, 0, 1]]
+    for own, poses in sides(d).poses.items():
+        for run, T_cam_obj in zip(runs, poses, strict=True):
+            np.testing.assert_array_equal(T_cam_obj, run.best_at(run.length)[own].T_cam_obj)
+    d.carry_out([c.SeekMoment(0), c.ShowSidePoses("kept")])
+    for pair in sides(d).pairs:
+        v = sides(d.carry_out([c.StepMoment(1)]))
+        assert v.pair == pair
+        for side, index in ((v.now_a, pair.a), (v.now_b, pair.b)):
+            assert index in (None, side.iteration)

@@ -119,7 +119,7 @@ def _object_row(
     session: Session,
     around: Landscape | None,
 ) -> ObjectRow:
-    iterations = run.iterations_of(target.instance.instance_id)
+    iterations = [i for i in run.iterations if i.instance_id == target.instance.instance_id]
     facts = {
         **object_facts(problem, target, session.method.name),
         "seed": session.hypotheses.seed,

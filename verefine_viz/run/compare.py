@@ -303,12 +303,12 @@ def outcomes(
     """
 
     def answers(run: Run, score_of: Callable[[Target, Best], float] | None = None) -> dict[int, ScoredBest]:
-        found: dict[int, ScoredBest] = {}
+        scored: dict[int, ScoredBest] = {}
         for own, best in run.best_at(run.length).items():
             target = run.problem.target(own)
             score = score_of(target, best) if score_of is not None else best.score.score
-            found[own] = ScoredBest(best, errors_of(target, best.T_cam_obj), score)
-        return found
+            scored[own] = ScoredBest(best, errors_of(target, best.T_cam_obj), score)
+        return scored
 
     of_a, of_b = answers(a), answers(b, score_of)
     problems = {i.instance_id: run.problem for run in (b, a) for i in run.problem.instances}
