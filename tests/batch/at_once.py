@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.batch.answering import POSE
+
 # NAMES Estimate,FrameResult,Answer,file_stem
 from verefine_viz.batch.run_batch import Backend, Workers
 from verefine_viz.batch.worker_process import TaskName

@@ -18,6 +18,7 @@ import pytest
 from tests.scenes.bop_folder import Made, make
 from verefine_viz import cli
 from verefine_viz.batch import batch_command, worker_pool
+
 # NAMES FrameResult
 from verefine_viz.batch.solve_frame import TASKS
 from verefine_viz.batch.worker_process import TaskName

@@ -15,6 +15,7 @@ from tests.batch.test_runner import contents, frames
 from verefine_viz.batch.batch_command import run_jobs
 from verefine_viz.batch.jobs import Job
 from verefine_viz.batch.journal import Runs
+
 # NAMES FrameResult,read_frames_csv
 from verefine_viz.batch.run_batch import Progress, run_batch
 from verefine_viz.core.errors import InputError

@@ -15,6 +15,7 @@ import pytest
 
 from verefine_viz.batch.folder import RunFolder, first_change
 from verefine_viz.batch.journal import BatchInfo, read_run
+
 # NAMES FrameResult,Answer,failed_frame
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.settings import Session

@@ -11,6 +11,7 @@ import pytest
 from tests.batch.frames import depth_file, make_frames, write_session
 from tests.scenes.bop_folder import Made
 from verefine_viz.batch import solve_frame as causes
+
 # NAMES FRAMES_HEADER,STAGES,FrameResult,failed_frame,frames_lines
 from verefine_viz.batch.solve_frame import explain_frame, solve_frame
 from verefine_viz.diagnosis.causes import Cause

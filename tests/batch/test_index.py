@@ -20,6 +20,7 @@ from verefine_viz.batch.index import (
     read_batch,
 )
 from verefine_viz.batch.journal import BatchInfo
+
 # NAMES FrameResult,Answer,failed_frame,write_frames_csv
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.run.session_file import resolve

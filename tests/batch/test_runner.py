@@ -11,6 +11,7 @@ import pytest
 
 from tests.batch.at_once import AtOnce, AtOnceBackend, solved
 from verefine_viz.batch import run_batch as runner
+
 # NAMES FrameResult,failed_frame,read_frames_csv
 from verefine_viz.batch.run_batch import Progress, run_batch
 from verefine_viz.core.errors import UnavailableError

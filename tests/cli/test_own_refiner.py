@@ -11,6 +11,7 @@ import pytest
 
 from verefine_viz import cli
 from verefine_viz.batch.folder import RunFolder
+
 # NAMES FrameResult,Answer,write_frames_csv
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between

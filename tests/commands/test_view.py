@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from verefine_viz.batch.folder import RunFolder
+
 # NAMES FrameResult,Answer,write_frames_csv
 from verefine_viz.cli import main
 from verefine_viz.run.session_file import resolve
