@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from tests.light_frames import write_light_frames
-from verefine_viz.batch.journal import Journal
+from verefine_viz.batch.journal import Runs
 from verefine_viz.batch.machine import resident_bytes
-from verefine_viz.batch.rows import FrameResult
+from verefine_viz.run.record import RunEnd
 
 WORKERS = 2
 EVERY_S = 0.5
@@ -52,18 +52,19 @@ def _memory_rows(memory: list[tuple[int, int]], n_frames: int) -> list[dict[str,
 
 
 def _time_rows(out: Path, n_frames: int) -> list[dict[str, Any]]:
-    journal, done = Journal(out / "frames"), []
+    runs, done = Runs(out / "runs"), []
     for k in range(n_frames):
-        result = journal.read(f"0/{k}")
-        assert result is not None
-        done.append(((out / "frames" / f"000000_{k:06d}.json").stat().st_mtime, result))
+        record = runs.read(f"0/{k}")
+        assert record is not None
+        assert record.end is not None
+        done.append((runs.path(f"0/{k}").stat().st_mtime, record.end))
     done.sort(key=lambda pair: pair[0])
     tenth = n_frames // 10
     rows = []
     # The first tenth holds the start of the workers, so the second one is what later ones are compared with.
     for name, part in (("second", done[tenth : 2 * tenth]), ("last", done[-tenth:])):
         wall_ms = 1e3 * WORKERS * (part[-1][0] - part[0][0]) / (len(part) - 1)
-        stages_ms = float(np.mean([_stages_ms(result) for _, result in part]))
+        stages_ms = float(np.mean([_stages_ms(end) for _, end in part]))
         rows.append({"what": f"{name} tenth: ms a frame and worker", "value": round(wall_ms, 2)})
         rows.append({"what": f"{name} tenth: sum of the stages [ms]", "value": round(stages_ms, 2)})
         rows.append(
@@ -78,8 +79,8 @@ def _time_rows(out: Path, n_frames: int) -> list[dict[str, Any]]:
     return [*rows, {"what": "memory", "value": totals["memory"]}]
 
 
-def _stages_ms(result: FrameResult) -> float:
-    return sum(result.stages_ms.values())
+def _stages_ms(end: RunEnd) -> float:
+    return sum(end.stages_ms.values())
 
 
 if __name__ == "__main__":

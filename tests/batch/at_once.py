@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.batch.answering import POSE
-from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, file_stem
+
+# NAMES Estimate,FrameResult,Answer,file_stem
 from verefine_viz.batch.run_batch import Backend, Workers
 from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.settings import Session
@@ -16,7 +17,7 @@ from verefine_viz.core.settings import Session
 def solved(frame: str) -> FrameResult:
     """One object with five estimates."""
     im_id = int(frame.partition("/")[2])
-    row = ObjectRow(scene_id=0, im_id=im_id, status="ok", score=0.5, events="arm_switched 3; score_fell 1" * 10)
+    row = answer(scene_id=0, im_id=im_id, status="ok", score=0.5, events="arm_switched 3; score_fell 1" * 10)
     estimate = Estimate(obj_id=1, score=0.5, T_cam_obj=POSE)
     return FrameResult(frame=frame, failed=False, seconds=0.1, objects=(row,), estimates=(estimate,) * 5)
 

@@ -8,7 +8,7 @@ import sys
 from multiprocessing import connection
 from pathlib import Path
 
-from verefine_viz.batch.rows import FrameResult
+# NAMES FrameResult
 from verefine_viz.core.settings import Session
 
 DIES, EXITS = "0/13", "0/17"

@@ -18,7 +18,8 @@ import pytest
 from tests.scenes.bop_folder import Made, make
 from verefine_viz import cli
 from verefine_viz.batch import batch_command, worker_pool
-from verefine_viz.batch.rows import FrameResult
+
+# NAMES FrameResult
 from verefine_viz.batch.solve_frame import TASKS
 from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.settings import Session

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import psutil
 
-from verefine_viz.batch.rows import TIME_COLUMNS
+# NAMES TIME_COLUMNS
 
 PATIENCE_S = 600.0
 

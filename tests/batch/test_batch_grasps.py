@@ -10,7 +10,8 @@ import pytest
 from tests.batch.frames import batch_here, make_frames, write_session
 from tests.report.pages import GONE, figures
 from tests.report.runs import row, write_run
-from verefine_viz.batch.rows import read_frames_csv
+
+# NAMES read_frames_csv
 from verefine_viz.batch.session_check import check
 from verefine_viz.batch.solve_frame import solve_frame
 from verefine_viz.core.errors import InputError
@@ -29,7 +30,7 @@ def test_outcomes_are_the_same_for_any_number_of_workers(tmp_path: Path) -> None
     for n in (1, 2):
         done = batch_here(session, tmp_path / str(n), "--grasp", "--workers", n)
         assert done.returncode == 0, done.stderr
-    one, two = (read_frames_csv(tmp_path / n / "frames.csv") for n in ("1", "2"))
+    one, two = (read_batch(tmp_path / n).rows for n in ("1", "2"))
     outcomes = [(r.frame, r.instance_id, r.grasp, r.grasp_ground_truth) for r in one]
     assert outcomes == [(r.frame, r.instance_id, r.grasp, r.grasp_ground_truth) for r in two]
     # The answers are the ground truth.

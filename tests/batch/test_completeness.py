@@ -14,8 +14,9 @@ from tests.batch.at_once import AtOnce, AtOnceBackend, solved
 from tests.batch.test_runner import contents, frames
 from verefine_viz.batch.batch_command import run_jobs
 from verefine_viz.batch.jobs import Job
-from verefine_viz.batch.journal import Journal
-from verefine_viz.batch.rows import FrameResult, read_frames_csv
+from verefine_viz.batch.journal import Runs
+
+# NAMES FrameResult,read_frames_csv
 from verefine_viz.batch.run_batch import Progress, run_batch
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
@@ -84,13 +85,13 @@ def test_frames_that_are_lost_while_the_batch_runs_are_no_success(
     lost = [f"0/{k}" for k in range(int(at[2:]))]
     assert f"{len(lost)} frames of the session are missing ({', '.join(lost)})" in capsys.readouterr().out
     assert json.loads((out / "run.json").read_text())["status"] == "incomplete"
-    assert [row.frame for row in read_frames_csv(out / "frames.csv")] == [f"0/{k}" for k in range(len(lost), 5)]
+    assert [row.frame for row in read_batch(out).rows] == [f"0/{k}" for k in range(len(lost), 5)]
     # The same command solves what is missing, and nothing else.
     asked: list[str] = []
     again = AtOnceBackend(made=AtOnce(lambda frame: asked.append(frame) or solved(frame)))
     assert run_jobs([job], out, again) == 0
     assert asked == lost
-    assert len(read_frames_csv(out / "frames.csv")) == 5
+    assert len(read_batch(out).rows) == 5
 
 
 def test_recordings_that_are_gone_are_named_and_made_again_when_asked_for(
@@ -154,7 +155,7 @@ def test_a_damaged_entry_of_the_journal_is_said_and_its_frame_solved_again(
     entry = json.loads(file.read_text())
     change(entry)
     file.write_text(json.dumps(entry))
-    assert Journal(tmp_path / "frames").read("0/1") is None
+    assert Runs(tmp_path / "runs").read("0/1") is None
     asked: list[str] = []
     told: list[str] = []
 

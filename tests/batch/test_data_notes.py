@@ -8,12 +8,13 @@ import pytest
 
 from tests.calibration.sizes import WithoutTruth, scene, written
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import Journal, RunFile
-from verefine_viz.batch.rows import FrameResult
+from verefine_viz.batch.journal import BatchInfo, Runs
+
+# NAMES FrameResult
 from verefine_viz.batch.solve_frame import explain_frame
 from verefine_viz.batch.totals import Totals
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, RecordingSettings, SceneSettings, Session
-from verefine_viz.diagnosis.causes import DATA_FIRST
+from verefine_viz.run.record import DATA_FIRST
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.viewer.state.batch_gallery import Gallery
 
@@ -53,14 +54,14 @@ def test_without_ground_truth_every_answer_of_the_frame_says_so(tmp_path: Path, 
     result = explain_frame(WithoutTruth(session), "0/0", tmp_path)
     assert len(result.doubts) == in_doubt
     assert all(row.evidence.startswith(DATA_FIRST) == bool(in_doubt) for row in result.objects)
-    journal = Journal(tmp_path)
+    journal = Runs(tmp_path)
     journal.save(result)
     assert journal.read("0/0") == result, "a batch that goes on later still knows"
     totals = Totals()
     rows = [row for one in totals.passing(journal.results(["0/0"])) for row in one.objects]
     said = totals.as_json(1)["data_in_doubt"]
     assert said.startswith(f"{DATA_FIRST} in frame 0/0, ") == bool(in_doubt)
-    assert Gallery([BatchIndex(tmp_path, session, RunFile(), tuple(rows))]).doubt.startswith(DATA_FIRST) == bool(
+    assert Gallery([BatchIndex(tmp_path, session, BatchInfo(), tuple(rows))]).doubt.startswith(DATA_FIRST) == bool(
         in_doubt
     )
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from verefine_viz.batch.rows import ObjectRow
+# NAMES Answer
 from verefine_viz.batch.totals import Doubts, doubts_in_words
-from verefine_viz.diagnosis.causes import DATA_FIRST
+from verefine_viz.run.record import DATA_FIRST
 
 LARGE = "objects appear 11% larger: check cam_K"
 LARGER = "objects appear 12.5% larger: check cam_K"
@@ -42,9 +42,9 @@ def test_each_reason_is_reported_with_its_frames_the_most_frequent_first(whys: l
     assert doubts.in_words(9) == said
 
 
-def row(im_id: int, doubt: str) -> ObjectRow:
+def row(im_id: int, doubt: str) -> Answer:
     told = f"{DATA_FIRST} {doubt}." if doubt else ""
-    return ObjectRow(scene_id=0, im_id=im_id, status="ok", evidence=f"The mask leaks. {told}")
+    return answer(scene_id=0, im_id=im_id, status="ok", evidence=f"The mask leaks. {told}")
 
 
 def test_a_frame_counts_once_however_many_of_its_objects_say_so() -> None:

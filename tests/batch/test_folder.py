@@ -14,8 +14,9 @@ from typing import Any
 import pytest
 
 from verefine_viz.batch.folder import RunFolder, first_change
-from verefine_viz.batch.journal import RunFile, read_run
-from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame
+from verefine_viz.batch.journal import BatchInfo, read_run
+
+# NAMES FrameResult,Answer,failed_frame
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import load_session, resolve
@@ -24,7 +25,7 @@ SESSION = resolve({"title": "a", "method": {"name": "sir"}})
 
 
 def finished(frame: str, score: float = 0.5) -> FrameResult:
-    row = ObjectRow(scene_id=1, im_id=2, status="ok", score=score)
+    row = answer(scene_id=1, im_id=2, status="ok", score=score)
     return FrameResult(frame=frame, failed=False, seconds=0.1, objects=(row,))
 
 
@@ -208,8 +209,8 @@ def test_a_foreign_run_json_is_one_clear_error(tmp_path: Path, text: str | bytes
 
 def test_run_json_is_read_back(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text(json.dumps({"seconds": 3}))
-    assert read_run(tmp_path) == RunFile(seconds=3)
-    assert read_run(tmp_path / "nowhere") == RunFile()
+    assert read_run(tmp_path) == BatchInfo(seconds=3)
+    assert read_run(tmp_path / "nowhere") == BatchInfo()
 
 
 def test_the_first_change_names_field_and_values() -> None:

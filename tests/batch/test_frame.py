@@ -11,7 +11,8 @@ import pytest
 from tests.batch.frames import depth_file, make_frames, write_session
 from tests.scenes.bop_folder import Made
 from verefine_viz.batch import solve_frame as causes
-from verefine_viz.batch.rows import FRAMES_HEADER, STAGES, FrameResult, failed_frame, frames_lines
+
+# NAMES FRAMES_HEADER,STAGES,FrameResult,failed_frame,frames_lines
 from verefine_viz.batch.solve_frame import explain_frame, solve_frame
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.evaluation.landscape import landscape

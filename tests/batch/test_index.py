@@ -19,16 +19,17 @@ from verefine_viz.batch.index import (
     named_runs,
     read_batch,
 )
-from verefine_viz.batch.journal import RunFile
-from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame, write_frames_csv
+from verefine_viz.batch.journal import BatchInfo
+
+# NAMES FrameResult,Answer,failed_frame,write_frames_csv
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.run.session_file import resolve
 
 SESSION = resolve({"title": "t"})
 
 
-def row(im_id: int, **values: object) -> ObjectRow:
-    return ObjectRow.model_validate({"scene_id": 1, "im_id": im_id, "status": "ok", "diameter_mm": 100.0, **values})
+def row(im_id: int, **values: object) -> Answer:
+    return Answer.model_validate({"scene_id": 1, "im_id": im_id, "status": "ok", "diameter_mm": 100.0, **values})
 
 
 ROWS = (
@@ -71,7 +72,7 @@ def test_the_worst_come_first(index: BatchIndex, order: Order, expected: list[in
 def test_frames_that_can_be_opened_come_before_failed_ones(index: BatchIndex) -> None:
     assert index.frames == ("1/4", "1/2", "1/1", "1/6", "1/3", "1/5")
     assert index.session == SESSION
-    assert index.run == RunFile(status="finished")
+    assert index.run == BatchInfo(status="finished")
 
 
 def test_a_table_that_lost_rows_since_it_was_counted_is_refused(tmp_path: Path, index: BatchIndex) -> None:

@@ -20,7 +20,8 @@ from verefine_viz.batch.motion_table import (
     read_tracks,
     write_motion,
 )
-from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, failed_frame, read_frames_csv
+
+# NAMES Estimate,FrameResult,Answer,failed_frame,read_frames_csv
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import axis_angle, transform
@@ -33,7 +34,7 @@ HALF_TURN = transform(axis_angle(np.array([0.0, 0, 1]), np.pi), np.zeros(3))
 def result(im_id: int, poses: dict[tuple[int, int], Float | None], scene_id: int = 0) -> FrameResult:
     """A frame with these answers, by (obj_id, instance_id); None: the object has none."""
     rows = tuple(
-        ObjectRow(
+        answer(
             scene_id=scene_id,
             im_id=im_id,
             instance_id=instance,
@@ -167,10 +168,10 @@ def test_the_recorded_score_of_the_answer_is_a_column(tmp_path: Path) -> None:
         write_trace(tmp_path / "runs" / f"{k:06d}", tmp_path / "box.obj")
     out = tmp_path / "out"
     assert batch_here(tmp_path / "runs", out, "--workers", 1).returncode == 0
-    assert [row.recorded_score for row in read_frames_csv(out / "frames.csv")] == [0.9, 0.9]
-    assert [row.missing_depth for row in read_frames_csv(out / "frames.csv")] == [0, 0]
+    assert [row.recorded_score for row in read_batch(out).rows] == [0.9, 0.9]
+    assert [row.missing_depth for row in read_batch(out).rows] == [0, 0]
     # Traces that are named by numbers alone are a sequence.
     (track,) = read_tracks(out)
     assert [row.recorded_score for row in track.rows] == [0.9, 0.9]
     assert batch_here(tmp_path / "runs", tmp_path / "rir", "--workers", 1, "--method.name", "rir").returncode == 0
-    assert [row.recorded_score for row in read_frames_csv(tmp_path / "rir" / "frames.csv")] == [None, None]
+    assert [row.recorded_score for row in read_batch(tmp_path / "rir").rows] == [None, None]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from verefine_viz.batch.rows import FrameResult
+# NAMES FrameResult
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.run.kernel_compilation import COMPILING
 from verefine_viz.run.session_file import resolve

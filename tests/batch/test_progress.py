@@ -13,14 +13,15 @@ from rich.console import Console
 from verefine_viz.batch import progress
 from verefine_viz.batch.batch_command import in_short
 from verefine_viz.batch.progress import in_words, shown_progress
-from verefine_viz.batch.rows import FrameResult, ObjectRow, failed_frame, with_objects
+
+# NAMES FrameResult,Answer,failed_frame,with_objects
 from verefine_viz.batch.run_batch import Outcome, Progress
 from verefine_viz.batch.totals import Counts, Totals
 from verefine_viz.core.problem import LeftOut
 
 
 def solved(im_id: int, add_s_mm: float | None, status: str = "ok") -> FrameResult:
-    row = ObjectRow.model_validate(
+    row = Answer.model_validate(
         {"scene_id": 0, "im_id": im_id, "status": status, "add_s_mm": add_s_mm, "diameter_mm": 100.0, "score": 0.5,
          "has_truth": True}
     )  # fmt: skip

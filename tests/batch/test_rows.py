@@ -15,16 +15,9 @@ from hypothesis import strategies as st
 
 from tests.changing import replace
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
-from verefine_viz.batch.rows import (
-    FrameResult,
-    ObjectRow,
-    failed_frame,
-    file_stem,
-    read_frames_csv,
-    with_objects,
-    write_frames_csv,
-)
-from verefine_viz.batch.summary import MUCH, frame_result, worst_iteration
+
+# NAMES FrameResult,Answer,failed_frame,file_stem,read_frames_csv,with_objects,write_frames_csv
+from verefine_viz.batch.summary import MUCH, run_end, worst_iteration
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
@@ -39,7 +32,7 @@ from verefine_viz.run.toolbox import Toolbox
 
 finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
 rows = st.builds(
-    ObjectRow,
+    Answer,
     scene_id=st.integers(0, 10**6),
     im_id=st.integers(0, 10**6),
     instance_id=st.none() | st.integers(0, 99),
@@ -57,11 +50,11 @@ def solved(
     chosen = MethodSettings(name=method, iterations=3)
     run = Run(make_method(chosen, FakeSimulator(), refiner or FakeRefiner(), FakeVerifier(), 3), problem)
     run.finish()
-    return run, frame_result(run, session or Session())
+    return run, run_end(run, session or Session())
 
 
 @given(st.lists(rows, max_size=3), finite)
-def test_a_result_survives_the_journal(objects: list[ObjectRow], seconds: float) -> None:
+def test_a_result_survives_the_journal(objects: list[Answer], seconds: float) -> None:
     result = FrameResult(frame="3/14", failed=False, seconds=seconds, objects=tuple(objects))
     assert FrameResult.model_validate_json(result.model_dump_json()) == result
 
@@ -99,7 +92,7 @@ def with_score(value: str) -> Callable[[str], str]:
 )
 def test_a_damaged_table_is_refused_in_one_line(change: Callable[[str], str], why: str, tmp_path: Path) -> None:
     file = tmp_path / "frames.csv"
-    row = ObjectRow(scene_id=0, im_id=0, status="ok", score=0.5, message="all is well")
+    row = answer(scene_id=0, im_id=0, status="ok", score=0.5, message="all is well")
     write_frames_csv(file, [FrameResult(frame="0/0", failed=False, seconds=0, objects=(row,))])
     file.write_bytes(change(file.read_text()).encode(errors="surrogateescape"))
     with pytest.raises(InputError) as refused:
@@ -121,7 +114,7 @@ def test_what_is_no_table_is_refused_at_once(name: str, tmp_path: Path) -> None:
 
 
 @given(rows)
-def test_frames_csv_is_read_as_it_was_written(tmp_path_factory: pytest.TempPathFactory, row: ObjectRow) -> None:
+def test_frames_csv_is_read_as_it_was_written(tmp_path_factory: pytest.TempPathFactory, row: Answer) -> None:
     file = tmp_path_factory.mktemp("csv") / "frames.csv"
     row = row.model_copy(update={"message": " ".join(row.message.split())})
     write_frames_csv(file, [FrameResult(frame="0/0", failed=False, seconds=0, objects=(row,))])
@@ -223,7 +216,7 @@ def test_a_row_has_the_colour_fit_of_its_answer_where_colour_counts() -> None:
     problem = box_problem()
     run = Run(make_method(MethodSettings(iterations=3), FakeSimulator(), FakeRefiner(), SeesColour(), 3), problem)
     run.finish()
-    (row,) = frame_result(run, Session()).objects
+    (row,) = run_end(run, Session()).objects
     assert row.score is not None
     assert row.colour_fit == row.score / 2
 
@@ -301,6 +294,6 @@ def test_an_answer_that_is_right_by_add_s_only_says_so() -> None:
     toolbox = Toolbox(load_session(sessions / "failure_simulation_topples.toml", {"method": {"name": "rir"}}))
     run = toolbox.run(toolbox.problem(toolbox.frames[0]))
     run.finish()
-    (row,) = frame_result(run, toolbox.session).objects
+    (row,) = run_end(run, toolbox.session).objects
     assert row.is_correct
     assert row.message.startswith("right by ADD-S only: ADD over the declared symmetries is 1")

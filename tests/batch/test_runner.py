@@ -11,7 +11,8 @@ import pytest
 
 from tests.batch.at_once import AtOnce, AtOnceBackend, solved
 from verefine_viz.batch import run_batch as runner
-from verefine_viz.batch.rows import FrameResult, failed_frame, read_frames_csv
+
+# NAMES FrameResult,failed_frame,read_frames_csv
 from verefine_viz.batch.run_batch import Progress, run_batch
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
@@ -49,7 +50,7 @@ def test_the_parent_does_not_grow_with_the_number_of_frames(tmp_path: Path, monk
         tracemalloc.stop()
     # A single result is about 5 kB of Python objects; 1100 of them would be 5 MB.
     assert held[1400] - held[300] < 200_000
-    assert len(read_frames_csv(tmp_path / "out" / "frames.csv")) == 1500
+    assert len(read_batch(tmp_path / "out").rows) == 1500
 
 
 def test_tables_are_in_the_session_s_order_whatever_the_order_of_the_work(
@@ -61,7 +62,7 @@ def test_tables_are_in_the_session_s_order_whatever_the_order_of_the_work(
     outcome = run_batch(Session(), tmp_path, AtOnceBackend(made=backwards))
     assert backwards.is_closed
     assert outcome.totals["frames_done"] == len(names)
-    assert [row.im_id for row in read_frames_csv(tmp_path / "frames.csv")] == list(range(9))
+    assert [row.im_id for row in read_batch(tmp_path).rows] == list(range(9))
     assert [row.im_id for row in read_results(tmp_path / "results.csv")] == [k for k in range(9) for _ in range(5)]
 
 
@@ -107,7 +108,7 @@ def test_a_batch_of_fewer_frames_than_before_is_counted_anew(tmp_path: Path, mon
     run_batch(Session(), tmp_path, AtOnceBackend())
     frames(2, monkeypatch)
     assert not run_batch(Session(), tmp_path, AtOnceBackend()).was_finished
-    assert [row.im_id for row in read_frames_csv(tmp_path / "frames.csv")] == [0, 1]
+    assert [row.im_id for row in read_batch(tmp_path).rows] == [0, 1]
     assert json.loads((tmp_path / "run.json").read_text())["totals"]["frames"] == 2
 
 
@@ -136,7 +137,7 @@ def test_what_is_done_when_it_ends_early_is_there(
     with pytest.raises(end if isinstance(end, type) else type(end)):
         run_batch(Session(), tmp_path, AtOnceBackend(made=made))
     assert made.is_closed
-    assert [row.im_id for row in read_frames_csv(tmp_path / "frames.csv")] == [0, 1, 3]
+    assert [row.im_id for row in read_batch(tmp_path).rows] == [0, 1, 3]
     run = json.loads((tmp_path / "run.json").read_text())
     assert (run["status"], run["totals"]["frames"], run["totals"]["frames_done"]) == ("stopped", 9, 3)
     # Nobody holds the folder any more, and only the rest is asked for.
@@ -144,4 +145,4 @@ def test_what_is_done_when_it_ends_early_is_there(
     again = AtOnce(lambda frame: asked.append(frame) or solved(frame))
     assert run_batch(Session(), tmp_path, AtOnceBackend(made=again)).n_resumed == 3
     assert asked == [f"0/{k}" for k in (2, 4, 5, 6, 7, 8)]
-    assert [row.im_id for row in read_frames_csv(tmp_path / "frames.csv")] == list(range(9))
+    assert [row.im_id for row in read_batch(tmp_path).rows] == list(range(9))

@@ -11,7 +11,8 @@ from rich.console import Console
 from tests.report.runs import row, write_run
 from verefine_viz.batch.batch_command import sweep_row, sweep_table, what_next
 from verefine_viz.batch.jobs import Job
-from verefine_viz.batch.rows import ObjectRow
+
+# NAMES Answer
 from verefine_viz.batch.run_batch import Outcome
 from verefine_viz.core.settings import SceneSettings
 from verefine_viz.report.group_comparison import FrameRecalls, compare
@@ -21,7 +22,7 @@ from verefine_viz.run.session_file import resolve
 NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None, "ms_total": 0.0}
 
 
-def rows_of(seed: int, worse: float) -> list[ObjectRow]:
+def rows_of(seed: int, worse: float) -> list[Answer]:
     """Frames with one to three objects, one of them without an answer, and one frame that failed as a whole."""
     rng = np.random.default_rng(seed)
     known = [
@@ -29,7 +30,7 @@ def rows_of(seed: int, worse: float) -> list[ObjectRow]:
         for f in range(1, 6 + seed)
         for i in range(1 + f % 3)
     ]
-    return [*known, row(1, 7, **NO_ANSWER), ObjectRow(scene_id=1, im_id=99, status="failed", message="no depth")]
+    return [*known, row(1, 7, **NO_ANSWER), answer(scene_id=1, im_id=99, status="failed", message="no depth")]
 
 
 def runs(folder: Path) -> dict[str, list[Path]]:
@@ -79,7 +80,7 @@ def test_the_best_comes_first(tmp_path: Path) -> None:
 
 
 def test_of_nothing_nothing_is_said() -> None:
-    found = sweep_row([[ObjectRow(scene_id=1, im_id=1, status="failed", message="no depth")]])
+    found = sweep_row([[answer(scene_id=1, im_id=1, status="failed", message="no depth")]])
     assert (found.recall, found.ends, found.median_mm, found.score, found.ms_per_frame) == (None,) * 5
 
 

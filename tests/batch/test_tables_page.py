@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args
 
-from verefine_viz.batch.rows import ObjectRow, Status
+# NAMES Answer,Status
 from verefine_viz.core.records import EventKind
 from verefine_viz.diagnosis.causes import TITLES, Cause
 
@@ -25,7 +25,7 @@ def rows_of(heading: str) -> dict[str, list[str]]:
 
 def test_every_column_is_defined_in_the_order_of_the_table() -> None:
     columns = rows_of("frames.csv")
-    assert list(columns) == list(ObjectRow.model_fields)
+    assert list(columns) == list(Answer.model_fields)
     assert all(len(said) == 1 and len(said[0]) > 5 for said in columns.values())
     for status in get_args(Status):
         assert f"`{status}`: " in columns["status"][0]

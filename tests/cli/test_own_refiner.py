@@ -11,7 +11,8 @@ import pytest
 
 from verefine_viz import cli
 from verefine_viz.batch.folder import RunFolder
-from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
+
+# NAMES FrameResult,Answer,write_frames_csv
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.problem import Placed, Target
@@ -192,7 +193,7 @@ def test_a_batch_is_opened_through_the_program_that_has_it(
     tmp_path: Path, served: dict[str, Any], refused: Refused
 ) -> None:
     run = RunFolder(tmp_path / "runs", resolve(SETTINGS))
-    row = ObjectRow(scene_id=0, im_id=0, instance_id=0, obj_id=1, status="ok")
+    row = answer(scene_id=0, im_id=0, instance_id=0, obj_id=1, status="ok")
     result = FrameResult(frame="0/0", failed=False, seconds=1.0, objects=(row,))
     write_frames_csv(tmp_path / "runs" / "frames.csv", [result])
     run.write_json("run.json", {"status": "finished"})

@@ -15,7 +15,8 @@ from PIL import Image
 
 from tests.commands.evaluating import BadInput, rows
 from tests.scenes.bop_folder import box_ply, cut, make
-from verefine_viz.batch.rows import write_frames_csv
+
+# NAMES write_frames_csv
 from verefine_viz.commands.score_output import without_common_ends
 from verefine_viz.scenes.results_csv import HEADER, write_results
 

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from verefine_viz.batch.folder import RunFolder
-from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
+
+# NAMES FrameResult,Answer,write_frames_csv
 from verefine_viz.cli import main
 from verefine_viz.run.session_file import resolve
 from verefine_viz.viewer import app as page_app
@@ -20,7 +21,7 @@ def batch_run(folder: Path, method: str, errors_mm: tuple[float, ...]) -> None:
     folder.mkdir()
     run = RunFolder(folder, resolve({"method": {"name": method}, "scene": {"demo": "clutter"}}))
     rows = [
-        ObjectRow(scene_id=0, im_id=k, instance_id=0, obj_id=1, status="ok", add_s_mm=error_mm, diameter_mm=100.0)
+        answer(scene_id=0, im_id=k, instance_id=0, obj_id=1, status="ok", add_s_mm=error_mm, diameter_mm=100.0)
         for k, error_mm in enumerate(errors_mm)
     ]
     write_frames_csv(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.made_up_frames import Thing, frame_of, model, moved, session_of, standing
-from verefine_viz.batch.summary import frame_result
+from verefine_viz.batch.summary import run_end
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import PhysicsSettings
@@ -84,6 +84,6 @@ def test_a_batch_says_so_where_the_method_simulates(name: str) -> None:
     problem = toolbox.ordered(blind(frame_of([Thing(CARTON, T, (T,))], rng)))
     run = toolbox.run(problem)
     run.finish()
-    (row,) = frame_result(run, session).objects
+    (row,) = run_end(run, session).answers
     assert row.cause == (Cause.IMPOSSIBLE if name == "rir" else "")
     assert ("Floats: 59.9 mm" in row.evidence) == (name == "rir")

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.changing import replace
+from tests.made_runs import answer
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import RunFile
-from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.batch.journal import BatchInfo
 from verefine_viz.report.bop_recalls import FrameRecalls
 from verefine_viz.report.failure_cards import group_gallery
 from verefine_viz.report.group_comparison import Comparison, compare
@@ -19,22 +20,23 @@ from verefine_viz.report.group_sentences import counted, headline, title
 from verefine_viz.report.groups import Group
 from verefine_viz.report.object_results import axes_of, by_frame, hardest, heat, outcomes_of
 from verefine_viz.report.run_results import LoadedRun, recall_curve
+from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import resolve
 
 WRONG = {"add_s_mm": 40.0}
 NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None}
 
 
-def run(method: str, seed: int, *rows: ObjectRow) -> LoadedRun:
+def run(method: str, seed: int, *rows: Answer) -> LoadedRun:
     session = resolve({"method": {"name": method, "seed": seed}, "hypotheses": {"seed": seed}})
-    return LoadedRun("", BatchIndex(Path(f"{method}-{seed}"), session, RunFile(), rows))
+    return LoadedRun("", BatchIndex(Path(f"{method}-{seed}"), session, BatchInfo(), rows))
 
 
-def group(method: str, *rows_by_seed: tuple[ObjectRow, ...]) -> Group:
+def group(method: str, *rows_by_seed: tuple[Answer, ...]) -> Group:
     return Group(method, tuple(run(method, seed, *rows) for seed, rows in enumerate(rows_by_seed)))
 
 
-def frames(n: int, wrong: tuple[int, ...] = (), **values: Any) -> tuple[ObjectRow, ...]:
+def frames(n: int, wrong: tuple[int, ...] = (), **values: Any) -> tuple[Answer, ...]:
     return tuple(row(k, **(values | (WRONG if k in wrong else {}))) for k in range(n))
 
 
@@ -114,7 +116,7 @@ def test_scenes_are_drawn_where_there_are_many() -> None:
 
 
 def test_failed_frames_count_apart_and_search_trees_do_not_count_refiner_calls() -> None:
-    failed = ObjectRow(scene_id=1, im_id=9, status="failed", message="no depth")
+    failed = answer(scene_id=1, im_id=9, status="failed", message="no depth")
     line = compared(group("rir", (row(1), failed))).lines[0]
     assert (line.n_failed_frames, line.n_objects) == (1, 1)
     assert compared(group("physim_mcts", frames(2))).lines[0].calls is None
@@ -143,9 +145,7 @@ def test_hard_is_what_most_groups_get_wrong_with_most_seeds() -> None:
 
 def test_the_gallery_takes_as_many_of_each_group_and_an_object_once() -> None:
     worse = frames(4, (0, 1)), (row(0, add_s_mm=60.0), *frames(4, (2,))[1:])
-    worse = tuple(
-        tuple(r.model_copy(update={"cause": "pool"}) if r.add_s_mm != 2.0 else r for r in mine) for mine in worse
-    )
+    worse = tuple(tuple(replace(r, cause="pool") if r.add_s_mm != 2.0 else r for r in mine) for mine in worse)
     found = group_gallery([group("pir", *worse), group("rir", frames(4, (3,)))], 4, lambda done, of: None)
     assert [(card.pick.group, card.row.im_id, card.row.add_s_mm) for card in found.failures] == [
         ("pir", 0, 60.0),

@@ -8,7 +8,7 @@ from typing import Any
 
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import RunFile
+from verefine_viz.batch.journal import BatchInfo
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.report.run_results import LoadedRun
@@ -21,7 +21,7 @@ def step(*causes: str, method: str = "rir", n_right: int = 4, **values: Any) -> 
     known = ({"im_id": k, "add_s_mm": 90.0 - k, "name": f"box {k}", "cause": cause} for k, cause in enumerate(causes))
     wrong = [row(**(mine | values)) for mine in known]
     rows = (*(row(90 + k) for k in range(n_right)), *reversed(wrong))
-    return next_step(LoadedRun("", BatchIndex(Path("run"), resolve({"method": {"name": method}}), RunFile(), rows)))
+    return next_step(LoadedRun("", BatchIndex(Path("run"), resolve({"method": {"name": method}}), BatchInfo(), rows)))
 
 
 def said(*causes: str, **values: Any) -> str:
@@ -70,7 +70,7 @@ def test_nothing_wrong_is_nothing_to_do_and_an_unknown_cause_is_shown_as_it_is()
 
 def test_without_ground_truth_the_lowest_score_comes_first() -> None:
     rows = tuple(row(k, has_truth=False, add_s_mm=None, score=score) for k, score in ((1, 0.9), (2, 0.1)))
-    found = next_step(LoadedRun("", BatchIndex(Path("run"), resolve({}), RunFile(), rows)))
+    found = next_step(LoadedRun("", BatchIndex(Path("run"), resolve({}), BatchInfo(), rows)))
     assert (found.text, found.begin.im_id) == ("Which answers are wrong is not known; begin with the lowest score,", 2)
 
 

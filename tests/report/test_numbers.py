@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.changing import replace
+from tests.made_runs import answer, written
 from tests.report.runs import row, write_run
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import Journal, RunFile
-from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.batch.journal import BatchInfo, Runs
 from verefine_viz.evaluation.pose_table import read_pose_table
 from verefine_viz.report.bop_recalls import run_rows
 from verefine_viz.report.charts import time_figure
@@ -30,6 +30,7 @@ from verefine_viz.report.run_results import (
     stage_times,
 )
 from verefine_viz.report.run_sentences import headline
+from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import resolve
 from verefine_viz.scenes.results_csv import write_results
 
@@ -37,8 +38,8 @@ WRONG = {"add_s_mm": 40.0}
 NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None}
 
 
-def run_of(*rows: ObjectRow, label: str = "") -> LoadedRun:
-    return LoadedRun(label, BatchIndex(Path("run"), resolve({}), RunFile(), rows))
+def run_of(*rows: Answer, label: str = "") -> LoadedRun:
+    return LoadedRun(label, BatchIndex(Path("run"), resolve({}), BatchInfo(), rows))
 
 
 def test_an_object_without_an_answer_is_not_found() -> None:
@@ -50,7 +51,7 @@ def test_an_object_without_an_answer_is_not_found() -> None:
 
 
 def test_failed_frames_and_what_they_held_are_counted_apart() -> None:
-    failed = ObjectRow(scene_id=1, im_id=9, status="failed", message="no depth")
+    failed = answer(scene_id=1, im_id=9, status="failed", message="no depth")
     numbers = numbers_of(run_of(row(1), failed))
     assert (numbers.n_frames, numbers.n_failed_frames, numbers.n_objects) == (2, 1, 1)
     failed = [row(9, k, status="failed", add_s_mm=None, score=None, ms_total=0.0) for k in range(2)]
@@ -69,10 +70,10 @@ def test_failed_frames_and_what_they_held_are_counted_apart() -> None:
 def test_solving_takes_as_long_as_results_csv_says(tmp_path: Path) -> None:
     rows = [row(1, 0), row(1, 1), row(2, 0), row(3, 0, **NO_ANSWER), row(9, status="failed", add_s_mm=None)]
     folder = write_run(tmp_path / "a", rows)
-    journal = Journal(folder / "frames")
     stages_ms = {"read": 900.0, "start": 300.0, "iterate": 100.0, "record": 500.0}
-    for k, result in enumerate(list(journal.results(["1/1", "1/2", "1/3", "1/9"])), start=1):
-        journal.save(result.model_copy(update={"stages_ms": {name: k * ms for name, ms in stages_ms.items()}}))
+    for k, record in enumerate(list(Runs(folder / "runs").records(["1/1", "1/2", "1/3", "1/9"])), start=1):
+        end = replace(record.end, stages_ms={name: k * ms for name, ms in stages_ms.items()})
+        written(folder, replace(record, end=end))
     run = load(folder)
     # The time of results.csv is that of first scores and iterations, of images with an answer.
     assert numbers_of(run).solving_ms == pytest.approx(600.0)
@@ -81,7 +82,7 @@ def test_solving_takes_as_long_as_results_csv_says(tmp_path: Path) -> None:
 
 
 def test_search_trees_do_not_count_refiner_calls() -> None:
-    run = LoadedRun("", BatchIndex(Path("run"), resolve({"method": {"name": "physim_mcts"}}), RunFile(), (row(1),)))
+    run = LoadedRun("", BatchIndex(Path("run"), resolve({"method": {"name": "physim_mcts"}}), BatchInfo(), (row(1),)))
     assert numbers_of(run).calls_per_object is None
     assert numbers_of(run_of(row(1))).calls_per_object == 25.0
 

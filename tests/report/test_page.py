@@ -8,16 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.made_runs import answer
 from tests.report.pages import GONE, figures, fill_cards, size_of_1000_frames, without_plotly
 from tests.report.runs import row, write_run
 from tests.scenes.bop_folder import box_ply, make
 from verefine_viz import cli
-from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.report.build_report import write_report
 from verefine_viz.run.session_file import resolve
 from verefine_viz.scenes.demo import demo_problem
-
-NO_RECORDING = "Some frames have no recording (recording.keep), and so no curve."
 
 
 @pytest.mark.usefixtures("long_run")
@@ -87,7 +85,7 @@ def test_without_ground_truth_it_says_so(tmp_path: Path) -> None:
 
 
 def test_a_run_of_failed_frames_only_has_a_report(tmp_path: Path) -> None:
-    rows = [ObjectRow(scene_id=1, im_id=k, status="failed", message="no depth") for k in (1, 2)]
+    rows = [answer(scene_id=1, im_id=k, status="failed", message="no depth") for k in (1, 2)]
     write_report(write_run(tmp_path / "a", rows, GONE), None, tmp_path / "r.html")
     assert "2 frames failed as a whole" in (tmp_path / "r.html").read_text(encoding="utf-8")
 
@@ -107,7 +105,7 @@ def test_with_its_data_a_report_has_pictures_and_bop_scores(tmp_path: Path) -> N
         T_cam_obj = np.array(instance.T_cam_obj_gt)
         T_cam_obj[0, 3] += off_m
         folder = write_run(tmp_path / name, [row(0, instance.instance_id, **ids)], {"title": name}, T_cam_obj)
-        assert write_report(folder, None, tmp_path / "r.html") == (NO_RECORDING,)
+        assert write_report(folder, None, tmp_path / "r.html") == ()
         html = (tmp_path / "r.html").read_text(encoding="utf-8")
         assert html.count('<img src="data:image/webp;base64,') == 2
         assert "BOP scores over all instances that are at least 10 % visible" in html

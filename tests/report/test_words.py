@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import RunFile
+from verefine_viz.batch.journal import BatchInfo
 from verefine_viz.report.charts import whole_step
 from verefine_viz.report.html import breakable
 from verefine_viz.report.run_results import LoadedRun
@@ -36,7 +36,7 @@ def test_what_shows_as_zero_has_no_colour(value: float, digits: int) -> None:
 
 
 def run(folder: str = "run", label: str = "", **settings: Any) -> LoadedRun:
-    return LoadedRun(label, BatchIndex(Path(folder), resolve({"title": "One of many", **settings}), RunFile(), ()))
+    return LoadedRun(label, BatchIndex(Path(folder), resolve({"title": "One of many", **settings}), BatchInfo(), ()))
 
 
 def test_runs_are_called_by_what_differs_and_not_by_the_title_of_their_session() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.fakes import box_problem
-from verefine_viz.batch.summary import frame_result
+from verefine_viz.batch.summary import run_end
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import LeftOut
@@ -102,7 +102,7 @@ def test_a_built_in_frame_says_all_of_it_headless() -> None:
     assert cut in problem.notes
     run = toolbox.run(problem)
     run.finish()
-    assert [note for note in frame_result(run, session).notes if note.startswith(("dependency", "the run has"))] == [
+    assert [note for note in run_end(run, session).notes if note.startswith(("dependency", "the run has"))] == [
         cut,
         "the run has 1 iterations: no pose is edited after iteration 999",
         "the run has 1 iterations: no setting changes after iteration 1000000000",

@@ -6,16 +6,18 @@ from pathlib import Path
 
 import pytest
 
+from tests import made_runs
+from tests.made_runs import answer, finished
 from tests.viewer.conftest import SESSION
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.batch.answer_cards import RIGHT, WRONG
 from verefine_viz.batch.answer_tags import TAGS_FILE, Arrangement
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import RunFile
-from verefine_viz.batch.rows import FrameResult, ObjectRow, write_frames_csv
+from verefine_viz.batch.journal import BatchInfo
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
+from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import AT_ITS_START, changed
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
@@ -27,9 +29,9 @@ SIR = changed(SESSION, {"method": {"name": "sir"}}, AT_ITS_START)
 EVIDENCE = "No hypothesis of the box leads to the truth: the nearest starts 30° away."
 
 
-def row(im_id: int, instance_id: int = 0, **values: object) -> ObjectRow:
-    known = {"scene_id": 0, "obj_id": 1, "name": "box", "status": "ok", "diameter_mm": 100.0, "score": 0.5}
-    return ObjectRow.model_validate({**known, "im_id": im_id, "instance_id": instance_id, **values})
+def row(im_id: int, instance_id: int = 0, **values: object) -> Answer:
+    known = {"obj_id": 1, "name": "box", "diameter_mm": 100.0, "score": 0.5}
+    return answer(0, im_id, instance_id=instance_id, **{**known, **values})
 
 
 RIR_ROWS = (
@@ -44,8 +46,8 @@ SIR_ROWS = (row(1, add_s_mm=40.0, best_iteration=0, method="sir", cause="pool"),
 def several(tmp_path: Path) -> Gallery:
     return Gallery(
         [
-            BatchIndex(tmp_path / "rir", SESSION, RunFile(), RIR_ROWS),
-            BatchIndex(tmp_path / "sir", SIR, RunFile(), SIR_ROWS),
+            BatchIndex(tmp_path / "rir", SESSION, BatchInfo(), RIR_ROWS),
+            BatchIndex(tmp_path / "sir", SIR, BatchInfo(), SIR_ROWS),
         ]
     )
 
@@ -219,12 +221,12 @@ def test_the_plot_says_how_often_the_score_lies_and_rings_what_is_open(several: 
     assert "<circle" not in plot_svg(plot, None)
 
 
-def written(folder: Path, session: Session, rows: tuple[ObjectRow, ...], is_finished: bool = True) -> None:
+def written(folder: Path, session: Session, rows: tuple[Answer, ...], is_finished: bool = True) -> None:
     run = RunFolder(folder, session)
     run.write_json("run.json", {"status": "finished" if is_finished else "running"})
     if is_finished:
-        results = [FrameResult(frame=r.frame, failed=False, seconds=1.0, objects=(r,)) for r in rows]
-        write_frames_csv(folder / "frames.csv", results)
+        for frame in dict.fromkeys(r.frame for r in rows):
+            made_runs.written(folder, finished(frame, [r for r in rows if r.frame == frame]))
     run.close()
 
 
@@ -244,7 +246,7 @@ def test_finished_runs_of_a_folder_are_read_and_the_rest_is_counted(tmp_path: Pa
     alone = read_gallery(tmp_path / "a")
     assert not alone.has_several_runs
     assert alone.opens(alone.worst).run == ""
-    with pytest.raises(InputError, match="not there yet"):
+    with pytest.raises(InputError, match="has no finished frame yet"):
         read_gallery(tmp_path / "c")
 
 

@@ -9,13 +9,13 @@ import pytest
 
 from tests.calibration.sizes import WithoutTruth, scene, written
 from tests.fakes import box_problem
+from tests.made_runs import answer
 from tests.run.kept_frames import box_mesh, found, kept
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import RunFile
-from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.batch.journal import BatchInfo
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, SceneSettings, Session
-from verefine_viz.diagnosis.causes import DATA_FIRST
+from verefine_viz.run.record import DATA_FIRST
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
@@ -72,11 +72,10 @@ def test_an_object_whose_rows_another_one_took_says_so(tmp_path: Path) -> None:
 
 
 def test_evidence_of_a_batch_does_not_say_it_a_second_time(tmp_path: Path) -> None:
-    row = ObjectRow(
-        scene_id=0, im_id=1, instance_id=0, obj_id=1, name="box", status="ok", has_truth=True, add_s_mm=50.0,
+    row = answer(scene_id=0, im_id=1, instance_id=0, obj_id=1, name="box", status="ok", has_truth=True, add_s_mm=50.0,
         diameter_mm=100.0, cause="score", evidence=f"The score misleads. {DATA_FIRST} objects appear larger: check.",
     )  # fmt: skip
-    batch = Gallery([BatchIndex(tmp_path, SESSION, RunFile(), (row,))])
+    batch = Gallery([BatchIndex(tmp_path, SESSION, BatchInfo(), (row,))])
     view = Debugger(SESSION, None, FakeTools, batch=batch).carry_out([batch.opens(batch.entries[0])]).view()
     (first,) = [one for one in findings(view) if "objects appear larger" in one.text]
     assert first == findings(view)[0], "the frame itself says nothing of it"
@@ -91,11 +90,10 @@ def test_evidence_of_a_batch_does_not_say_it_a_second_time(tmp_path: Path) -> No
 
 
 def test_an_answer_without_ground_truth_is_opened_with_what_the_batch_found(tmp_path: Path) -> None:
-    row = ObjectRow(
-        scene_id=0, im_id=1, instance_id=0, obj_id=1, name="box", status="ok", score=0.6, best_iteration=1,
+    row = answer(scene_id=0, im_id=1, instance_id=0, obj_id=1, name="box", status="ok", score=0.6, best_iteration=1,
         evidence=f"{DATA_FIRST} refinement moved the objects: check cam_K.",
     )  # fmt: skip
-    batch = Gallery([BatchIndex(tmp_path, SESSION, RunFile(), (row,))])
+    batch = Gallery([BatchIndex(tmp_path, SESSION, BatchInfo(), (row,))])
     view = Debugger(SESSION, None, FakeTools, batch=batch).carry_out([batch.opens(batch.entries[0])]).view()
     assert not view.doubts, "the run is not over, and a single object tells nothing"
     first = findings(view)[0]

@@ -14,7 +14,7 @@ from tests.viewer.conftest import SESSION
 from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_batch_browsing import RIR_ROWS, SIR, SIR_ROWS
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import RunFile
+from verefine_viz.batch.journal import BatchInfo
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem
 from verefine_viz.viewer import commands as c
@@ -120,8 +120,8 @@ def test_without_an_iteration_the_open_frame_stays_where_it_is(debugger: Debugge
 def test_in_a_page_of_several_runs_a_link_names_its_run(tmp_path: Path) -> None:
     gallery = Gallery(
         [
-            BatchIndex(tmp_path / "a run & b", SESSION, RunFile(), RIR_ROWS),
-            BatchIndex(tmp_path / "sir", SIR, RunFile(), SIR_ROWS),
+            BatchIndex(tmp_path / "a run & b", SESSION, BatchInfo(), RIR_ROWS),
+            BatchIndex(tmp_path / "sir", SIR, BatchInfo(), SIR_ROWS),
         ]
     )
     debugger = Debugger(gallery.session("sir"), None, FakeTools, batch=gallery)

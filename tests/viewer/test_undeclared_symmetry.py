@@ -10,7 +10,7 @@ import pytest
 
 from tests.failing_scenes import broken_scene, named
 from tests.fakes import OneFrame
-from verefine_viz.batch.rows import ObjectRow
+from tests.made_runs import answer
 from verefine_viz.diagnosis.causes import Cause, Diagnosis
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
@@ -75,9 +75,7 @@ def test_where_colours_tell_the_turn_the_page_tries_a_score_in_which_they_count(
 def test_what_the_batch_told_is_not_told_twice(solved: tuple[Diagnosis, Debugger]) -> None:
     told, debugger = solved
     view = seen(debugger, debugger.workspace.run.length)
-    row = ObjectRow(
-        scene_id=0, im_id=0, instance_id=0, status="ok", add_s_mm=50.0, diameter_mm=100.0, cause=str(told.main.cause),
-        evidence=told.main.text,
-    )  # fmt: skip
+    wrong = {"add_s_mm": 50.0, "diameter_mm": 100.0, "cause": str(told.main.cause), "evidence": told.main.text}
+    row = answer(0, 0, instance_id=0, **wrong)
     batch = Entry("run", row)
     assert sum(told.main.text in one.text for one in findings(replace(view, entry=batch))) == 1

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.made_runs import answer
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import RunFile
-from verefine_viz.batch.rows import ObjectRow
+from verefine_viz.batch.journal import BatchInfo
 from verefine_viz.core.problem import DependencyGraph, Edge, EdgeState, Problem
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.core.surroundings import SupportSurface, Surroundings
-from verefine_viz.diagnosis.causes import DATA_FIRST
 from verefine_viz.evaluation.pose_errors import PoseErrors
+from verefine_viz.run.record import DATA_FIRST
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.objects_panel import objects_html
@@ -107,11 +107,11 @@ def test_nothing_is_said_while_the_data_are_in_doubt() -> None:
 
 def test_nothing_is_said_where_a_batch_doubts_the_frame_by_another_object(tmp_path: Path) -> None:
     rows = tuple(
-        ObjectRow(scene_id=0, im_id=2, instance_id=k, obj_id=1, name="box", status="ok", evidence=evidence)
+        answer(scene_id=0, im_id=2, instance_id=k, obj_id=1, name="box", status="ok", evidence=evidence)
         for k, evidence in enumerate((f"{DATA_FIRST} objects appear larger: check cam_K.", ""))
     )
     session = Session(method=MethodSettings(name="rir", iterations=1))
-    batch = Gallery([BatchIndex(tmp_path, session, RunFile(), rows)])
+    batch = Gallery([BatchIndex(tmp_path, session, BatchInfo(), rows)])
     debugger = Debugger(session, None, stacked(), batch=batch)
     for entry in batch.entries:
         view = debugger.carry_out([batch.opens(entry)]).view()

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from verefine_viz.batch.answer_tags import Arrangement
 from verefine_viz.batch.index import ORDERS, Order, sort_key
-from verefine_viz.batch.rows import WAITING, ObjectRow
 from verefine_viz.diagnosis.causes import cause_title
+from verefine_viz.run.record import WAITING, Answer
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -30,7 +30,7 @@ Values = Mapping[str, Sequence[str]]
 """What an answer has for each filter; several where two runs are compared."""
 
 
-def values_of(row: ObjectRow, **more: Sequence[str]) -> dict[str, Sequence[str]]:
+def values_of(row: Answer, **more: Sequence[str]) -> dict[str, Sequence[str]]:
     """What an answer has for each filter; ``more``: run, group, or other values than the row's own."""
     is_wrong = not row.is_waiting and (row.status != "ok" or row.is_correct is False)
     result = WRONG if is_wrong else RIGHT if row.is_correct else WAITING if row.is_waiting else "unknown"
@@ -38,7 +38,7 @@ def values_of(row: ObjectRow, **more: Sequence[str]) -> dict[str, Sequence[str]]
     return {by: (value,) for by, value in own.items() if value} | more
 
 
-def words_of(row: ObjectRow, values: Values) -> str:
+def words_of(row: Answer, values: Values) -> str:
     """What is searched, in small letters; tags come to it."""
     known = [row.frame, row.name, row.message, row.evidence, *(word for some in values.values() for word in some)]
     return " ".join(dict.fromkeys(filter(None, known))).lower()
@@ -53,7 +53,7 @@ def matches(arrangement: Arrangement, values: Values, words: str, tags: Sequence
     return all(word in searched for word in arrangement.search.lower().split())
 
 
-def places_of(rows: Sequence[ObjectRow]) -> list[dict[Order, int]]:
+def places_of(rows: Sequence[Answer]) -> list[dict[Order, int]]:
     """By row: where it comes in each order."""
     out: list[dict[Order, int]] = [{} for _ in rows]
     for order in ORDERS:
@@ -73,7 +73,7 @@ def choices_of(values: Sequence[Values]) -> list[tuple[str, str, list[str]]]:
     return out
 
 
-def number_of(row: ObjectRow) -> str:
+def number_of(row: Answer) -> str:
     """How wrong an answer is, or its score where that is unknown."""
     if row.is_waiting:
         return "waiting"
@@ -84,13 +84,13 @@ def number_of(row: ObjectRow) -> str:
     return "–" if row.score is None else f"score {row.score:.2f}"
 
 
-def cause_of(row: ObjectRow) -> str:
+def cause_of(row: Answer) -> str:
     """Why, in a few words: the cause, or why there is no answer."""
     return cause_title(row.cause) if row.cause else row.message if row.status != "ok" else ""
 
 
 def entry_html(
-    row: ObjectRow,
+    row: Answer,
     key: str,
     values: Values,
     places: Mapping[Order, int],

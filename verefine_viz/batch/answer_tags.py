@@ -8,9 +8,9 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from verefine_viz.batch.index import Order
-from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.errors import InputError, first_fault
 from verefine_viz.core.paths import atomic, read_input
+from verefine_viz.run.record import Answer
 
 TAGS_FILE = "tags.json"
 MOST_LETTERS = 40
@@ -38,7 +38,7 @@ class TagFile(BaseModel):
     """Saved filters by name."""
 
 
-def answer_key(row: ObjectRow) -> str:
+def answer_key(row: Answer) -> str:
     """How an answer is named in the file: ``3/120#2``, that is scene/image#instance."""
     return f"{row.frame}#{row.instance_id}"
 

@@ -18,13 +18,13 @@ from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.jobs import Job, check_jobs
 from verefine_viz.batch.motion_table import MOTION
 from verefine_viz.batch.progress import clock, shown_progress
-from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.batch.run_batch import Backend, Outcome, run_batch
 from verefine_viz.batch.totals import Notes
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.settings import SceneSettings
 from verefine_viz.diagnosis.causes import Cause, cause_title
+from verefine_viz.run.record import Answer
 
 MISSED = {
     "objects_without_answer": "without a hypothesis",
@@ -230,7 +230,7 @@ def sweep_table(outcomes: Sequence[tuple[Job, Outcome]]) -> Table:
     return table
 
 
-def sweep_row(runs: Iterable[Sequence[ObjectRow]]) -> SweepRow:
+def sweep_row(runs: Iterable[Sequence[Answer]]) -> SweepRow:
     """Summarises the rows of some runs, read one run after the other: only their numbers stay in memory."""
     errors_mm, scores, frames_ms = array("d"), array("d"), array("d")
     counts: list[tuple[int, int]] = []

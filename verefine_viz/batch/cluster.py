@@ -24,12 +24,13 @@ from distributed.comm.core import connect
 import verefine_viz
 from verefine_viz.batch.dask_worker import WorkerTools, solve_on_worker
 from verefine_viz.batch.frame_queue import FrameQueue
+from verefine_viz.batch.journal import file_stem
 from verefine_viz.batch.machine import gigabytes
-from verefine_viz.batch.rows import FrameResult, failed_frame, file_stem
 from verefine_viz.batch.worker_pool import interrupts_ignored
 from verefine_viz.batch.worker_process import ONE_THREAD, TaskName
 from verefine_viz.core.errors import SettingsError, UnavailableError, VerefineError
 from verefine_viz.core.settings import Session
+from verefine_viz.run.record import RunRecord, failed_run
 from verefine_viz.run.session_file import FILES
 
 CONNECT_S = 10.0
@@ -149,7 +150,7 @@ class ClusterWorkers:
             return ""
         return f"the cluster at {self._address} has no workers; waiting for the first"
 
-    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | None]:
+    def solve(self, frames: Iterable[str]) -> Iterator[RunRecord | None]:
         """See :class:`verefine_viz.batch.run_batch.Workers`."""
         self._set_up()
         queue = FrameQueue(frames, self._session.method.track)
@@ -217,18 +218,18 @@ class ClusterWorkers:
             f"the scheduler at {self._address} is gone; what is done is saved: start it again and repeat the command"
         )
 
-    def _result(self, frame: str, future: Future) -> FrameResult:
+    def _result(self, frame: str, future: Future) -> RunRecord:
         try:
-            answer: str = future.result()
+            record: RunRecord = future.result()
         except KilledWorker as error:
             n = error.allowed_failures + 1
             why = f"{n} workers died on this frame (out of memory, or a library crashed)"
-            return failed_frame(frame, why, self._session)
+            return failed_run(self._session, frame, why)
         except Exception as error:
             if future.status != "error":
                 raise self._gone() from None  # It is not the frame that failed: its answer cannot be fetched any more.
-            return failed_frame(frame, f"{type(error).__name__}: {error}", self._session)
-        return FrameResult.model_validate_json(answer)
+            return failed_run(self._session, frame, f"{type(error).__name__}: {error}")
+        return record
 
     def _count_workers(self) -> None:
         """Now and then: workers come and go."""

@@ -1,4 +1,4 @@
-"""What of a batch is on the disk: frames in the journal, recordings, and tables that say what the journal says."""
+"""What of a batch is on the disk: run files, recordings, and tables that say what the run files say."""
 
 from __future__ import annotations
 
@@ -8,16 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Literal
 
-import numpy as np
-
-from verefine_viz.batch.journal import Journal
-from verefine_viz.batch.rows import FRAMES_HEADER, FrameResult, file_stem, frames_lines, write_frames_csv
+from verefine_viz.batch.journal import Runs, file_stem
 from verefine_viz.batch.totals import Totals
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.paths import open_input
 from verefine_viz.core.text_format import MOST_NAMED, first_of
-from verefine_viz.scenes.frames import parse_frame
-from verefine_viz.scenes.results_csv import HEADER, ResultRow, results_line, write_results
+from verefine_viz.run.answers import HEADER, result_rows, table_lines, write_table
+from verefine_viz.run.record import RunEnd, RunRecord
+from verefine_viz.scenes.results_csv import HEADER as RESULTS_HEADER
+from verefine_viz.scenes.results_csv import results_line, write_results
 
 TABLES = ("frames.csv", "results.csv")
 Keep = Literal["all", "failures", "none"]
@@ -28,17 +27,17 @@ class BatchFiles:
     """What is there and what is not."""
 
     totals: Totals
-    """Of the frames that are in the journal."""
+    """Of the frames that are finished."""
     missing: tuple[str, ...] = ()
     """Frames that are not."""
     damaged: tuple[str, ...] = ()
-    """Why entries of such frames cannot be used, a sentence each."""
+    """Why run files of such frames cannot be used, a sentence each."""
     can_be_mended: tuple[str, ...] = ()
-    """Frames in the journal that another try may do better."""
+    """Finished frames that another try may do better."""
     without_recording: tuple[str, ...] = ()
-    """Frames in the journal whose recording should be there and is not."""
+    """Finished frames whose recording should be there and is not."""
     other_tables: tuple[str, ...] = ()
-    """Tables that are missing, or are not what the journal says."""
+    """Tables that are missing, or are not what the run files say."""
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -77,54 +76,46 @@ def check_files(folder: Path, frames: Sequence[str], keep: Keep) -> BatchFiles:
         frames: all of the session.
         keep: which recordings there should be.
     """
-    journal, totals = Journal(folder / "frames"), Totals()
+    runs, totals = Runs(folder / "runs"), Totals()
     recorded = {file.name for file in (folder / "recordings").glob("*.rrd")}
     missing, damaged, can_be_mended, without_recording = list[str](), list[str](), list[str](), list[str]()
 
-    def results() -> Iterator[FrameResult]:
+    def records() -> Iterator[RunRecord]:
         for frame in frames:
             try:
-                result = journal.entry(frame)
+                record = runs.entry(frame)
             except InputError as error:
                 damaged.append(str(error))
-                result = None
-            if result is None:
+                record = None
+            if record is None or record.end is None:
                 missing.append(frame)
                 continue
-            if result.can_be_mended:
+            if record.end.can_be_mended:
                 can_be_mended.append(frame)
-            if _is_recorded(result, keep) and f"{file_stem(frame)}.rrd" not in recorded:
+            if _is_recorded(record.end, keep) and f"{file_stem(frame)}.rrd" not in recorded:
                 without_recording.append(frame)
-            yield result
+            yield record
 
     with ExitStack() as open_files:
         frames_table, results_table = (_Compared(open_files, folder / name) for name in TABLES)
-        frames_table.expect(FRAMES_HEADER)
-        results_table.expect(f"{HEADER}\n")
-        for result in totals.passing(results()):
-            frames_table.expect(frames_lines(result))
-            results_table.expect("".join(map(results_line, result_rows(result))))
+        frames_table.expect(HEADER)
+        results_table.expect(f"{RESULTS_HEADER}\n")
+        for record in totals.passing(records()):
+            frames_table.expect(table_lines(record))
+            results_table.expect("".join(map(results_line, result_rows(record))))
         others = tuple(table.name for table in (frames_table, results_table) if not table.is_as_expected())
     return BatchFiles(totals, tuple(missing), tuple(damaged), tuple(can_be_mended), tuple(without_recording), others)
 
 
 def write_tables(folder: Path, frames: Sequence[str]) -> None:
-    """Writes frames.csv and results.csv as the journal has them.
+    """Writes frames.csv and results.csv as the run files have them.
 
     Raises:
         InputError: the disk refuses.
     """
-    journal = Journal(folder / "frames")
-    write_frames_csv(folder / "frames.csv", journal.results(frames))
-    write_results(folder / "results.csv", (row for result in journal.results(frames) for row in result_rows(result)))
-
-
-def result_rows(result: FrameResult) -> Iterator[ResultRow]:
-    """A frame's answers as results.csv has them, with the time of solving alone."""
-    scene_id, im_id = parse_frame(result.frame)
-    for e in result.estimates:
-        T_cam_obj = np.array(e.T_cam_obj).reshape(4, 4)
-        yield ResultRow(scene_id, im_id, e.obj_id, e.score, T_cam_obj, round(result.solving_s, 3))
+    runs = Runs(folder / "runs")
+    write_table(folder / "frames.csv", runs.records(frames))
+    write_results(folder / "results.csv", (row for record in runs.records(frames) for row in result_rows(record)))
 
 
 class _Compared:
@@ -148,6 +139,6 @@ class _Compared:
         return self._file is not None and not self._file.read(1)
 
 
-def _is_recorded(result: FrameResult, keep: Keep) -> bool:
+def _is_recorded(end: RunEnd, keep: Keep) -> bool:
     """Whether a frame leaves a recording; one that failed may leave none."""
-    return not result.failed and (keep == "all" or (keep == "failures" and result.is_failure))
+    return not end.failed and (keep == "all" or (keep == "failures" and end.is_failure))

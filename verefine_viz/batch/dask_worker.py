@@ -14,6 +14,7 @@ import verefine_viz
 from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
+from verefine_viz.run.record import RunRecord
 from verefine_viz.run.toolbox import Toolbox
 
 
@@ -56,15 +57,15 @@ class WorkerTools(WorkerPlugin):
     def toolbox(self) -> Toolbox:
         return Toolbox(Session.model_validate_json(self._session))
 
-    def solve(self, frame: str) -> str:
-        """The :class:`FrameResult` of a frame as JSON; its recording is written by path."""
+    def solve(self, frame: str) -> RunRecord:
+        """The record of a frame without its iterations; its files are written by path."""
         # The client imports this module too, and solves nothing.
         from verefine_viz.batch.solve_frame import TASKS
 
-        return TASKS[self._task](self.toolbox, frame, Path(self._out)).model_dump_json()
+        return TASKS[self._task](self.toolbox, frame, Path(self._out))
 
 
-def solve_on_worker(tools: str, frame: str) -> str:
+def solve_on_worker(tools: str, frame: str) -> RunRecord:
     """Solves a frame with the plugin ``tools`` of the worker that got it."""
     plugin: Any = get_worker().plugins[tools]
     return plugin.solve(frame)

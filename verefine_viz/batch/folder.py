@@ -6,7 +6,7 @@
     run.json                  versions, machine, totals
     frames.csv, results.csv   a row per object
     motion.csv                the same of a sequence: how poses change from frame to frame
-    frames/SSSSSS_IIIIII.json the journal: one file per finished frame
+    runs/SSSSSS_IIIIII.vfrun   the run of each frame: iterations and answers
     sequence.rrd              the answers over the frames of a sequence
     recordings/….rrd          one recording per frame
     errors/….txt              tracebacks of frames that failed for an unforeseen reason
@@ -22,7 +22,7 @@ from typing import Any
 
 import verefine_viz
 from verefine_viz.batch.completeness import TABLES
-from verefine_viz.batch.journal import RUN_FILE, Journal, read_run
+from verefine_viz.batch.journal import RUN_FILE, Runs, read_run
 from verefine_viz.batch.motion_table import MOTION
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.paths import atomic, check_folder, clear_parts, try_lock, why_not
@@ -34,7 +34,7 @@ SESSION_FILE = "session.toml"
 LOCK_FILE = ".lock"
 _LEFT_BY_A_KILLED_BATCH = (
     *(f"{name}.*.part" for name in (SESSION_FILE, RUN_FILE, MOTION, *TABLES)),
-    f"{SEQUENCE_FILE}.part", "frames/*.part", "errors/*.part", "recordings/*.part", "recordings/*.rrd.journal",
+    f"{SEQUENCE_FILE}.part", "errors/*.part",
 )  # fmt: skip
 """Files that only the process with the lock writes."""
 
@@ -64,7 +64,7 @@ class RunFolder:
                 self._check_kind()
                 self._check_session()
                 self.save_session()
-                for name in ("frames", "recordings"):
+                for name in ("runs", "recordings"):
                     (path / name).mkdir(exist_ok=True)
                 self._clear_parts()
             except BaseException:
@@ -72,7 +72,7 @@ class RunFolder:
                 raise
         except OSError as error:
             raise InputError(f"cannot write to {path}: {why_not(Path(error.filename or path), error)}") from None
-        self.journal = Journal(path / "frames")
+        self.runs = Runs(path / "runs")
 
     def close(self) -> None:
         """Lets others write to the folder."""

@@ -7,17 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-
 from verefine_viz.batch.folder import SESSION_FILE
-from verefine_viz.batch.journal import RUN_FILE, Journal, RunFile, read_run
-from verefine_viz.batch.rows import ObjectRow, read_frames_csv
+from verefine_viz.batch.journal import RUN_FILE, BatchInfo, Runs, read_run
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.paths import LEVELS_BELOW
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.diagnosis.causes import Cause
+from verefine_viz.run.record import Answer, RunRecord
 from verefine_viz.run.session_file import load_session
 
 Order = Literal["error", "score", "misleading", "cause", "object", "frame", "time", "undetermined"]
@@ -41,12 +39,12 @@ class BatchIndex:
     folder: Path
     session: Session
     """Exactly what ran."""
-    run: RunFile
+    run: BatchInfo
     """run.json: versions, machine, totals."""
-    rows: tuple[ObjectRow, ...]
+    rows: tuple[Answer, ...]
     """One per object, in the order of frames.csv."""
 
-    def sorted_by(self, order: Order) -> tuple[ObjectRow, ...]:
+    def sorted_by(self, order: Order) -> tuple[Answer, ...]:
         """The rows in one of :data:`ORDERS`; see :func:`sort_key`.
 
         Raises:
@@ -61,16 +59,11 @@ class BatchIndex:
         return tuple(dict.fromkeys(row.frame for row in rows))
 
     def answers(self, frame: str) -> dict[int, Float]:
-        """instance_id → T_cam_obj (4, 4) [m] of a frame's answers; empty where the journal is gone."""
-        result = Journal(self.folder / "frames").read(frame)
-        if result is None:
-            return {}
-        # Estimates are there for the objects that got an answer, in their order.
-        solved = [row for row in result.objects if row.status == "ok"]
+        """instance_id → T_cam_obj (4, 4) [m] of a frame's answers."""
         return {
-            row.instance_id: np.array(estimate.T_cam_obj).reshape(4, 4)
-            for row, estimate in zip(solved, result.estimates, strict=False)
-            if row.instance_id is not None and row.obj_id == estimate.obj_id
+            row.instance_id: row.T_cam_obj
+            for row in self.rows
+            if row.frame == frame and row.instance_id is not None and row.T_cam_obj is not None
         }
 
 
@@ -172,29 +165,24 @@ def read_batch(folder: Path) -> BatchIndex:
         raise InputError(f"{folder} is no folder of a batch: it has no {RUN_FILE}; make one with verefine-viz batch")
     run = read_run(folder)
     session = load_session(folder / SESSION_FILE)
-    table = folder / "frames.csv"
-    if not table.is_file():
-        raise InputError(
-            f"{table} is not there yet: the batch is running or was killed; run it again to finish it"
-            + _opening_hint(folder)
-        )
-    rows = read_frames_csv(table)
+    runs = Runs(folder / "runs")
+    rows = tuple(row for frame in runs.frames for row in _answers(runs.read(frame)))
+    if not rows:
+        raise InputError(f"{folder} has no finished frame yet: the batch is running or was killed; run it again")
     n_objects, n_written = sum(row.is_object for row in rows), run.totals.objects
     if n_written is not None and n_written != n_objects:
         raise InputError(
-            f"{table} holds {n_objects} objects, but {RUN_FILE} counted {n_written}: it was changed or cut off; "
-            "the same batch command writes it again"
+            f"{runs.folder} holds {n_objects} objects, but {RUN_FILE} counted {n_written}: it was changed or cut off; "
+            "the same batch command solves what is missing"
         )
-    return BatchIndex(folder, session, run, tuple(rows))
+    return BatchIndex(folder, session, run, rows)
 
 
-def _opening_hint(folder: Path) -> str:
-    """How to view a frame of a batch that has not ended; empty where it has no recording yet."""
-    last = max((folder / "recordings").glob("*.rrd"), key=lambda path: path.name, default=None)
-    return f". Frames that are done can be opened one by one: verefine-viz view {last}" if last else ""
+def _answers(record: RunRecord | None) -> tuple[Answer, ...]:
+    return () if record is None or record.end is None else record.end.answers
 
 
-def sort_key(order: Order) -> Callable[[ObjectRow], tuple[Any, ...]]:
+def sort_key(order: Order) -> Callable[[Answer], tuple[Any, ...]]:
     """What to sort rows by.
 
     error: failed, without an answer, then by error, the largest first. score: the same with the lowest score first.
@@ -210,7 +198,7 @@ def sort_key(order: Order) -> Callable[[ObjectRow], tuple[Any, ...]]:
     return _SORT_KEYS[order]
 
 
-def _by_error(row: ObjectRow) -> tuple[int, float]:
+def _by_error(row: Answer) -> tuple[int, float]:
     if row.status != "ok":
         return _by_score(row)
     if row.relative_error is None:
@@ -218,13 +206,13 @@ def _by_error(row: ObjectRow) -> tuple[int, float]:
     return 2, -row.relative_error
 
 
-def _by_score(row: ObjectRow) -> tuple[int, float]:
+def _by_score(row: Answer) -> tuple[int, float]:
     if row.status != "ok":
         return (0 if row.status == "failed" else 1), 0.0
     return 2, row.score or 0.0
 
 
-_SORT_KEYS: dict[Order, Callable[[ObjectRow], tuple[Any, ...]]] = {
+_SORT_KEYS: dict[Order, Callable[[Answer], tuple[Any, ...]]] = {
     "error": _by_error,
     "score": _by_score,
     "misleading": lambda row: (row.is_correct is not False, -(row.score or 0.0)),

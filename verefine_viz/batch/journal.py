@@ -1,21 +1,24 @@
-"""The journal of a batch: a small file per finished frame, so that neither a kill nor the number of frames matters.
+"""The runs of a batch: a run file per frame, so that neither a kill nor the number of frames matters.
 
-Results live on the disk and not in memory; to use them all, read them one after the other. A study has a journal of the
-same form. Beside it ``run.json``: which version and machine made a batch, how far it came, and what it came to.
+Results live on the disk and not in memory; to use them all, read them one after the other. Beside them ``run.json``:
+which version and machine made a batch, how far it came, and what it came to.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Annotated, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from verefine_viz.batch.rows import FrameResult, file_stem
 from verefine_viz.core.errors import InputError, first_fault
 from verefine_viz.core.paths import atomic, read_input
+from verefine_viz.core.settings import Session
+from verefine_viz.run.record import RunRecord
+from verefine_viz.run.run_file import SUFFIX, RunFile, read_run_file
+from verefine_viz.scenes.frames import frame_name, parse_frame
 
 Entry = TypeVar("Entry", bound=BaseModel)
 
@@ -44,53 +47,71 @@ def read_entry(file: Path, kind: type[Entry]) -> Entry | None:
         raise InputError(f"{file} is damaged: {first_fault(error)}") from None
 
 
-class Journal:
-    """The folder ``frames/`` of a batch."""
+class Runs:
+    """The folder ``runs/`` of a batch: a run file per frame. A frame is finished when its file holds the answers."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    def save(self, result: FrameResult) -> None:
-        """Notes a finished frame, solved or failed; from now on a restart does not repeat it.
+    def path(self, frame: str) -> Path:
+        """The run file of a frame."""
+        return self.folder / f"{file_stem(frame)}{SUFFIX}"
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The frames that have a file, by their numbers."""
+        stems = (path.stem.split("_") for path in self.folder.glob(f"*{SUFFIX}"))
+        return tuple(frame_name(numbers) for numbers in sorted((int(scene), int(image)) for scene, image in stems))
+
+    def save(self, session: Session, record: RunRecord) -> None:
+        """Write a finished record that has no iterations, as that of a frame which failed.
 
         Raises:
             InputError: the disk refuses.
         """
-        save_entry(self._file(result.frame), result)
+        assert record.end is not None
+        with closing(RunFile(self.path(record.header.frame), session)) as file:
+            file.begin(record.header)
+            file.finish(record.end)
 
     def forget(self, frame: str) -> None:
         """Has a restart solve a frame again."""
-        self._file(frame).unlink(missing_ok=True)
+        self.path(frame).unlink(missing_ok=True)
 
-    def entry(self, frame: str) -> FrameResult | None:
-        """The result of a frame; None where it is not finished.
+    def entry(self, frame: str) -> RunRecord | None:
+        """The record of a finished frame, without its iterations; None where it is not finished.
 
         Raises:
-            InputError: the entry is damaged; the text says how.
+            InputError: its file is damaged; the text says how.
         """
-        file = self._file(frame)
-        result = read_entry(file, FrameResult)
-        if result is not None and result.frame != frame:
-            raise InputError(f"{file} is damaged: it is about frame {result.frame}")
-        if result is not None and not result.objects:
-            raise InputError(f"{file} is damaged: it holds no object")
-        return result
+        path = self.path(frame)
+        if not path.exists():
+            return None
+        record = read_run_file(path, with_iterations=False)
+        if record.header.frame != frame:
+            raise InputError(f"{path} is damaged: it is about frame {record.header.frame}")
+        if record.damaged:
+            raise InputError(f"{path} is damaged: {record.missing}")
+        return None if record.end is None or not record.end.answers else record
 
-    def read(self, frame: str) -> FrameResult | None:
-        """The result of a frame; None where it is not finished, or its entry is damaged."""
+    def read(self, frame: str) -> RunRecord | None:
+        """The record of a finished frame; None where it is not finished, or its file is damaged."""
         with suppress(InputError):
             return self.entry(frame)
         return None
 
-    def results(self, frames: Iterable[str]) -> Iterator[FrameResult]:
-        """The results of ``frames``, in their order, one at a time; frames that are not finished are skipped."""
+    def records(self, frames: Iterable[str]) -> Iterator[RunRecord]:
+        """The records of ``frames``, in their order, one at a time; frames that are not finished are skipped."""
         for frame in frames:
-            result = self.read(frame)
-            if result is not None:
-                yield result
+            record = self.read(frame)
+            if record is not None:
+                yield record
 
-    def _file(self, frame: str) -> Path:
-        return self.folder / f"{file_stem(frame)}.json"
+
+def file_stem(frame: str) -> str:
+    """The name of a frame's files without its ending: 000050_000001 of "50/1"."""
+    scene_id, im_id = parse_frame(frame)
+    return f"{scene_id:06d}_{im_id:06d}"
 
 
 RUN_FILE = "run.json"
@@ -129,7 +150,7 @@ class RunTotals(_Lenient):
     mean_stages_ms_per_frame: dict[str, float] = {}
 
 
-class RunFile(_Lenient):
+class BatchInfo(_Lenient):
     """The content of run.json."""
 
     version: str = ""
@@ -152,7 +173,7 @@ class RunFile(_Lenient):
     """Hashes of the learned refiner's weights."""
 
 
-def read_run(folder: Path) -> RunFile:
+def read_run(folder: Path) -> BatchInfo:
     """The run.json of a batch folder; everything is unknown where there is none.
 
     Raises:
@@ -160,9 +181,9 @@ def read_run(folder: Path) -> RunFile:
     """
     file = folder / RUN_FILE
     if not file.exists():
-        return RunFile()
+        return BatchInfo()
     try:
-        return RunFile.model_validate_json(read_input(file))
+        return BatchInfo.model_validate_json(read_input(file))
     except ValidationError as error:
         raise InputError(
             f"{file} cannot be read: {first_fault(error)}; it is not what a batch writes: delete it, and the same "

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from pydantic import ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
-from verefine_viz.batch.rows import FrameResult, ObjectRow, Row, shown_cell
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, first_fault
 from verefine_viz.core.paths import atomic, read_input
 from verefine_viz.evaluation.pose_motion import Kind, Motion, MotionCounts, PosedFrame, Reference, counted, motions
+from verefine_viz.run.record import Answer, RunRecord
 from verefine_viz.scenes.frames import parse_frame
 
 MOTION = "motion.csv"
@@ -36,8 +36,10 @@ class Shapes(Protocol):
         ...
 
 
-class MotionRow(Row):
+class MotionRow(BaseModel):
     """One object in one frame. Empty = unknown."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     scene_id: int
     im_id: int
@@ -103,16 +105,16 @@ class Track:
         return f"{self.name} in scene {self.scene_id}: {self.counts.in_words}{where}"
 
 
-def motion_rows(results: Iterable[FrameResult], shapes: Shapes) -> Iterator[MotionRow]:
+def motion_rows(results: Iterable[RunRecord], shapes: Shapes) -> Iterator[MotionRow]:
     """The rows of some frames, in their order; one scene is in memory at a time.
 
     Args:
         results: of the frames, those of a scene in order and together.
         shapes: of the objects; turns are asked for only where one turns by as much as a flip does.
     """
-    for _, of_scene in groupby(results, lambda result: parse_frame(result.frame)[0]):
+    for _, of_scene in groupby(results, lambda result: parse_frame(result.header.frame)[0]):
         scene = [*of_scene]
-        by_frame: dict[str, list[MotionRow]] = {result.frame: [] for result in scene}
+        by_frame: dict[str, list[MotionRow]] = {result.header.frame: [] for result in scene}
         for obj_id, instance_id in _objects(scene):
             for row in _track_rows(scene, obj_id, instance_id, shapes):
                 by_frame[row.frame].append(row)
@@ -120,36 +122,35 @@ def motion_rows(results: Iterable[FrameResult], shapes: Shapes) -> Iterator[Moti
             yield from rows
 
 
-def _objects(scene: Sequence[FrameResult]) -> list[tuple[int, int | None]]:
+def _objects(scene: Sequence[RunRecord]) -> list[tuple[int, int | None]]:
     """The objects of a scene: those that a frame has several of by instance, others by their model alone."""
     several, seen = set[int](), dict[tuple[int, int | None], None]()
     for result in scene:
-        ids = [row.obj_id for row in result.objects]
+        ids = [row.obj_id for row in _answers(result)]
         several |= {i for i in ids if i is not None and ids.count(i) > 1}
     for result in scene:
-        for row in result.objects:
+        for row in _answers(result):
             if row.obj_id is not None:
                 seen[row.obj_id, row.instance_id if row.obj_id in several else None] = None
     return [*seen]
 
 
 def _track_rows(
-    scene: Sequence[FrameResult], obj_id: int, instance_id: int | None, shapes: Shapes
+    scene: Sequence[RunRecord], obj_id: int, instance_id: int | None, shapes: Shapes
 ) -> Iterator[MotionRow]:
     """Of one object, from the first frame on that has it."""
-    rows: dict[str, ObjectRow] = {}
+    rows: dict[str, Answer] = {}
     poses: list[PosedFrame] = []
     middle_m = np.zeros(3)
     for result in scene:
-        row = next((r for r in result.objects if r.obj_id == obj_id and instance_id in (None, r.instance_id)), None)
+        row = next((r for r in _answers(result) if r.obj_id == obj_id and instance_id in (None, r.instance_id)), None)
         if row is not None:
-            rows[result.frame] = row
+            rows[result.header.frame] = row
         if rows:
-            own = (e for e in result.estimates if e.obj_id == obj_id and instance_id in (None, e.instance_id))
-            estimate = next(own, None)
-            middle_m = middle_m if estimate is None else np.array(estimate.middle_m)
-            T = None if estimate is None else matrix(estimate.T_cam_obj)
-            poses.append(PosedFrame(result.frame, T, matrix(result.T_map_cam), matrix(result.T_table_cam)))
+            T = None if row is None else row.T_cam_obj
+            middle_m = middle_m if row is None or row.middle_m is None else row.middle_m
+            header = result.header
+            poses.append(PosedFrame(header.frame, T, header.T_map_cam, header.T_table_cam))
     first = next(iter(rows))
     symmetries = shapes.symmetries_of(obj_id, first)
     changes = motions(poses, middle_m, NO_TURNS, symmetries)
@@ -166,17 +167,12 @@ def _track_rows(
             instance_id=None if row is None else row.instance_id,
             name=name,
             **{name: value for name, value in asdict(motion).items() if name != "frame"},
-            **({} if row is None else row.model_dump(include=OF_OBJECT)),
+            **({} if row is None else {name: getattr(row, name) for name in OF_OBJECT}),
         )
 
 
-OF_OBJECT = {"score", "recorded_score", "missing_depth", "undetermined_mm", "undetermined_deg"}
+OF_OBJECT = ("score", "recorded_score", "missing_depth", "undetermined_mm", "undetermined_deg")
 """Columns that frames.csv has too."""
-
-
-def matrix(T: Sequence[float] | None) -> Float | None:
-    """(4, 4) of its numbers row by row."""
-    return None if T is None else np.reshape(T, (4, 4))
 
 
 def write_motion(path: Path, rows: Iterable[MotionRow]) -> None:
@@ -188,7 +184,17 @@ def write_motion(path: Path, rows: Iterable[MotionRow]) -> None:
     with atomic(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(MotionRow.model_fields)
-        writer.writerows([shown_cell(k, v) for k, v in row.model_dump().items()] for row in rows)
+        writer.writerows([_cell(name, value) for name, value in row] for row in rows)
+
+
+def _cell(name: str, value: object) -> object:
+    if value is None:
+        return ""
+    return f"{value:.3f}" if isinstance(value, float) and name not in ("score", "recorded_score") else value
+
+
+def _answers(record: RunRecord) -> tuple[Answer, ...]:
+    return () if record.end is None else record.end.answers
 
 
 def read_tracks(folder: Path) -> tuple[Track, ...]:

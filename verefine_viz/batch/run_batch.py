@@ -17,7 +17,7 @@ from typing import Any, Protocol
 import verefine_viz
 from verefine_viz.batch.completeness import BatchFiles, check_files, write_tables
 from verefine_viz.batch.folder import RunFolder
-from verefine_viz.batch.journal import RUN_FILE, RunFile, RunTotals, read_run
+from verefine_viz.batch.journal import RUN_FILE, BatchInfo, RunTotals, read_run
 from verefine_viz.batch.machine import (
     free_bytes,
     gigabytes,
@@ -27,7 +27,6 @@ from verefine_viz.batch.machine import (
     temporary_folder,
 )
 from verefine_viz.batch.motion_table import MOTION, Track, read_tracks
-from verefine_viz.batch.rows import FrameResult, with_objects
 from verefine_viz.batch.sequence_output import SequenceOutput
 from verefine_viz.batch.session_check import check
 from verefine_viz.batch.totals import Counts
@@ -36,6 +35,7 @@ from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import first_of
+from verefine_viz.run.record import RunRecord, failed_run
 from verefine_viz.run.session_refiners import weights_of
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.frames import parse_frame
@@ -44,13 +44,13 @@ from verefine_viz.scenes.source import SceneSource
 NEEDED_BYTES = 1_000_000
 """With less free space than this on the disk, a frame fails because of it: a recording takes about as much."""
 _MOST_DAMAGED = 3
-"""Damaged entries of the journal that are quoted; the others are counted."""
+"""Damaged run files that are quoted; the others are counted."""
 
 
 class Workers(Protocol):
     """Where frames are solved: processes of this machine, or a cluster."""
 
-    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | str | None]:
+    def solve(self, frames: Iterable[str]) -> Iterator[RunRecord | str | None]:
         """The results of ``frames``, each once, in the order in which they are done; None where none came for a while.
 
         In between, once each, sentences on what takes longer than usual. The next of ``frames`` is taken when a worker
@@ -146,7 +146,7 @@ class Outcome:
 
     @property
     def is_whole(self) -> bool:
-        """Whether every object was read, and every frame is in the journal and in the tables."""
+        """Whether every object was read, and every frame is finished and in the tables."""
         return not (self.n_failed or self.n_unreadable or self.faults)
 
     @property
@@ -232,7 +232,7 @@ class _Batch:
             for note in (*self.notes, *_damaged_entries(files)):
                 report(self._progress(f"note: {note}"))
             for result in self.workers.solve(missing):
-                if isinstance(result, FrameResult):
+                if isinstance(result, RunRecord):
                     self._save(result)
                 report(self._progress(result if isinstance(result, str) else ""))
         except BaseException:
@@ -251,7 +251,7 @@ class _Batch:
         return files
 
     def _outcome(self, files: BatchFiles, rewritten: str = "", was_finished: bool = False) -> Outcome:
-        notes = (f"written again, as it differed from the journal: {rewritten}",) if rewritten else ()
+        notes = (f"written again, as it differed from the run files: {rewritten}",) if rewritten else ()
         notes += (files.recordings_note,) if files.recordings_note else ()
         return Outcome(
             folder=self.folder.path,
@@ -269,30 +269,36 @@ class _Batch:
     def _counts_without(self, frames: Sequence[str]) -> Counts:
         """Of the frames that are done and not to be solved again."""
         counts, again = Counts(), {*frames}
-        for result in self.folder.journal.results(frame for frame in self.frames if frame not in again):
-            counts.add(result)
+        for record in self.folder.runs.records(frame for frame in self.frames if frame not in again):
+            if record.end is not None:
+                counts.add(record.end)
         return counts
 
-    def _save(self, result: FrameResult) -> None:
-        """
+    def _save(self, record: RunRecord) -> None:
+        """Count a frame that is over; the record of one that failed is written here, others have theirs already.
+
         Raises:
             InputError: a disk is full. A frame that failed for that alone is not noted as failed.
         """
-        if result.failed:
+        frame, end = record.header.frame, record.end
+        assert end is not None
+        if end.failed:
             for folder in (self.folder.path, temporary_folder()):
                 if free_bytes(folder) < NEEDED_BYTES:
                     raise InputError(
-                        f"the disk of {folder} is full: frame {result.frame} failed, {result.objects[0].message}; "
+                        f"the disk of {folder} is full: frame {frame} failed, {end.answers[0].message}; "
                         "what is done is saved: free some space and repeat the command"
                     )
-            result = with_objects(result, self._objects_in(result))
-        self.folder.journal.save(result)
-        self.counts.add(result)
+            message = end.answers[0].message
+            record = failed_run(self.session, frame, message, self._objects_in(frame, message))
+            self.folder.runs.save(self.session, record)
+        assert record.end is not None
+        self.counts.add(record.end)
 
-    def _objects_in(self, failed: FrameResult) -> Sequence[LeftOut]:
+    def _objects_in(self, frame: str, why: str) -> Sequence[LeftOut]:
         """What a failed frame would have held."""
         with suppress(VerefineError):
-            return self._source.all_left_out(failed.frame, failed.objects[0].message)
+            return self._source.all_left_out(frame, why)
         return ()
 
     @cached_property
@@ -326,7 +332,7 @@ class _Batch:
         return files
 
     def _note(self, status: str, spent_s: float, totals: dict[str, Any]) -> None:
-        run = RunFile(
+        run = BatchInfo(
             version=verefine_viz.__version__,
             status=status,
             title=self.session.title,
@@ -369,7 +375,7 @@ def _after(frames: Collection[str], all_frames: Sequence[str]) -> set[str]:
 
 
 def _damaged_entries(files: BatchFiles) -> tuple[str, ...]:
-    """A note about entries of the journal that cannot be used; none where there are none."""
+    """A note about run files that cannot be used; none where there are none."""
     n = len(files.damaged)
     if not n:
         return ()

@@ -8,23 +8,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from verefine_viz.batch.journal import Journal
+from verefine_viz.batch.journal import Runs
 from verefine_viz.batch.motion_table import (
     MOTION,
     NO_TURNS,
     MotionRow,
     Track,
-    matrix,
     motion_rows,
     read_tracks,
     write_motion,
 )
-from verefine_viz.batch.rows import FrameResult
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.evaluation.pose_motion import NO_SYMMETRY
 from verefine_viz.recording.entities import SEQUENCE_FILE
+from verefine_viz.run.record import RunRecord
 from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.source import SceneSource
 
@@ -44,16 +43,16 @@ class SequenceOutput:
     _turns: dict[int, Float] = field(default_factory=dict)
 
     def write_table(self, frames: Sequence[str]) -> None:
-        """motion.csv of the frames that are in the journal.
+        """motion.csv of the frames that are finished.
 
         Raises:
             InputError: the disk refuses.
         """
-        results = Journal(self.folder / "frames").results(sorted(frames, key=parse_frame))
-        write_motion(self.folder / MOTION, motion_rows(results, self))
+        records = Runs(self.folder / "runs").records(sorted(frames, key=parse_frame))
+        write_motion(self.folder / MOTION, motion_rows(records, self))
 
     def write_recording(self, title: str) -> None:
-        """sequence.rrd, as motion.csv and the journal have it.
+        """sequence.rrd, as motion.csv and the run files have it.
 
         Raises:
             InputError: the disk refuses.
@@ -62,21 +61,21 @@ class SequenceOutput:
 
         tracks = read_tracks(self.folder)
         frames = dict.fromkeys(row.frame for track in tracks for row in track.rows)
-        results = {result.frame: result for result in Journal(self.folder / "frames").results(frames)}
+        records = {record.header.frame: record for record in Runs(self.folder / "runs").records(frames)}
         drawn = [
-            SequenceTrack(track.scene_id, track.name, self._model_of(track), self._frames_of(track, results))
+            SequenceTrack(track.scene_id, track.name, self._model_of(track), self._frames_of(track, records))
             for track in tracks
         ]
         write_sequence(self.folder / SEQUENCE_FILE, title, drawn)
 
-    def _frames_of(self, track: Track, results: Mapping[str, FrameResult]) -> tuple[SequenceFrame, ...]:
+    def _frames_of(self, track: Track, records: Mapping[str, RunRecord]) -> tuple[SequenceFrame, ...]:
         from verefine_viz.recording.sequence_recording import CURVES, SequenceFrame
 
         return tuple(
             SequenceFrame(
                 row.im_id,
-                _answer(row, results.get(row.frame)),
-                matrix(results[row.frame].T_map_cam) if row.frame in results else None,
+                _answer(row, records.get(row.frame)),
+                records[row.frame].header.T_map_cam if row.frame in records else None,
                 row.kind,
                 {} if row.kind == "no pose" else row.model_dump(include={*CURVES}),
             )
@@ -108,9 +107,8 @@ class SequenceOutput:
         return self._models.setdefault(obj_id, None)
 
 
-def _answer(row: MotionRow, result: FrameResult | None) -> Float | None:
-    if row.kind == "no pose" or result is None:
+def _answer(row: MotionRow, record: RunRecord | None) -> Float | None:
+    if row.kind == "no pose" or record is None or record.end is None:
         return None
-    own = (e for e in result.estimates if (e.obj_id, e.instance_id) == (row.obj_id, row.instance_id))
-    estimate = next(own, None)
-    return None if estimate is None else matrix(estimate.T_cam_obj)
+    own = (a.T_cam_obj for a in record.end.answers if (a.obj_id, a.instance_id) == (row.obj_id, row.instance_id))
+    return next(own, None)

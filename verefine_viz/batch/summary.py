@@ -1,4 +1,4 @@
-"""From a finished run to the result of its frame: a row per object, a pose per answer."""
+"""From a finished run to its answers."""
 
 from __future__ import annotations
 
@@ -9,36 +9,36 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from msgspec import structs
 
-from verefine_viz.batch.rows import Estimate, FrameResult, ObjectRow, left_out_facts
-from verefine_viz.core.arrays import Float
-from verefine_viz.core.problem import LeftOut, Problem, Target
+from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import Session
-from verefine_viz.diagnosis.causes import DATA_FIRST
 from verefine_viz.diagnosis.data_doubts import answer_doubts
 from verefine_viz.diagnosis.impossible import impossible_answers
 from verefine_viz.diagnosis.lost_poses import discarded
-from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.landscape import Landscape, undetermined
+from verefine_viz.evaluation.matched_estimates import CORRECT
 from verefine_viz.evaluation.pose_errors import add_s_mm, add_where_add_s_is_below, pose_errors
 from verefine_viz.grasping.grasp_answer import AnswerGrasps
 from verefine_viz.methods.registry import method_of
+from verefine_viz.run.answers import left_out_answer
 from verefine_viz.run.edits import never_reached
 from verefine_viz.run.engine import Run
+from verefine_viz.run.record import DATA_FIRST, Answer, RunEnd
 
 MUCH, MUCH_SCORE = 0.03, 0.01
 """Share of the diameter, and score, that an iteration must lose to count as one where things went wrong."""
 
 
-def frame_result(
+def run_end(
     run: Run,
     session: Session,
     recorded: Mapping[int, Landscape] = MappingProxyType({}),
     grasps: AnswerGrasps | None = None,
-) -> FrameResult:
-    """The result of a finished run of ``session``.
+) -> RunEnd:
+    """How a finished run of ``session`` ended.
 
     Args:
         run: finished.
@@ -56,56 +56,32 @@ def frame_result(
     simulates = session.physics.enabled and method_of(session.method.name).simulates
     for own, finding in impossible_answers(problem, poses, session.physics).items() if simulates and not doubts else ():
         found = {"cause": str(finding.cause), "evidence": finding.text}
-        rows = tuple(row.model_copy(update=found) if row.instance_id == own else row for row in rows)
+        rows = tuple(structs.replace(row, **found) if row.instance_id == own else row for row in rows)
     if doubts:
         evidence = " ".join(f"{DATA_FIRST} {doubt}." for doubt in doubts)
-        rows = tuple(row.model_copy(update={"evidence": evidence}) if row.status == "ok" else row for row in rows)
+        rows = tuple(structs.replace(row, evidence=evidence) if row.status == "ok" else row for row in rows)
     if grasps is not None:
         rows = tuple(_with_grasp(row, grasps) for row in rows)
-    rows += tuple(left_out_row(problem, one, session.method.name, session.hypotheses.seed) for one in problem.left_out)
-    estimates = tuple(
-        Estimate(
-            obj_id=target.instance.obj_id,
-            score=best.score.score,
-            T_cam_obj=tuple(best.T_cam_obj.ravel().tolist()),
-            instance_id=target.instance.instance_id,
-            middle_m=_three(target.model.middle_m),
-        )
-        for target, best in zip(problem.targets, state.best, strict=True)
-        if best is not None
+    rows += tuple(
+        left_out_answer(problem.frame, one, session.method.name, session.hypotheses.seed) for one in problem.left_out
     )
-    no_physics, support = _no_physics(problem, session), problem.observation.support
+    no_physics = _no_physics(problem, session)
     notes = (*problem.notes, *([no_physics] if no_physics else []))
     notes += never_reached(run.edits, session.changes, run.length)
     notes += () if grasps is None else grasps.notes
-    return FrameResult(
-        frame=problem.frame,
-        failed=False,
-        seconds=0.0,
-        objects=rows,
-        estimates=estimates,
+    return RunEnd(
+        answers=rows,
         notes=notes,
         doubts=doubts,
         n_unreadable=sum(one.is_unreadable for one in problem.left_out),
-        T_map_cam=_row_by_row(problem.observation.T_map_cam),
-        T_table_cam=None if support is None else _row_by_row(support.T_world_cam),
     )
 
 
-def _with_grasp(row: ObjectRow, grasps: AnswerGrasps) -> ObjectRow:
+def _with_grasp(row: Answer, grasps: AnswerGrasps) -> Answer:
     pair = None if row.instance_id is None else grasps.pairs.get(row.instance_id)
     if pair is None:
         return row
-    return row.model_copy(update={"grasp": pair.answer.verdict, "grasp_ground_truth": pair.ground_truth.verdict})
-
-
-def _three(v: Float) -> tuple[float, float, float]:
-    x, y, z = v.tolist()
-    return x, y, z
-
-
-def _row_by_row(T: Float | None) -> tuple[float, ...] | None:
-    return None if T is None else tuple(T.ravel().tolist())
+    return structs.replace(row, grasp=pair.answer.verdict, grasp_ground_truth=pair.ground_truth.verdict)
 
 
 def _no_physics(problem: Problem, session: Session) -> str:
@@ -123,7 +99,7 @@ def _object_row(
     run: Run,
     session: Session,
     around: Landscape | None,
-) -> ObjectRow:
+) -> Answer:
     iterations = [i for i in run.iterations if i.instance_id == target.instance.instance_id]
     facts = {
         **object_facts(problem, target, session.method.name),
@@ -131,11 +107,13 @@ def _object_row(
         "has_truth": target.instance.T_cam_obj_gt is not None,
     }
     if best is None or initial is None:
-        return ObjectRow(**facts, status="no_answer", message="no hypothesis to start from")
+        return Answer(**facts, status="no_answer", message="no hypothesis to start from")
     around = around or undetermined(run.final_verifier, target, best.T_cam_obj)
-    return ObjectRow(
+    return Answer(
         **facts,
         status="ok",
+        T_cam_obj=best.T_cam_obj,
+        middle_m=target.model.middle_m,
         score=best.score.score,
         initial_score=float(initial.score.max()),
         colour_fit=best.score.colour_fit,
@@ -157,8 +135,7 @@ def object_facts(problem: Problem, target: Target, method: str) -> dict[str, Any
     """The columns about an object that do not depend on its answer."""
     instance = target.instance
     return {
-        "scene_id": problem.scene_id,
-        "im_id": problem.im_id,
+        "frame": problem.frame,
         "instance_id": instance.instance_id,
         "obj_id": instance.obj_id,
         "name": target.model.name,
@@ -174,19 +151,6 @@ def missing_depth(target: Target) -> float | None:
     """Share of an object's mask without depth; None of an empty mask."""
     depth_m = target.observation.depth_m[target.instance.mask]
     return float((depth_m == 0).mean()) if depth_m.size else None
-
-
-def left_out_row(problem: Problem, one: LeftOut, method: str, seed: int | None = None) -> ObjectRow:
-    """The row of an object that was left out of the frame's problem."""
-    return ObjectRow(
-        scene_id=problem.scene_id,
-        im_id=problem.im_id,
-        method=method,
-        seed=seed,
-        status="left_out",
-        message=f"left out: {' '.join(one.why.split())}",
-        **left_out_facts(one),
-    )
 
 
 def _errors(target: Target, best: Best, initial: Scores) -> dict[str, Any]:

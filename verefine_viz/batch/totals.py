@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from verefine_viz.batch.rows import FrameResult, ObjectRow
-from verefine_viz.diagnosis.causes import DATA_FIRST
+from verefine_viz.run.record import DATA_FIRST, Answer, RunEnd, RunRecord
 
 MOST_REASONS = 2
 """Reasons for doubt that are named; frames with others are counted."""
@@ -75,7 +74,7 @@ class Doubts:
         return " ".join(sentences)
 
 
-def doubts_in_words(runs: Sequence[tuple[str, Iterable[ObjectRow]]]) -> str:
+def doubts_in_words(runs: Sequence[tuple[str, Iterable[Answer]]]) -> str:
     """:meth:`Doubts.in_words` of the rows of one or several (run, rows); of several a frame is named with its run."""
     doubts, n_frames = Doubts(), 0
     for run, rows in runs:
@@ -137,12 +136,12 @@ class Counts:
     objects_with_truth: int = 0
     objects_correct: int = 0
 
-    def add(self, result: FrameResult) -> None:
+    def add(self, end: RunEnd) -> None:
         """Takes a finished frame."""
         self.frames_done += 1
-        self.frames_failed += result.failed
-        self.objects_unreadable += result.n_unreadable
-        for row in result.objects:
+        self.frames_failed += end.failed
+        self.objects_unreadable += end.n_unreadable
+        for row in end.answers:
             if not row.is_object:
                 continue
             self.objects += 1
@@ -175,22 +174,23 @@ class Totals:
     _stages_ms: dict[str, float] = field(default_factory=dict)
     _causes: Counter[str] = field(default_factory=Counter)
 
-    def passing(self, results: Iterable[FrameResult]) -> Iterator[FrameResult]:
-        """The same results; each is counted on its way."""
-        for result in results:
-            self._add(result)
-            yield result
+    def passing(self, records: Iterable[RunRecord]) -> Iterator[RunRecord]:
+        """Finished records as they come; each is counted on its way."""
+        for record in records:
+            if record.end is not None:
+                self._add(record.header.frame, record.end)
+            yield record
 
-    def _add(self, result: FrameResult) -> None:
-        self.counts.add(result)
-        if result.failed and len(self.failures) < MOST_FAILURES:
-            self.failures.append((result.frame, result.objects[0].message))
-        if result.doubts:
-            self.doubts.add(result.frame, result.doubts[0])
-        for name, ms in result.stages_ms.items():
+    def _add(self, frame: str, end: RunEnd) -> None:
+        self.counts.add(end)
+        if end.failed and len(self.failures) < MOST_FAILURES:
+            self.failures.append((frame, end.answers[0].message))
+        if end.doubts:
+            self.doubts.add(frame, end.doubts[0])
+        for name, ms in end.stages_ms.items():
             self._stages_ms[name] = self._stages_ms.get(name, 0.0) + ms
-        self.notes.add(result.notes)
-        for row in result.objects:
+        self.notes.add(end.notes)
+        for row in end.answers:
             self._causes[row.cause] += row.cause != ""
             if row.status == "ok":
                 self._times_ms.append(row.ms_total)
@@ -220,7 +220,7 @@ def _median(values: array[float]) -> float | None:
     return float(np.median(values)) if values else None
 
 
-def misranked_share(rows: Iterable[ObjectRow]) -> float | None:
+def misranked_share(rows: Iterable[Answer]) -> float | None:
     """How often the score misleads: the share of pairs (wrong, right answer) in which the wrong one scores higher.
 
     0 = it separates wrong from right, ½ = no better than chance; None where there are no such pairs.

@@ -18,16 +18,15 @@ from typing import Any
 
 from verefine_viz.batch.folder import SESSION_FILE, RunFolder
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import Journal, RunFile
-from verefine_viz.batch.rows import WAITING, FrameResult, ObjectRow
+from verefine_viz.batch.journal import BatchInfo, Runs
 from verefine_viz.batch.run_batch import Backend, Progress, run_batch
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
 from verefine_viz.core.paths import check_folder, try_lock
 from verefine_viz.core.settings import Session
 from verefine_viz.run.data_folder import CAMERAS, SCENES, data_folder, holds_frames
+from verefine_viz.run.record import WAITING, Answer, RunRecord
 from verefine_viz.run.session_file import load_session, save_session
-from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.source import open_scene
 from verefine_viz.scenes.trace_files import traces_in
 
@@ -50,7 +49,7 @@ class Watched:
     session: Session
     frames: tuple[str, ...] = ()
     """Those that are there, in the order in which they came."""
-    results: dict[str, FrameResult] = field(default_factory=dict)
+    results: dict[str, RunRecord] = field(default_factory=dict)
     """Of the frames that are solved, and of those that are given up."""
     tries: dict[str, int] = field(default_factory=dict)
     not_before: dict[str, float] = field(default_factory=dict)
@@ -82,21 +81,25 @@ class Watched:
     def index(self) -> BatchIndex:
         """For the gallery: the answers in the order in which they came, then a row per frame that waits."""
         there = {*self.frames}
-        done = [row for frame, result in self.results.items() if frame in there for row in result.objects]
-        return BatchIndex(self.out, self.session, RunFile(), (*done, *map(self._waiting_row, self.waiting)))
+        done = [row for frame, result in self.results.items() if frame in there for row in _answers(result)]
+        return BatchIndex(self.out, self.session, BatchInfo(), (*done, *map(self._waiting_row, self.waiting)))
 
-    def _waiting_row(self, frame: str) -> ObjectRow:
-        (scene_id, im_id), method = parse_frame(frame), self.session.method.name
-        return ObjectRow(scene_id=scene_id, im_id=im_id, status="no_answer", method=method, message=WAITING)
+    def _waiting_row(self, frame: str) -> Answer:
+        return Answer(frame=frame, status="no_answer", method=self.session.method.name, message=WAITING)
 
-    def take(self, journal: Journal, result: FrameResult) -> None:
+    def take(self, runs: Runs, result: RunRecord) -> None:
         """Takes over a result, or has the frame tried again where files of it may not have been whole."""
-        frame, tries = result.frame, self.tries.get(result.frame, 0)
-        if result.can_be_mended and tries < TRIES:
-            journal.forget(frame)
+        frame = result.header.frame
+        tries = self.tries.get(frame, 0)
+        if result.end is not None and result.end.can_be_mended and tries < TRIES:
+            runs.forget(frame)
             self.not_before[frame] = time.monotonic() + RETRY_S if tries else 0.0
         else:
             self.results[frame] = result
+
+
+def _answers(record: RunRecord) -> tuple[Answer, ...]:
+    return () if record.end is None else record.end.answers
 
 
 class Watch:
@@ -214,9 +217,9 @@ class Watch:
             watched.frames = tuple(dict.fromkeys((*(f for f in watched.frames if f in there), *frames)))
             watched.files = files
             self._faults.pop(data, None)
-        journal = Journal(watched.out / "frames")
-        for result in journal.results(watched.waiting):
-            watched.take(journal, result)
+        runs = Runs(watched.out / "runs")
+        for result in runs.records(watched.waiting):
+            watched.take(runs, result)
 
     def _session(self, data: Path) -> Session:
         """What solves the frames of a data set: all of them, whatever its session file names."""
@@ -277,7 +280,7 @@ class _Newest:
     pool: Pool
     watched: Watched
 
-    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | str | None]:
+    def solve(self, frames: Iterable[str]) -> Iterator[RunRecord | str | None]:
         return self.pool.solve(self._wanted(self.watched.session))
 
     def _wanted(self, session: Session) -> Iterator[str]:

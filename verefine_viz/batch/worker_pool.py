@@ -13,9 +13,9 @@ from pathlib import Path
 
 from verefine_viz.batch.frame_queue import FrameQueue
 from verefine_viz.batch.machine import SHARE, gigabytes, machine_bytes, peak_bytes, resident_bytes
-from verefine_viz.batch.rows import FrameResult, failed_frame
 from verefine_viz.batch.worker_process import TaskName, work
 from verefine_viz.core.settings import Session
+from verefine_viz.run.record import RunRecord, failed_run
 
 TRIES = 2
 """How often a frame is given out whose worker dies: the reason may have been another process (out of memory)."""
@@ -39,7 +39,7 @@ class _Worker:
             self.channel.send(frame)
         self.session, self.out = session, out
 
-    def answer(self) -> FrameResult | str | None:
+    def answer(self) -> RunRecord | str | None:
         """Its result, or a sentence on what is taking long; None where it died instead."""
         try:
             return self.channel.recv()
@@ -110,7 +110,7 @@ class Pool:
         self._session, self._out = session, out
         self._tries.clear()
 
-    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | str | None]:
+    def solve(self, frames: Iterable[str]) -> Iterator[RunRecord | str | None]:
         """See :class:`verefine_viz.batch.run_batch.Workers`."""
         in_order = self._session.method.track
         queue = FrameQueue(frames, in_order)
@@ -144,9 +144,9 @@ class Pool:
                 if result is None and self._may_try_again(worker.frame):
                     queue.again(worker.frame)
                 elif result is None:
-                    result = failed_frame(worker.frame, _last_words(worker.process.exitcode), self._session)
+                    result = failed_run(self._session, worker.frame, _last_words(worker.process.exitcode))
                 if in_order and result is not None:
-                    yield result  # The frame after it finds its answers in the journal.
+                    yield result  # The frame after it finds its answers on the disk.
                 give_out()
                 if not in_order and result is not None:
                     yield result

@@ -21,7 +21,7 @@ class Batch:
     sessions: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="SESSION [SESSION ...]")]
     """Session files (.toml), or folders of data that view opens; several of them get a folder each below --out."""
     out: Path
-    """Folder for results.csv, frames.csv, recordings/, session.toml and run.json."""
+    """Folder for results.csv, frames.csv, runs/, recordings/, session.toml and run.json."""
     methods: tuple[str, ...] = ()
     """Run every session with each of these methods (pir sir rir …), each in a folder METHOD-SEED below --out; none =
     the session's own."""

@@ -11,15 +11,16 @@ from rich.console import Console
 from rich.markup import escape
 
 from verefine_viz.batch.batch_command import unreadable
+from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.jobs import check_outside
 from verefine_viz.batch.progress import shown_progress
-from verefine_viz.batch.rows import ObjectRow, read_frames_csv
 from verefine_viz.batch.run_batch import Backend, Outcome, run_batch
 from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.paths import atomic, check_file, clear_parts
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators.registry import ESTIMATORS
+from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import load_session
 
 WITHOUT_POSE = ("left_out", "no_answer")
@@ -52,7 +53,7 @@ def write_pools(
     journal = out.with_name(f"{out.name}.journal")
     with shown_progress(out.name, Console(stderr=True)) as report:
         outcome = run_batch(session, journal, Backend(n_workers), report, retry_failed, "estimate")
-    rows = read_frames_csv(journal / "frames.csv")
+    rows = read_batch(journal).rows
     n_hypotheses = sum(row.n_hypotheses for row in rows)
     if n_hypotheses:
         with atomic(out) as part:
@@ -73,7 +74,7 @@ def _only_estimating(session: Session) -> Session:
     return session.model_copy(update={"physics": physics, "dependency": DependencySettings(), "method": method})
 
 
-def _print_summary(outcome: Outcome, n_hypotheses: int, lacking: list[ObjectRow], out: Path) -> None:
+def _print_summary(outcome: Outcome, n_hypotheses: int, lacking: list[Answer], out: Path) -> None:
     console = Console(highlight=False, soft_wrap=True)
     numbers = outcome.totals
     before = f" ({outcome.n_resumed} done before)" if outcome.n_resumed else ""

@@ -18,17 +18,17 @@ DIFFERS, CANNOT, ENDED_EARLY = 1, 2, 3
 
 @dataclass(frozen=True)
 class Replay:
-    """Open a recording in the rerun viewer, or run the sessions of any number again and compare (--verify)."""
+    """Show a recorded run in the rerun viewer, or run the sessions of any number again and compare (--verify)."""
 
-    recordings: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN.rrd [RUN.rrd ...]")]
-    """What view or batch wrote: one recording to view, any number with --verify."""
+    recordings: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN [RUN ...]")]
+    """What view or batch wrote (.rrd, .vfrun): one to show, any number with --verify."""
     verify: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Run the recorded session again and report the first iteration that differs, if any (exit code 1; 3: it does not
     differ, but was stopped before its end). One that cannot be compared is reported, and the others go on (2)."""
 
     def run(self, arguments: Sequence[str]) -> int:
         if not self.recordings:
-            raise InputError("missing from verefine-viz replay: RUN.rrd; see verefine-viz replay --help")
+            raise InputError("missing from verefine-viz replay: RUN; see verefine-viz replay --help")
         if self.verify:
             return _verify_all(self.recordings)
         recording, *others = self.recordings
@@ -48,7 +48,7 @@ def _check_file(recording: Path) -> None:
 
         runs = named_runs(recording, "recordings")
         hint = f"; those of a batch lie in {runs}" if runs else ""
-        raise InputError(f"{recording} is a folder, expected a recording (.rrd){hint}")
+        raise InputError(f"{recording} is a folder, expected a recorded run (.rrd, .vfrun){hint}")
 
 
 def _verify_all(recordings: Sequence[Path]) -> int:
@@ -67,14 +67,14 @@ def _verify_all(recordings: Sequence[Path]) -> int:
 
 def _verify(recording: Path) -> int:
     """0: the same; 1: it differs; 3: the same as far as it goes, but its end is missing."""
-    from verefine_viz.recording.reader import Recorded
     from verefine_viz.recording.verify import run_again, verify
     from verefine_viz.run.engine import Run
+    from verefine_viz.run.record import RunRecord, session_of
     from verefine_viz.run.session_refiners import check_refiners
 
-    def again(recorded: Recorded) -> Run:
-        check_refiners(recorded.session, f"recording {recording}", "verify", f"replay {recording} --verify")
-        return run_again(recorded)
+    def again(record: RunRecord) -> Run:
+        check_refiners(session_of(record.header), f"recording {recording}", "verify", f"replay {recording} --verify")
+        return run_again(record)
 
     _check_file(recording)
     verification = verify(recording, again)

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 class View:
     """Open the page in the browser: step through a run and see why a pose won or lost."""
 
-    session: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SESSION|DIR|A.rrd]")] = None
-    """A session file (.toml), a recording (.rrd), or a folder: of batch runs, traces, frames of keep_frame, a data set
-    in BOP layout, a sequence as FoundationPose has it; none = a built-in scene."""
-    other: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[B.rrd]")] = None
-    """A recording of the same frame, shown beside the first as B (A/B panel)."""
+    session: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SESSION|DIR|RUN]")] = None
+    """A session file (.toml), a recorded run (.vfrun, .rrd), or a folder: of batch runs, traces, frames of keep_frame,
+    a data set in BOP layout, a sequence as FoundationPose has it; none = a built-in scene."""
+    other: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[RUN_B]")] = None
+    """A recorded run of the same frame, shown beside the first as B (A/B panel)."""
     host: str = "127.0.0.1"
     """Address to listen on. The page has no login: keep it on loopback and reach it from elsewhere by ssh -L."""
     port: int = 8080
@@ -128,8 +128,8 @@ def _data_folder(path: Path | None, overrides: Mapping[str, Any]) -> DataFolder 
 
 
 def _is_recording(path: Path | None) -> bool:
-    """Whether a path is that of a recording, finished or not."""
-    return path is not None and path.name.removesuffix(".part").endswith(".rrd")
+    """Whether a path is that of a recorded run."""
+    return path is not None and path.suffix in (".rrd", ".vfrun")
 
 
 def _check_kind(path: Path | None) -> None:
@@ -137,7 +137,7 @@ def _check_kind(path: Path | None) -> None:
     if path is not None and path.suffix != ".toml":
         why = "cannot be opened" if path.exists() else "does not exist"
         hint = "; poses in a CSV are named by a session: [hypotheses] files" if path.suffix == ".csv" else ""
-        expected = "a session (.toml), the folder of a batch run, or a recording (.rrd)"
+        expected = "a session (.toml), the folder of a batch run, or a recorded run (.vfrun, .rrd)"
         raise InputError(f"{path} {why}; expected {expected}{hint}")
 
 
@@ -148,7 +148,9 @@ def _recordings(a: Path | None, b: Path | None, overrides: Mapping[str, Any]) ->
         InputError: B is no recording, A is none to which it could belong, or settings are given for one.
     """
     if b is not None and not _is_recording(b):
-        raise InputError(f"{b} is no recording; expected a second file (.rrd) of the same frame, or none{_hint(a, b)}")
+        raise InputError(
+            f"{b} is no recording; expected a second file (.vfrun, .rrd) of the same frame, or none{_hint(a, b)}"
+        )
     if _is_recording(a) and overrides:
         raise InputError(f"{a} is a recording, whose settings are fixed; leave out the options, or open its session")
     return a if _is_recording(a) else None, b
@@ -174,14 +176,17 @@ def _recorded_session(path: Path, other: Path | None) -> Session:
         InputError: one of the recordings cannot be read, or the other is of another frame.
     """
     from verefine_viz.recording.reader import read_recording
+    from verefine_viz.run.record import session_of
     from verefine_viz.viewer.handlers.comparison_handlers import check_same_frame
 
-    recorded = read_recording(path)
+    header = read_recording(path).header
+    session = session_of(header)
     if other is not None:  # Before the user is sent to a page that cannot open.
-        check_same_frame(read_recording(other), recorded.session, recorded.frame)
-    scene = recorded.session.scene.model_copy(update={"frames": (recorded.frame,)})
+        theirs = read_recording(other).header
+        check_same_frame(other, (session_of(theirs), theirs.frame), (session, header.frame))
+    scene = session.scene.model_copy(update={"frames": (header.frame,)})
     method = MethodSettings(name="refine", refiner="identity")
-    return recorded.session.model_copy(update={"scene": scene, "method": method, "edits": (), "changes": ()})
+    return session.model_copy(update={"scene": scene, "method": method, "edits": (), "changes": ()})
 
 
 def _has_desktop() -> bool:

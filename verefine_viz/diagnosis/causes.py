@@ -110,8 +110,6 @@ class Diagnosis:
         return self.findings[0]
 
 
-DATA_FIRST = "Look at the data first:"
-"""Stands before what does not fit together in a frame's data, behind the cause."""
 DECLARE = "declare the symmetry in models_info.json if shape is all that matters"
 """What to do where an answer is wrong only by a turn that leaves the object's shape as it is."""
 MORE_DIGITS = 3

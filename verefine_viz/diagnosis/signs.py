@@ -21,8 +21,8 @@ from verefine_viz.diagnosis.data_doubts import plane_doubt
 from verefine_viz.diagnosis.lost_poses import FAR, Discarded, Lost
 from verefine_viz.diagnosis.score_causes import blamed_pixels, preferred
 from verefine_viz.diagnosis.symmetry import UndeclaredTurn
-from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.landscape import Landscape
+from verefine_viz.evaluation.matched_estimates import CORRECT
 from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.evaluation.trained_range import Start, start_of
 from verefine_viz.methods.registry import Method, method_of

@@ -27,7 +27,7 @@ from verefine_viz.pictures.surroundings_meshes import (
     drawn_surroundings,
 )
 from verefine_viz.recording import entities
-from verefine_viz.recording.recorded_layout import Layout, world_from_camera
+from verefine_viz.recording.layout import Layout, world_from_camera
 from verefine_viz.recording.recording_file import RecordingFile
 
 CLOUD_POINTS, CLOUD_POINTS_WITH_PICTURES = 3_000, 20_000

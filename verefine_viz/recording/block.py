@@ -12,16 +12,18 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import Contacts, Iteration, Stage
-from verefine_viz.recording.lossless_log import NO_CONTACTS, Entry
+from verefine_viz.run.run_file import NO_CONTACTS
 
 
 class Block:
     """n iterations with s poses in all: each one's stages in order, iteration after iteration."""
 
-    def __init__(self, entries: Sequence[Entry]) -> None:
-        """There must be at least one."""
-        self.entries = entries
-        self.iterations = [entry.iteration for entry in entries]
+    def __init__(self, iterations: Sequence[Iteration], errors: Float) -> None:
+        """Take at least one iteration, with errors (n, 3) against ground truth: rotation [deg] and translation [mm] of
+        the accepted pose, ADD(-S) of the best pose [mm]; NaN where there is no ground truth.
+        """
+        self.iterations = iterations
+        self.errors = errors
         self.indices = [i.index for i in self.iterations]
         self.stages = [stage for i in self.iterations for stage in i.stages]
         """(s,)."""
@@ -62,11 +64,6 @@ class Block:
         out[:, 4] = [len(c.depths_m) for c in contacts]
         out[:, 5] = [1e3 * max([0.0, *c.depths_m.tolist()]) for c in contacts]
         return out
-
-    @cached_property
-    def errors(self) -> Float:
-        """(n, 3) as ``Entry.errors``."""
-        return np.array([entry.errors for entry in self.entries])
 
     @cached_property
     def best_scores(self) -> Float:

@@ -12,7 +12,7 @@ from verefine_viz.core.palette import ARM_COLORS, RGB, STAGE_COLORS
 from verefine_viz.core.records import Iteration
 from verefine_viz.recording import entities
 from verefine_viz.recording.block import Block
-from verefine_viz.recording.recorded_layout import Branch, Layout
+from verefine_viz.recording.layout import Branch, Layout
 from verefine_viz.recording.recording_file import RecordingFile
 
 _GREY: RGB = (150, 150, 150)

@@ -17,9 +17,9 @@ from verefine_viz.recording.block import Block, last_contacts
 from verefine_viz.recording.drawn_poses import Poses
 from verefine_viz.recording.graphs import TreeGraphs
 from verefine_viz.recording.iteration_text import describe
-from verefine_viz.recording.lossless_log import ENTRY, NO_CONTACTS, Entry, framed
-from verefine_viz.recording.recorded_layout import Branch, Layout
+from verefine_viz.recording.layout import Branch, Layout
 from verefine_viz.recording.recording_file import RecordingFile
+from verefine_viz.run.run_file import NO_CONTACTS
 
 ARROW_M_PER_N = 0.002
 """Length of a contact's arrow; 1 kg at rest presses with 9.81 N."""
@@ -57,12 +57,10 @@ class Drawing:
         if self._layout.has_tree:
             file.log(entities.TREE, rr.GraphEdges.from_fields(graph_type="directed"))
 
-    def draw(self, file: RecordingFile, entries: Sequence[Entry]) -> None:
-        """The iterations, which follow the ones before without a gap."""
-        block = Block(entries)
+    def draw(self, file: RecordingFile, iterations: Sequence[Iteration], errors: Float) -> None:
+        """Draw iterations, which follow the ones before without a gap; ``errors`` as :class:`Block` takes them."""
+        block = Block(iterations, errors)
         turns = self._turns(block.iterations)
-        # First: where a file is truncated, all else can be drawn again.
-        _send_lossless(file, block)
         for iteration in block.iterations:
             self._poses.add(iteration)
         self._poses.send(file)
@@ -89,28 +87,6 @@ class Drawing:
                 turns.setdefault(self._worked_on, []).append(i.index)
             self._worked_on = i.instance_id
         return turns
-
-
-def _send_lossless(file: RecordingFile, block: Block) -> None:
-    """Every iteration bit by bit: the poses by their stages (float64, row by row) for other tools, and everything as
-    :class:`Entry`.
-    """
-    stages = rr.components.TextBatch([stage.name for stage in block.stages])
-    poses = rr.AnyBatchValue(_named("Ts_cam_obj"), block.Ts_cam_obj.ravel())
-    entries = rr.components.BlobBatch([framed(entry.packed) for entry in block.entries])
-    file.send(
-        entities.LOSSLESS,
-        block.indices,
-        [
-            rr.ComponentColumn(_named("stages"), stages, lengths=block.n_stages),
-            rr.ComponentColumn(_named("Ts_cam_obj"), poses, lengths=[16 * n for n in block.n_stages]),
-            rr.ComponentColumn(_named(ENTRY), entries),
-        ],
-    )
-
-
-def _named(name: str) -> str:
-    return f"{entities.PROPERTY}:{name}"
 
 
 def _send_contacts(file: RecordingFile, branch: Branch, iterations: Sequence[Iteration], turns: Sequence[int]) -> None:
@@ -146,7 +122,8 @@ def _send_events(file: RecordingFile, layout: Layout, block: Block) -> None:
         levels = [_LEVELS.get(event.kind, "INFO") for _, event in events]
         log = rr.TextLog.columns(text=[event.text for _, event in events], level=levels)
         file.send(entities.LOG, [k for k, _ in events], log)
-    texts = [describe(entry, layout, *motions) for entry, motions in zip(block.entries, block.motions(), strict=True)]
+    rows = zip(block.iterations, block.errors.tolist(), block.motions(), strict=True)
+    texts = [describe(iteration, layout, errors, *motions) for iteration, errors, motions in rows]
     file.send(entities.CHOICE, block.indices, rr.TextDocument.columns(text=texts))
 
 

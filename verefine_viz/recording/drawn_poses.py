@@ -10,7 +10,7 @@ import rerun as rr
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.records import Iteration, PlacedPose
 from verefine_viz.recording import entities
-from verefine_viz.recording.recorded_layout import Layout
+from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.recording_file import RecordingFile
 
 NOWHERE = np.diag([1e-6, 1e-6, 1e-6, 1.0])

@@ -13,7 +13,7 @@ from verefine_viz.core.records import Iteration
 from verefine_viz.pictures.visited_tree import ROOT, GrowingTree, Node
 from verefine_viz.recording import entities
 from verefine_viz.recording.iteration_text import plain
-from verefine_viz.recording.recorded_layout import Layout
+from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.recording_file import RecordingFile
 
 NODE_WIDTH = 210.0

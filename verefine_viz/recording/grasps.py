@@ -19,7 +19,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.grasping.gripper import Box, finger, fork, palm
 from verefine_viz.recording import entities
 from verefine_viz.recording.background import DRAWN_FACES_IN_SCENE, drawn_mesh
-from verefine_viz.recording.recorded_layout import Layout, world_from_camera
+from verefine_viz.recording.layout import Layout, world_from_camera
 from verefine_viz.recording.recording_file import RecordingFile
 
 if TYPE_CHECKING:  # Bullet and open3d are for what carries grasps out.

@@ -6,20 +6,26 @@ import re
 from collections.abc import Iterator, Sequence
 
 from verefine_viz.core.records import Iteration, PlacedPose, SceneRecord, TreeStep
-from verefine_viz.recording.lossless_log import Entry
-from verefine_viz.recording.recorded_layout import Layout
+from verefine_viz.recording.layout import Layout
 
 
-def describe(entry: Entry, layout: Layout, moved_mm: Sequence[float], turned_deg: Sequence[float]) -> str:
+def describe(
+    iteration: Iteration,
+    layout: Layout,
+    errors: Sequence[float],
+    moved_mm: Sequence[float],
+    turned_deg: Sequence[float],
+) -> str:
     """What happened in this iteration and why, for the text panel.
 
     Args:
-        entry: the iteration.
+        iteration: the iteration.
         layout: what its numbers mean.
+        errors: against ground truth, as ``Block`` has them.
         moved_mm: how far each stage is from the first.
         turned_deg: the same as an angle.
     """
-    i = entry.iteration
+    i = iteration
     branch = layout.branch(i.instance_id)
     in_pass = "" if i.scene_pass is None else f", pass {i.scene_pass}"
     source = plain(branch.sources[i.arm])
@@ -34,7 +40,7 @@ def describe(entry: Entry, layout: Layout, moved_mm: Sequence[float], turned_deg
     where = f"iteration {best.iteration}" if best.iteration else "the start"
     lines.append(f"Best so far: {best.score.score:.3f}, hypothesis {best.arm + 1}, {best.stage}, {where}.")
     if branch.has_truth:
-        rotation_deg, translation_mm, add_mm = entry.errors.tolist()
+        rotation_deg, translation_mm, add_mm = errors
         lines.append(
             f"Against ground truth: accepted pose {rotation_deg:.1f}° and {translation_mm:.1f} mm off;"
             f" best pose ADD(-S) {add_mm:.1f} mm."

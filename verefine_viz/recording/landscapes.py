@@ -8,7 +8,7 @@ import rerun.blueprint as rrb
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.evaluation.landscape import AXIS_WORDS, Landscape
 from verefine_viz.recording import entities
-from verefine_viz.recording.recorded_layout import Layout
+from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.recording_file import RecordingFile
 
 

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-import platform
 from collections.abc import Callable, Sequence
-from functools import cache, lru_cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +13,7 @@ from numba import njit
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.paths import read_input
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner, RunState, Verifier
 from verefine_viz.core.records import Best, Iteration, PlacedPose
@@ -23,48 +21,33 @@ from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.landscape import Landscape, landscape
 from verefine_viz.evaluation.pose_errors import add_s_mm
+from verefine_viz.recording import entities
 from verefine_viz.recording.background import log_background
 from verefine_viz.recording.drawn_iterations import Drawing
 from verefine_viz.recording.entities import branch
 from verefine_viz.recording.graphs import log_dependencies
 from verefine_viz.recording.grasps import log_grasps
 from verefine_viz.recording.landscapes import log_landscape
-from verefine_viz.recording.lossless_log import Entry, Journal
+from verefine_viz.recording.layout import layout_of
 from verefine_viz.recording.maps import SCENE_TILE_PX, Maps, PendingMaps, log_colors, send_refiner_steps
-from verefine_viz.recording.recorded_layout import Layout, layout_of
-from verefine_viz.recording.recording_file import RecordingFile, journal_path, part_path
+from verefine_viz.recording.recording_file import RecordingFile
 from verefine_viz.recording.views import blueprint_of
-from verefine_viz.run.session_file import session_toml
-from verefine_viz.run.session_refiners import weights_of
+from verefine_viz.run.record import header_of
 
 if TYPE_CHECKING:
     from verefine_viz.grasping.grasp_answer import AnswerGrasps
 
-SCHEMA = 5
-"""Of the recording; a reader refuses others. 5: arrays of iterations are bytes."""
 BLOCK = 200
-"""Iterations that are drawn together; the journal holds them until then."""
+"""Iterations that are drawn together; the run file has each of them before."""
 BLOCK_WITH_MAPS = 10
 """The same where score maps are recorded, which are large: of a file that is truncated, what lies before is saved."""
-PACKAGES = (
-    "verefine-viz",
-    "numpy",
-    "numba",
-    "scipy",
-    "pybullet",
-    "open3d",
-    "coacd",
-    "trimesh",
-    "onnxruntime",
-    "rerun-sdk",
-)
 
 
 class Recorder:
-    """Records one run to ``path``.
+    """Draws one run into the recording ``path``, block by block, while it runs.
 
-    The file is ``path`` + ``.part`` until the run is over. When :meth:`on_iteration` returns, the iteration is in the
-    journal and survives the end of the process; it is drawn with others in blocks.
+    The rerun viewer opens the file at any time, up to the last block. What is written for good is the run file
+    (``run/run_file.py``), which goes into the recording last.
     """
 
     def __init__(
@@ -97,7 +80,8 @@ class Recorder:
         self._has_grasps = False
         self._block = block if self._verifier_of is None else min(block, BLOCK_WITH_MAPS)
         self._file: RecordingFile | None = None
-        self._pending: list[Entry] = []
+        self._pending: list[Iteration] = []
+        self._pending_errors: list[Float] = []
         self._pending_maps = PendingMaps()
         self._n_drawn = 0
         self._maps: tuple[int, Verifier, Maps] | None = None
@@ -113,20 +97,20 @@ class Recorder:
         """
         # A method may add hypotheses of its own to the problem it was given.
         self._problem = state.problem
-        self._layout = layout_of(self._problem, state, self._session)
+        header = header_of(self._problem, state, self._session)
+        self._layout = layout_of(self._problem, header, self._session)
         self._targets = {t.instance.instance_id: t for t in self._problem.targets}
         self._drawing = Drawing(self._layout)
-        about = properties(self._session, self._problem, self._layout)
         has_maps = self._verifier_of is not None
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._journal = Journal(journal_path(self._path), about)
-            part_path(self._path).unlink(missing_ok=True)
         except OSError as error:
             raise InputError(f"cannot write the recording {self._path}: {error}") from None
-        file = self._file = RecordingFile(part_path(self._path))
-        # What makes the iterations readable comes first.
-        file.send_properties(about, f"{about['title']} {about['frame']} {about['method']}".strip())
+        file = self._file = RecordingFile(self._path)
+        method = self._session.method
+        about = {"title": header.title, "frame": header.frame, "method": method.name, "seed": str(method.seed)}
+        about |= {"session": header.session, "versions": json.dumps(header.versions)}
+        file.send_properties(about, f"{header.title} {header.frame} {method.name}".strip())
         self._drawing.start(file)
         if self._problem.dependencies is not None and self._layout.is_scene:
             log_dependencies(file, self._problem.dependencies, self._layout)
@@ -136,16 +120,14 @@ class Recorder:
         file.flush()
 
     def on_iteration(self, state: RunState, iteration: Iteration) -> None:
-        """Writes one iteration; it is on disk when this returns.
+        """Draws one iteration, or has it wait for its block.
 
         Raises:
             InputError: the file cannot be written any more.
         """
         assert self._file is not None, "on_start comes first"
-        errors = self._errors.errors(self._targets[iteration.instance_id], iteration)
-        entry = Entry(iteration, errors)
-        self._journal.append(entry)
-        self._pending.append(entry)
+        self._pending.append(iteration)
+        self._pending_errors.append(self._errors.errors(self._targets[iteration.instance_id], iteration))
         if self._verifier_of is not None:
             self._add_maps(self._file, self._verifier_of(iteration.index), iteration)
         if len(self._pending) >= self._block:
@@ -153,9 +135,7 @@ class Recorder:
             self._file.flush()
 
     def on_finish(self, state: RunState) -> None:
-        """Adds the score around the answers where score maps are recorded, and their grasps; completes the file and
-        gives it its name.
-        """
+        """Adds the score around the answers where score maps are recorded, and their grasps."""
         if self._file is not None and self._verifier_of is not None:
             verifier = self._verifier_of(self._n_drawn + len(self._pending))
             for target, best in zip(state.problem.targets, state.best, strict=True):
@@ -167,10 +147,12 @@ class Recorder:
         if self._file is not None and grasps is not None and grasps.pairs:
             self._has_grasps = True
             log_grasps(self._file, self._problem, self._layout, grasps, self._session.grasp.opening_m)
-        self.close()
 
-    def close(self) -> None:
-        """Completes the file with what there is; for a run that is left before its end. Later calls do nothing.
+    def close(self, run: Path | None = None) -> None:
+        """Completes the file with what there is, also of a run that was left before its end. Later calls do nothing.
+
+        Args:
+            run: the run file, whose bytes go into the recording; None = there is none.
 
         Raises:
             InputError: it could not be written.
@@ -178,22 +160,15 @@ class Recorder:
         if self._file is None:
             return
         file, self._file = self._file, None
-        try:
-            self._draw(file)
-            # Last: where a file is truncated, its iterations matter more.
-            file.send_blueprint(
-                blueprint_of(
-                    self._layout, self._verifier_of is not None, self._has_colour, self._has_refiner, self._has_grasps
-                )
+        self._draw(file)
+        file.send_blueprint(
+            blueprint_of(
+                self._layout, self._verifier_of is not None, self._has_colour, self._has_refiner, self._has_grasps
             )
-            file.close(self._n_drawn)
-            # The journal is not needed any more.
-            part_path(self._path).replace(self._path)
-            journal_path(self._path).unlink(missing_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot write the recording {self._path}: {error.strerror}") from None
-        finally:
-            self._journal.close()
+        )
+        if run is not None:
+            file.log_bytes(entities.RUN_FILE, read_input(run, "run file"))
+        file.close()
 
     @property
     def _has_colour(self) -> bool:
@@ -208,10 +183,10 @@ class Recorder:
     def _draw(self, file: RecordingFile) -> None:
         """Draws the iterations that wait for their block."""
         if self._pending:
-            pending, self._pending = self._pending, []
-            self._drawing.draw(file, pending)
+            self._drawing.draw(file, self._pending, np.array(self._pending_errors))
             self._pending_maps.send(file)
-            self._n_drawn += len(pending)
+            self._n_drawn += len(self._pending)
+            self._pending, self._pending_errors = [], []
 
     def _add_maps(self, file: RecordingFile, verifier: Verifier, iteration: Iteration) -> None:
         """The maps of an iteration, and of the scene where it closes a pass."""
@@ -243,7 +218,7 @@ class _GroundTruthErrors:
         self._best: dict[int, tuple[Best, float]] = {}
 
     def errors(self, target: Target, iteration: Iteration) -> Float:
-        """``Entry.errors``. ADD(-S) goes over all points, so only when the best pose changed."""
+        """(3,) as ``Block`` takes them. ADD(-S) goes over all points, so only when the best pose changed."""
         T_gt = target.instance.T_cam_obj_gt
         if T_gt is None:
             return _UNKNOWN
@@ -276,41 +251,3 @@ def _turn_and_shift(T_est: Float, T_gt: Float, symmetries: Float) -> tuple[float
     for k in range(3):
         square += (T_est[k, 3] - T_gt[k, 3]) ** 2
     return math.degrees(math.acos(min(1.0, largest))), math.sqrt(square)
-
-
-def properties(session: Session, problem: Problem, layout: Layout) -> dict[str, str]:
-    """Everything that is needed to run it again, and who made it, as texts."""
-    settings = session.model_dump_json()
-    return {
-        "schema": str(SCHEMA),
-        "title": session.title or problem.title,
-        "frame": problem.frame,
-        "method": session.method.name,
-        "seed": str(session.method.seed),
-        "settings": settings,
-        "session": _toml(settings),
-        "layout": layout.to_json(),
-        "versions": json.dumps(versions(session)),
-    }
-
-
-@lru_cache(maxsize=8)
-def _toml(settings: str) -> str:
-    """A session as a file; made once for all frames of a batch."""
-    return session_toml(Session.model_validate_json(settings))
-
-
-def versions(session: Session) -> dict[str, str]:
-    """Python, the packages and the weights whose numbers enter a run of the session."""
-    return _installed() | weights_of(session)
-
-
-@cache
-def _installed() -> dict[str, str]:
-    installed = {"python": platform.python_version(), "machine": platform.machine()}
-    for package in PACKAGES:
-        try:
-            installed[package] = version(package)
-        except PackageNotFoundError:
-            installed[package] = "missing"
-    return installed

@@ -1,4 +1,4 @@
-"""The file of a recording: its name while it is written, writing it through rerun, and what rerun can read of it.
+"""The file of a recording: writing it through rerun, and what rerun reads of it.
 
 Rerun encodes what is sent; the bytes are written here and not by rerun's own file sink, which waits for ever where a
 disk is full (0.41: its writing thread ends, and the flush that follows is never answered).
@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import struct
 import subprocess
-import tempfile
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -23,18 +22,8 @@ from rerun.chunk import Chunk, RrdReader
 from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.recording import entities
 
-COMPLETE = "complete"
-"""The last property of a finished recording: how many iterations it holds."""
-
-
-def part_path(path: Path) -> Path:
-    """Where a recording lies while it is written."""
-    return path.with_name(path.name + ".part")
-
-
-def journal_path(path: Path) -> Path:
-    """The journal beside a recording that is being written."""
-    return path.with_name(path.name + ".journal")
+CONTENT = "content"
+"""The component that holds a file."""
 
 
 class RecordingFile:
@@ -69,6 +58,11 @@ class RecordingFile:
         """How the recording looks when it is opened."""
         self._stream.send_blueprint(blueprint)
 
+    def log_bytes(self, entity: str, content: bytes) -> None:
+        """Log a file as it is, as component :data:`CONTENT`."""
+        blob = rr.components.BlobBatch([content]).described(rr.ComponentDescriptor(CONTENT))
+        self._stream.log(entity, [blob], static=True, strict=True)
+
     def log(self, entity: str, *archetypes: rr.AsComponents) -> None:
         """What does not change over the iterations."""
         self._stream.log(entity, *archetypes, static=True, strict=True)
@@ -90,10 +84,6 @@ class RecordingFile:
         self._stream.log(entity, *archetypes, strict=True)
         self._stream.reset_time()
 
-    def send_chunks(self, chunks: Sequence[Chunk]) -> None:
-        """What was read from another recording."""
-        self._stream.send_chunks(chunks)
-
     def flush(self) -> None:
         """Writes all that was sent; it is with the operating system when this returns.
 
@@ -112,15 +102,14 @@ class RecordingFile:
             self._error = error
             raise InputError(f"cannot write the recording {self._path}: {error.strerror}") from None
 
-    def close(self, n_iterations: int) -> None:
-        """Finishes the file: what it says last is how many iterations it holds, so that a missing end is noticed.
+    def close(self) -> None:
+        """Finishes the file.
 
         Raises:
             InputError: the disk did not take all of it.
         """
         try:
             self.flush()
-            self.send_properties({COMPLETE: str(n_iterations)})
         finally:
             self._stream.disconnect()
             self._file.close()
@@ -156,38 +145,18 @@ def chunks_of(path: Path) -> list[Chunk]:
         return RrdReader(path).stream().to_chunks()
 
 
-def saved_chunks(path: Path) -> tuple[list[Chunk], bool]:
-    """The same of any file: what is left of one that is damaged or truncated; and whether all of it could be read.
-
-    Raises:
-        InputError: nothing in it can be saved, or it ends before the message that says whose recording it is.
-    """
-    if _is_sound(path):
-        with suppress(RuntimeError, ValueError, OSError):
-            return chunks_of(path), True
-    with tempfile.TemporaryDirectory() as folder:
-        fixed = _repaired(path, Path(folder))
-        try:
-            return chunks_of(fixed), False
-        except (RuntimeError, ValueError, OSError):
-            raise InputError(f"{path} ended early: it holds nothing of a run; run its session again") from None
-
-
-def _is_sound(path: Path) -> bool:
-    """Whether rerun can decode the file. Asked of another process: bytes that make no sense abort the one that reads
-    them.
-    """
-    return _rerun("verify", "--check-footers", "false", str(path.resolve())).returncode == 0
-
-
-def _repaired(path: Path, folder: Path) -> Path:
-    # The merge takes files by their suffix.
-    source, fixed = folder / "truncated.rrd", folder / "fixed.rrd"
-    source.symlink_to(path.resolve())
-    done = _rerun("merge", "--continue-on-error", str(source), "-o", str(fixed))
-    if done.returncode != 0 or not fixed.is_file() or not _is_sound(fixed):
-        raise InputError(f"{path} is damaged beyond repair; nothing in it can be read; run its session again")
-    return fixed
+def read_bytes(path: Path, entity: str) -> bytes | None:
+    """What :meth:`RecordingFile.log_bytes` logged; None where it is not there, as in a recording that was cut off."""
+    # Asked of another process first: bytes that make no sense abort the one that reads them.
+    if _rerun("verify", "--check-footers", "false", str(path.resolve())).returncode != 0:
+        return None
+    with suppress(RuntimeError, ValueError, OSError):
+        for chunk in chunks_of(path):
+            if chunk.entity_path == entity:
+                batch = chunk.to_record_batch()
+                column = next(c for name, c in zip(batch.schema.names, batch.columns, strict=True) if CONTENT in name)
+                return column[0].values[0].values.to_numpy().tobytes()
+    return None
 
 
 def _rerun(*arguments: str) -> subprocess.CompletedProcess[bytes]:

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from verefine_viz.recording.drawn_iterations import Drawing
-from verefine_viz.recording.entities import MAPS, SCENE_MAPS, SEQUENCE_FILE
-from verefine_viz.recording.reader import Recorded, existing, final_path, has_content, read_recording
-from verefine_viz.recording.recording_file import COMPLETE, RecordingFile, executable, saved_chunks
-from verefine_viz.recording.views import blueprint_of
+from verefine_viz.recording.reader import check_rerun_file
+from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.recording_file import executable
+from verefine_viz.run.record import session_of
+from verefine_viz.run.run_file import SUFFIX, read_run_file
 
 LOOPBACK = "127.0.0.1"
 
@@ -34,18 +34,17 @@ def open_viewer(path: Path, web: bool | None = None) -> OpenViewer:
     """Opens a recording in the rerun viewer, which is reachable from this machine only.
 
     Args:
-        path: the recording; one of a killed run is completed into a temporary copy first.
+        path: the recording, or a run file, which is drawn into a temporary one first.
         web: in the browser; None = where no window can be opened.
 
     Raises:
         InputError: it is not a recording of this program.
         UnavailableError: the viewer is not installed.
     """
-    path = existing(path)
-    if path.name != SEQUENCE_FILE:
-        recorded = read_recording(path)
-        if not recorded.is_complete:
-            path = completed(recorded, Path(tempfile.mkdtemp(prefix="verefine-")))
+    if path.suffix == SUFFIX:
+        path = drawn(path, Path(tempfile.mkdtemp(prefix="verefine-")))
+    else:
+        check_rerun_file(path)
     # Its own lines of progress would bury ours.
     env = {"RUST_LOG": "warn", **os.environ}
     in_browser = not has_display() if web is None else web
@@ -58,27 +57,22 @@ def open_viewer(path: Path, web: bool | None = None) -> OpenViewer:
     return OpenViewer(start_viewer(arguments, env), f"http://{LOOPBACK}:{page}?url={source}")
 
 
-def completed(recorded: Recorded, folder: Path) -> Path:
-    """A copy of an unfinished recording in ``folder``, with all its iterations drawn.
+def drawn(path: Path, folder: Path) -> Path:
+    """Draw the run of a run file into a recording in ``folder``, and return its path.
 
     Raises:
-        InputError: the disk does not take it.
+        VerefineError: the run or its data cannot be read, or the disk does not take it.
     """
-    target = folder / final_path(recorded.path).name
-    chunks = saved_chunks(recorded.path)[0] if has_content(recorded.path) else []
-    maps = [chunk for chunk in chunks if chunk.entity_path.startswith((f"{MAPS}/", f"{SCENE_MAPS}/"))]
-    file = RecordingFile(target)
-    about = {name: text for name, text in recorded.properties.items() if name != COMPLETE}
-    file.send_properties(about, f"{recorded.title} {recorded.frame} {recorded.session.method.name}")
-    file.send_blueprint(blueprint_of(recorded.layout, bool(maps), recorded.session.score.colour_weight > 0))
-    drawing = Drawing(recorded.layout)
-    drawing.start(file)
-    # What was drawn may end anywhere in a block of iterations, so all of them are drawn again.
-    fixed = [c for c in chunks if c.is_static and not c.entity_path.startswith("/__properties")]
-    file.send_chunks([*fixed, *(chunk for chunk in maps if not chunk.is_static)])
-    if recorded.entries:
-        drawing.draw(file, recorded.entries)
-    file.close(len(recorded.entries))
+    from verefine_viz.run.engine import Run
+    from verefine_viz.run.toolbox import Toolbox
+
+    record = read_run_file(path)
+    toolbox = Toolbox(session_of(record.header))
+    problem = toolbox.problem(record.header.frame)
+    target = folder / path.with_suffix(".rrd").name
+    recorder = Recorder(target, toolbox.session, problem, toolbox.verifier_of, refiner_of=toolbox.refiner_of)
+    Run.from_record(record, problem, [recorder])
+    recorder.close(path)
     return target
 
 

@@ -22,7 +22,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.palette import OBJECT_COLORS, RGB
 from verefine_viz.recording.background import DRAWN_FACES, drawn_mesh
 from verefine_viz.recording.drawn_poses import NOWHERE
-from verefine_viz.recording.recording_file import RecordingFile, part_path
+from verefine_viz.recording.recording_file import RecordingFile
 from verefine_viz.recording.views import DARK
 
 FRAME = "frame"
@@ -72,7 +72,8 @@ def write_sequence(path: Path, title: str, tracks: Sequence[SequenceTrack]) -> N
     Raises:
         InputError: the disk refuses.
     """
-    file = RecordingFile(part_path(path))
+    part = path.with_name(path.name + ".part")
+    file = RecordingFile(part)
     file.send_properties({"title": title, "of": "sequence"}, f"{title} sequence".strip())
     scenes: dict[int, list[SequenceTrack]] = {}
     for track in tracks:
@@ -80,9 +81,9 @@ def write_sequence(path: Path, title: str, tracks: Sequence[SequenceTrack]) -> N
     for scene_id, of_scene in scenes.items():
         _log_scene(file, f"/scene_{scene_id}", of_scene)
     file.send_blueprint(_blueprint(scenes))
-    file.close(0)
+    file.close()
     try:
-        part_path(path).replace(path)
+        part.replace(path)
     except OSError as error:
         raise InputError(f"cannot write the recording {path}: {error.strerror}") from None
 

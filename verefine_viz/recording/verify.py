@@ -13,10 +13,11 @@ from msgspec import Struct
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.records import TIMES, Iteration
-from verefine_viz.recording.lossless_log import as_recorded
-from verefine_viz.recording.reader import Recorded, read_recording
-from verefine_viz.recording.recorder import versions
+from verefine_viz.recording.reader import read_recording
 from verefine_viz.run.engine import Run
+from verefine_viz.run.record import RunRecord, session_of
+from verefine_viz.run.run_file import as_read
+from verefine_viz.run.versions import versions
 
 # Bit-for-bit comparison of records, timings left out: what "the same run" means.
 
@@ -93,7 +94,7 @@ def _size(a: Any, b: Any) -> float:
     return math.inf if math.isnan(size) else size
 
 
-MakeRun = Callable[[Recorded], Run]
+MakeRun = Callable[[RunRecord], Run]
 
 ROUNDING = 1e-6
 """Numbers that differ by a smaller share, or by less where they are below 1, count as differing in their last digits.
@@ -166,7 +167,7 @@ def verify(path: Path, make_run: MakeRun | None = None) -> Verification:
     return Verification(n_same, words, run.n_iterations, recorded.is_complete)
 
 
-def run_again(recorded: Recorded) -> Run:
+def run_again(recorded: RunRecord) -> Run:
     """The run of a recording's session and frame, not yet stepped.
 
     Raises:
@@ -175,14 +176,15 @@ def run_again(recorded: Recorded) -> Run:
     # The engine's parts are heavy, and opening a recording does not need them.
     from verefine_viz.run.toolbox import Toolbox
 
-    toolbox = Toolbox(recorded.session)
-    problem = toolbox.problem(recorded.frame)
-    wanted = [branch.instance_id for branch in recorded.layout.branches]
+    toolbox = Toolbox(session_of(recorded.header))
+    frame = recorded.header.frame
+    problem = toolbox.problem(frame)
+    wanted = [one.instance_id for one in recorded.header.objects]
     lacking = set(wanted) - {instance.instance_id for instance in problem.instances}
     if lacking:
         why = [f"; {one.name}: {one.why}" for one in problem.left_out if one.instance_id in lacking]
         raise InputError(
-            f"{recorded.path} cannot be run again: frame {recorded.frame} of the data no longer has instance "
+            f"it cannot be run again: frame {frame} of the data no longer has instance "
             f"{', '.join(map(str, sorted(lacking)))}, which was there when it was recorded{''.join(why)}"
         )
     return toolbox.run(problem.only(wanted))
@@ -191,10 +193,10 @@ def run_again(recorded: Recorded) -> Run:
 def _differences(iteration: Iteration, run: Run) -> list[Difference]:
     if run.is_done:
         return [Difference(f"recorded, but the new run ended after {run.length}", float("inf"))]
-    return list(differences(iteration, as_recorded(run.step())))
+    return list(differences(iteration, as_read(run.step())))
 
 
-def _in_words(first_and_real: list[tuple[int, Difference]], largest: float, recorded: Recorded) -> str:
+def _in_words(first_and_real: list[tuple[int, Difference]], largest: float, recorded: RunRecord) -> str:
     """The first difference and, where that is rounding and more follows, the first that is not."""
     (index, first), changed = first_and_real[0], _changed(recorded)
     text = f"iteration {index}: {first.words}"
@@ -213,7 +215,7 @@ def _in_words(first_and_real: list[tuple[int, Difference]], largest: float, reco
     return f"{text}; another state of the program, or another machine, computes last digits differently (same versions)"
 
 
-def _changed(recorded: Recorded) -> str:
+def _changed(recorded: RunRecord) -> str:
     """What is here in another version, or with other weights, which may be the reason."""
-    here = versions(recorded.session)
-    return ", ".join(f"{n} {v} (here {here.get(n)})" for n, v in recorded.versions.items() if here.get(n) != v)
+    here = versions(session_of(recorded.header))
+    return ", ".join(f"{n} {v} (here {here.get(n)})" for n, v in recorded.header.versions.items() if here.get(n) != v)

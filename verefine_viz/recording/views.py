@@ -10,8 +10,8 @@ import rerun.blueprint as rrb
 from verefine_viz.recording import entities
 from verefine_viz.recording.grasps import grasp_tab
 from verefine_viz.recording.landscapes import landscape_tab
+from verefine_viz.recording.layout import Layout
 from verefine_viz.recording.maps import OBSERVED
-from verefine_viz.recording.recorded_layout import Layout
 
 LEGEND_ARMS = 12
 """With more hypotheses a legend would hide the curves."""

@@ -166,12 +166,12 @@ def run_rows(run: LoadedRun, frames: Sequence[str]) -> Iterator[ResultRow]:
     """The answers of a run in ``frames``, as results.csv has them.
 
     Raises:
-        InputError: the journal's entry of a frame is gone or damaged.
+        InputError: the run file of a frame is gone or damaged.
     """
     for frame in frames:
-        result = run.journal.entry(frame)
-        if result is None:
+        record = run.runs.entry(frame)
+        if record is None:
             raise InputError(
-                f"{run.journal.folder} says nothing about frame {frame}; the same batch command solves it again"
+                f"{run.runs.folder} says nothing about frame {frame}; the same batch command solves it again"
             )
-        yield from result_rows(result)
+        yield from result_rows(record)

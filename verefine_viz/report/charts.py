@@ -10,13 +10,13 @@ from typing import get_args
 import numpy as np
 import plotly.graph_objects as go
 
-from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, OBJECT_COLORS, RGB, SIDE_COLORS, STAGE_COLORS
 from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.grasping.grasp_trial import Verdict
 from verefine_viz.report.failure_cards import ScoreCurve
 from verefine_viz.report.run_difference import SAME, Difference
 from verefine_viz.report.run_results import THRESHOLDS, LoadedRun, recall_curve, stage_times
+from verefine_viz.run.record import Answer
 
 MOST_POINTS = 4000
 """Of a scatter plot; of more, an even choice is drawn."""
@@ -285,7 +285,7 @@ def curve_figure(curve: ScoreCurve, worst_iteration: int | None) -> go.Figure:
     return figure
 
 
-def cause_counts(rows: Sequence[ObjectRow]) -> Counter[str]:
+def cause_counts(rows: Sequence[Answer]) -> Counter[str]:
     """Failures by cause, those without a diagnosis left out."""
     return Counter(row.cause for row in rows if row.cause)
 
@@ -314,7 +314,7 @@ def new_figure(x: str, y: str, height: int = 340) -> go.Figure:
     )
 
 
-def _percent(row: ObjectRow) -> float:
+def _percent(row: Answer) -> float:
     return round(max(100 * (row.relative_error or 0.0), SMALLEST_PERCENT), 3)
 
 

@@ -6,21 +6,25 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
 
 from verefine_viz.batch.answer_tags import answer_key, read_tags
-from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.problem import Problem, Target
+from verefine_viz.core.records import Iteration
 from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.evaluation.landscape import Curve, landscape
+from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.pictures.answer_pictures import Pictures, picture_source, pictures
 from verefine_viz.pictures.landscape_picture import worst_curves
-from verefine_viz.recording.lossless_log import Entry
-from verefine_viz.recording.reader import read_recording
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
 from verefine_viz.report.groups import Group, Progress, seed_words
 from verefine_viz.report.run_results import Key, LoadedRun, key
+from verefine_viz.run.record import Answer
+from verefine_viz.run.run_file import read_run_file
 from verefine_viz.scenes.source import SceneSource
 
 ONLY_A, ONLY_B, BOTH = "only A wrong", "only B wrong", "both wrong"
@@ -47,7 +51,7 @@ class Pick:
     """An answer that gets a card."""
 
     run: LoadedRun
-    row: ObjectRow
+    row: Answer
     other: LoadedRun | None = None
     """Another run to show beside it."""
     group: str = ""
@@ -74,7 +78,7 @@ class Failure:
     """One card of the gallery."""
 
     pick: Pick
-    other: ObjectRow | None
+    other: Answer | None
     """The same object in the other run."""
     pictures: Pictures | None
     curve: ScoreCurve | None
@@ -84,7 +88,7 @@ class Failure:
     """Of the user's, from the run's tags.json."""
 
     @property
-    def row(self) -> ObjectRow:
+    def row(self) -> Answer:
         return self.pick.row
 
     @property
@@ -120,7 +124,7 @@ def gallery_of(picks: Sequence[Pick], n_failures: int, progress: Progress) -> Ga
         of_frame = [(k, pick) for k, pick in enumerate(picks) if pick.row.frame == frame]
         runs = {id(pick.run): pick for _, pick in of_frame}
         answers = {i: _answers(pick, frame) for i, pick in runs.items()}
-        curves = {i: _curves(pick.run, frame, notes) for i, pick in runs.items()}
+        curves = {i: _curves(pick.run, frame, problem, notes) for i, pick in runs.items()}
         for k, pick in of_frame:
             progress(len(cards), len(picks))
             drawn = _pictures(pick.run, problem, pick.row, answers[id(pick.run)])
@@ -167,7 +171,7 @@ def _problem(source: SceneSource | None, frame: str, notes: list[str]) -> Proble
 def _pictures(
     run: LoadedRun,
     problem: Problem | None,
-    row: ObjectRow,
+    row: Answer,
     answers: Sequence[tuple[LoadedRun, Mapping[int, Float]]],
 ) -> Pictures | None:
     target = _target(problem, row)
@@ -177,7 +181,7 @@ def _pictures(
     return pictures(target, poses, run.index.session.score.tau_m)
 
 
-def _target(problem: Problem | None, row: ObjectRow) -> Target | None:
+def _target(problem: Problem | None, row: Answer) -> Target | None:
     """The object of a row in its frame; None where the data have another one by now."""
     targets = () if problem is None else problem.targets
     own = next((t for t in targets if t.instance.instance_id == row.instance_id), None)
@@ -185,7 +189,7 @@ def _target(problem: Problem | None, row: ObjectRow) -> Target | None:
 
 
 def _least_certain(
-    run: LoadedRun, problem: Problem | None, row: ObjectRow, answers: Mapping[int, Float]
+    run: LoadedRun, problem: Problem | None, row: Answer, answers: Mapping[int, Float]
 ) -> tuple[Curve, Curve] | None:
     target = _target(problem, row)
     if target is None or row.instance_id is None or row.instance_id not in answers:
@@ -193,30 +197,32 @@ def _least_certain(
     return worst_curves(landscape(CpuVerifier(run.index.session.score), target, answers[row.instance_id]))
 
 
-def _curves(run: LoadedRun, frame: str, notes: list[str]) -> dict[int | None, ScoreCurve]:
-    path = run.recording(frame)
-    if not path.is_file():
-        notes.append("Some frames have no recording (recording.keep), and so no curve.")
-        return {}
+def _curves(run: LoadedRun, frame: str, problem: Problem | None, notes: list[str]) -> dict[int | None, ScoreCurve]:
     try:
-        recorded = read_recording(path)
+        iterations = read_run_file(run.runs.path(frame)).iterations
     except VerefineError as error:
         notes.append(f"No curves of frame {frame}: {error}.")
         return {}
-    ids = dict.fromkeys(i.instance_id for i in recorded.iterations)
-    return {k: _curve([e for e in recorded.entries if e.iteration.instance_id == k]) for k in ids}
+    targets = {} if problem is None else {t.instance.instance_id: t for t in problem.targets}
+    ids = dict.fromkeys(i.instance_id for i in iterations)
+    return {k: _curve([i for i in iterations if i.instance_id == k], targets.get(k)) for k in ids}
 
 
-def _curve(entries: Sequence[Entry]) -> ScoreCurve:
-    iterations = [entry.iteration for entry in entries]
+def _curve(iterations: Sequence[Iteration], target: Target | None) -> ScoreCurve:
+    @cache
+    def error_mm(pose: bytes) -> float | None:
+        """ADD(-S) of a T_cam_obj; the best pose seldom changes."""
+        if target is None or target.instance.T_cam_obj_gt is None:
+            return None
+        return add_s_mm(target.model, np.frombuffer(pose).reshape(4, 4), target.instance.T_cam_obj_gt)
+
     accepted = [i.accepted_stage.score for i in iterations]
-    errors_mm = [float(entry.errors[2]) for entry in entries]
     return ScoreCurve(
         tuple(i.index for i in iterations),
         tuple(i.arm for i in iterations),
         tuple(None if score is None else score.score for score in accepted),
         tuple(i.best.score.score for i in iterations),
-        tuple(None if math.isnan(e) else e for e in errors_mm),
+        tuple(error_mm(i.best.T_cam_obj.tobytes()) for i in iterations),
     )
 
 
@@ -294,7 +300,7 @@ def _alone(run: LoadedRun, other: LoadedRun, kind: str) -> list[Pick]:
     return [Pick(run, row, other, kind, _absent(other, row)) for row in run.failures if key(row) not in theirs]
 
 
-def _absent(other: LoadedRun, row: ObjectRow) -> str:
+def _absent(other: LoadedRun, row: Answer) -> str:
     """Why the other run has no answer for an object; empty where it has."""
     other_row = other.row_of(row)
     if other_row is None:

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from verefine_viz.batch.journal import read_run
-from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import Session
 from verefine_viz.report.run_results import LoadedRun, check_same_data, load
+from verefine_viz.run.record import Answer
 
 Progress = Callable[[int, int], None]
 """Called with how many parts of a long work are done, and how many there are."""
@@ -44,7 +44,7 @@ class Group:
         return self.runs[0].index.session
 
     @cached_property
-    def objects(self) -> tuple[ObjectRow, ...]:
+    def objects(self) -> tuple[Answer, ...]:
         """Objects of all runs."""
         return tuple(row for run in self.runs for row in run.objects)
 

@@ -22,7 +22,6 @@ from verefine_viz.batch.answer_cards import (
     values_of,
 )
 from verefine_viz.batch.index import ORDERS, Order
-from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS, difference_scale
 from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.pictures.answer_pictures import color_of
@@ -32,6 +31,7 @@ from verefine_viz.report import run_sentences as words
 from verefine_viz.report.failure_cards import Failure, Gallery
 from verefine_viz.report.object_results import Share
 from verefine_viz.report.run_results import Key, key
+from verefine_viz.run.record import Answer
 
 
 def filled(template: str, context: Mapping[str, Any]) -> str:
@@ -147,7 +147,7 @@ def _card(place: int, card: Failure, anchors: Mapping[tuple[str, Key], str], sha
     return Card(place, card, anchors[card.pick.place], figure_json(curve) if curve else None, around, elsewhere)
 
 
-def _card_of(anchors: Mapping[tuple[str, Key], str]) -> Callable[[ObjectRow], str | None]:
+def _card_of(anchors: Mapping[tuple[str, Key], str]) -> Callable[[Answer], str | None]:
     """Where the page shows an object, in the card of its worst answer; None where it has no card."""
     first: dict[Key, str] = {}
     for (_, place), anchor in anchors.items():

@@ -10,12 +10,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.methods.registry import method_of
 from verefine_viz.report.bootstrap import FEWEST_SCENES, Cells
 from verefine_viz.report.groups import Group, Seeds, seeds_of
 from verefine_viz.report.run_results import THRESHOLDS, Key, error_or_infinite, key
+from verefine_viz.run.record import Answer
 
 Index = NDArray[np.intp]
 
@@ -189,7 +189,7 @@ class HeatRow:
 class ObjectOverGroups:
     """One object of one frame over all groups and seeds."""
 
-    row: ObjectRow
+    row: Answer
     """One of its rows, for names."""
     total: Share
     by_group: dict[str, Share] = field(default_factory=dict)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.report.run_results import LoadedRun, error_or_infinite, key
+from verefine_viz.run.record import Answer
 
 SAME = 0.005
 """Errors that differ by less than this share of the diameter count as the same."""
@@ -19,8 +19,8 @@ SAME = 0.005
 class Change:
     """One object of one frame in both runs."""
 
-    a: ObjectRow
-    b: ObjectRow
+    a: Answer
+    b: Answer
 
     @property
     def frame(self) -> str:

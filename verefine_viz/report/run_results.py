@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from verefine_viz.batch.index import BatchIndex, read_batch
-from verefine_viz.batch.journal import Journal
+from verefine_viz.batch.journal import Runs, file_stem
 from verefine_viz.batch.motion_table import Track, read_tracks
-from verefine_viz.batch.rows import ObjectRow, file_stem
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.methods.registry import method_of
+from verefine_viz.run.answers import solving_s
+from verefine_viz.run.record import Answer
 
 Key = tuple[int, int, int | None, int | None]
 """scene_id, im_id, instance_id, obj_id: the same object in two runs."""
@@ -35,7 +36,7 @@ class LoadedRun:
         return self.index.folder
 
     @property
-    def rows(self) -> tuple[ObjectRow, ...]:
+    def rows(self) -> tuple[Answer, ...]:
         """One per object; one per failed frame whose objects are unknown."""
         return self.index.rows
 
@@ -54,17 +55,17 @@ class LoadedRun:
         return tuple(dict.fromkeys(row.frame for row in self.rows))
 
     @cached_property
-    def objects(self) -> tuple[ObjectRow, ...]:
+    def objects(self) -> tuple[Answer, ...]:
         """Rows of objects, also of those that were left out or are in failed frames: they are missed."""
         return tuple(row for row in self.rows if row.is_object)
 
     @cached_property
-    def with_truth(self) -> tuple[ObjectRow, ...]:
+    def with_truth(self) -> tuple[Answer, ...]:
         """Objects that can be right or wrong."""
         return tuple(row for row in self.objects if row.can_be_right)
 
     @cached_property
-    def failures(self) -> tuple[ObjectRow, ...]:
+    def failures(self) -> tuple[Answer, ...]:
         """Objects whose answer is wrong or missing, worst first; without any ground truth all objects, by score.
 
         Only those that were asked for: what is left out or in a failed frame is no failure of the method.
@@ -75,10 +76,10 @@ class LoadedRun:
         return tuple(row for row in worst_first if row.status == "no_answer" or row.is_correct is False)
 
     @cached_property
-    def _by_key(self) -> dict[Key, ObjectRow]:
+    def _by_key(self) -> dict[Key, Answer]:
         return {key(row): row for row in self.objects}
 
-    def row_of(self, other: ObjectRow) -> ObjectRow | None:
+    def row_of(self, other: Answer) -> Answer | None:
         """The same object as another run's row; None where this run does not have it."""
         return self._by_key.get(key(other))
 
@@ -88,13 +89,15 @@ class LoadedRun:
         return read_tracks(self.folder)
 
     @property
-    def journal(self) -> Journal:
-        return Journal(self.folder / "frames")
+    def runs(self) -> Runs:
+        """The run file of each frame."""
+        return Runs(self.folder / "runs")
 
     @cached_property
     def solving_ms(self) -> float | None:
         """Mean of the times that results.csv states for images with an answer [ms]; None where there are none."""
-        times_s = [result.solving_s for result in self.journal.results(self.frames) if result.estimates]
+        ends = [record.end for record in self.runs.records(self.frames) if record.end is not None]
+        times_s = [solving_s(end) for end in ends if any(a.T_cam_obj is not None for a in end.answers)]
         return 1e3 * sum(times_s) / len(times_s) if times_s else None
 
     def recording(self, frame: str) -> Path:
@@ -151,12 +154,12 @@ def data_set(run: LoadedRun) -> str:
     return f"{Path(scene.dataset).name}/{scene.split}" if scene.source == "bop" else Path(scene.dataset).name
 
 
-def key(row: ObjectRow) -> Key:
+def key(row: Answer) -> Key:
     """What makes two rows be about the same object."""
     return row.scene_id, row.im_id, row.instance_id, row.obj_id
 
 
-def error_or_infinite(row: ObjectRow) -> float:
+def error_or_infinite(row: Answer) -> float:
     """ADD(-S) of the answer as a share of the diameter; infinite where there is no answer or no ground truth."""
     return math.inf if row.relative_error is None else row.relative_error
 
@@ -209,7 +212,7 @@ def numbers_of(run: LoadedRun, ar: float | None = None) -> Numbers:
 
 def by_object(run: LoadedRun, ar: dict[int, float]) -> tuple[ObjectNumbers, ...]:
     """Of each object model, by id."""
-    groups: dict[int, list[ObjectRow]] = {}
+    groups: dict[int, list[Answer]] = {}
     for row in run.objects:
         if row.obj_id is not None:
             groups.setdefault(row.obj_id, []).append(row)
@@ -219,7 +222,7 @@ def by_object(run: LoadedRun, ar: dict[int, float]) -> tuple[ObjectNumbers, ...]
     )
 
 
-def recall_curve(rows: Iterable[ObjectRow]) -> Float:
+def recall_curve(rows: Iterable[Answer]) -> Float:
     """Recall at each of :data:`THRESHOLDS` over rows with ground truth; no answer is right at no threshold."""
     errors = np.array([error_or_infinite(row) for row in rows])
     return (errors[:, None] < THRESHOLDS).mean(axis=0) if len(errors) else np.full(len(THRESHOLDS), np.nan)
@@ -244,7 +247,7 @@ def stage_times(run: LoadedRun) -> dict[str, float]:
     return {**first, **parts, "rest of the iterations": max(rest, 0.0), **stages}
 
 
-def _numbers(rows: Sequence[ObjectRow], method: str, ar: float | None, solving_ms: float | None = None) -> Numbers:
+def _numbers(rows: Sequence[Answer], method: str, ar: float | None, solving_ms: float | None = None) -> Numbers:
     objects = [row for row in rows if row.is_object]
     solved = [row for row in objects if row.status == "ok"]
     with_truth = [row for row in objects if row.can_be_right]
@@ -270,6 +273,6 @@ def _numbers(rows: Sequence[ObjectRow], method: str, ar: float | None, solving_m
     )
 
 
-def _most_frequent(rows: Sequence[ObjectRow]) -> str:
+def _most_frequent(rows: Sequence[Answer]) -> str:
     causes = [row.cause for row in rows if row.cause]
     return max(sorted(set(causes)), key=causes.count) if causes else ""

@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from verefine_viz.batch.rows import ObjectRow
 from verefine_viz.batch.totals import doubts_in_words, misranked_share
 from verefine_viz.diagnosis.causes import DECLARE, Cause, cause_title
 from verefine_viz.methods.registry import METHODS, SEARCH
@@ -15,6 +14,7 @@ from verefine_viz.report.failure_cards import BOTH, ONLY_A, ONLY_B, Gallery
 from verefine_viz.report.groups import names, seed_words
 from verefine_viz.report.run_difference import Difference
 from verefine_viz.report.run_results import LoadedRun, Numbers, data_set
+from verefine_viz.run.record import Answer
 
 DASH = "–"
 
@@ -196,7 +196,7 @@ class NextStep:
 
     text: str
     """Up to that answer."""
-    begin: ObjectRow
+    begin: Answer
 
 
 def next_step(run: LoadedRun) -> NextStep | None:
@@ -229,7 +229,7 @@ def advice(cause: str, method: str) -> str:
     return OWN_ADVICE.get(method, {}).get(Cause(cause), ADVICE[Cause(cause)])
 
 
-def _lead(run: LoadedRun, wrong: Sequence[ObjectRow], counts: Sequence[tuple[str, int]]) -> str:
+def _lead(run: LoadedRun, wrong: Sequence[Answer], counts: Sequence[tuple[str, int]]) -> str:
     cause, n = counts[0]
     title = cause_title(cause)
     if len(wrong) == 1:
@@ -249,7 +249,7 @@ def _shown(counts: Sequence[tuple[str, int]]) -> str:
     return f"{' and '.join(titles)} {n}{' each' * (len(titles) > 1)}"
 
 
-def _in_common(rows: Sequence[ObjectRow]) -> str:
+def _in_common(rows: Sequence[Answer]) -> str:
     """What all of several answers share, if anything."""
     if len(rows) < 2:
         return ""

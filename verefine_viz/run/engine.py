@@ -6,9 +6,9 @@ new run that shares the history up to an iteration.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -16,8 +16,10 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Method, RunState, Verifier, Watcher
-from verefine_viz.core.records import Iteration
+from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.settings import Edit
+from verefine_viz.run.record import RunRecord
+from verefine_viz.run.recorded_run import RecordedSteps
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +92,31 @@ class Run:
         plan = Plan(method, dict(changes or {}), tuple(edits))
         self._begin(plan, (plan.begun(problem),), (), (), watchers)
 
+    @classmethod
+    def from_record(
+        cls,
+        record: RunRecord,
+        problem: Problem,
+        watchers: Sequence[Watcher[Any]] = (),
+        again: Callable[[], Run] | None = None,
+    ) -> Run:
+        """The run of a record, as far as it goes, with the cursor before its first iteration.
+
+        Args:
+            record: what was read.
+            problem: its frame.
+            watchers: see all of it.
+            again: begins the same run again, for a fork, which computes the shared iterations again; None = no forks.
+
+        Raises:
+            InputError: the frame does not hold what was recorded.
+        """
+        run = cls(cast(Any, RecordedSteps(record)), problem, watchers)
+        run.finish()
+        run.seek(0)
+        run._again = again
+        return run
+
     def _begin(
         self,
         plan: Plan,
@@ -105,12 +132,12 @@ class Run:
         self._iterations = list(iterations)
         self._watchers = tuple(watchers)
         self._finished = False
+        self._again: Callable[[], Run] | None = None
+        """Of a record: begins the run again."""
         self.cursor = len(iterations)
         """The iteration that is shown; 0 = before the first."""
         for watcher in self._watchers:
-            watcher.on_start(states[0])
-            for state, iteration in zip(states[1:], iterations, strict=True):
-                watcher.on_iteration(state, iteration)
+            self._show_history(watcher)
         self._finish_if_done()
 
     @property
@@ -168,6 +195,15 @@ class Run:
     def iterations(self) -> tuple[Iteration, ...]:
         """All records made so far."""
         return tuple(self._iterations)
+
+    def iterations_of(self, instance_id: int) -> tuple[Iteration, ...]:
+        """The records of one object made so far."""
+        return tuple(i for i in self._iterations if i.instance_id == instance_id)
+
+    def best_at(self, k: int) -> dict[int, Best]:
+        """The answers after iteration ``k``, by instance_id; an object without hypotheses has none."""
+        ids = [i.instance_id for i in self.problem.instances]
+        return {i: best for i, best in zip(ids, self._states[k].best, strict=True) if best is not None}
 
     @property
     def n_iterations(self) -> int:
@@ -239,6 +275,11 @@ class Run:
         """
         if not 0 <= k <= self.length:
             raise InputError(f"cannot fork at iteration {k}; the history has 0 to {self.length}")
+        if self._again is not None:
+            run = self._again()
+            for _ in range(k):
+                run.step()
+            return run.fork(k, method, edit, watchers)
         changes = {at: m for at, m in self._plan.changes.items() if at <= k}
         if method is not None:
             changes[k] = method
@@ -255,6 +296,17 @@ class Run:
         forked = Run.__new__(Run)
         forked._begin(plan, (*self._states[:k], last), tuple(self._made[:k]), tuple(self._iterations[:k]), watchers)
         return forked
+
+    def show(self, watchers: Sequence[Watcher[Any]]) -> None:
+        """Show watchers the run so far, from its start to its end."""
+        for watcher in watchers:
+            self._show_history(watcher)
+            watcher.on_finish(self._states[-1])
+
+    def _show_history(self, watcher: Watcher[Any]) -> None:
+        watcher.on_start(self._states[0])
+        for state, iteration in zip(self._states[1:], self._iterations, strict=True):
+            watcher.on_iteration(state, iteration)
 
     def close(self) -> None:
         """Calls the watchers' ``on_finish``, once."""

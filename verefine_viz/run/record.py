@@ -5,22 +5,28 @@ Everything that draws, compares, explains or tabulates a run reads this; ``run/r
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Literal
 
 from msgspec import Struct, field
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.problem import Hypothesis, Problem
+from verefine_viz.core.problem import Hypothesis, LeftOut, Problem
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import parsed_toml, resolve, session_toml
 from verefine_viz.run.versions import versions
+from verefine_viz.scenes.frames import parse_frame
 
 FORMAT = 1
 """Of the run file; a reader refuses later ones."""
+DATA_FIRST = "Look at the data first:"
+"""Stands before what does not fit together in a frame's data, behind the cause."""
+WAITING = "not solved yet"
+"""The message about a frame that has only just arrived in a watched folder; no table has such rows."""
 Status = Literal["ok", "no_answer", "left_out", "failed"]
 
 
@@ -131,6 +137,53 @@ class Answer(Struct, frozen=True, eq=False, kw_only=True):
     """The cause in one sentence, with its numbers."""
     message: str = ""
 
+    @property
+    def scene_id(self) -> int:
+        return parse_frame(self.frame)[0]
+
+    @property
+    def im_id(self) -> int:
+        return parse_frame(self.frame)[1]
+
+    @property
+    def is_object(self) -> bool:
+        """Whether it is about an object; False of a failed frame whose objects are unknown."""
+        return self.status != "failed" or self.obj_id is not None
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether it stands for a frame that is still to be solved."""
+        return self.message == WAITING
+
+    @property
+    def can_be_right(self) -> bool:
+        """Whether there is ground truth to compare an answer with; without an answer it is missed."""
+        return self.has_truth or self.add_s_mm is not None
+
+    @property
+    def was_asked_for(self) -> bool:
+        """Whether the method got it to solve: neither was it left out nor did its frame fail."""
+        return self.status in ("ok", "no_answer")
+
+    @property
+    def doubt(self) -> str:
+        """What of its frame's data does not fit together, as far as that was checked; else ""."""
+        return self.evidence.partition(DATA_FIRST)[2].strip()
+
+    @property
+    def relative_error(self) -> float | None:
+        """ADD(-S) as a share of the diameter; None where there is no answer or no ground truth."""
+        if self.add_s_mm is None or not self.diameter_mm:
+            return None
+        return self.add_s_mm / self.diameter_mm
+
+    @property
+    def is_correct(self) -> bool | None:
+        """ADD(-S) below 10 % of the diameter; None without ground truth."""
+        if self.add_s_mm is None or self.diameter_mm is None:
+            return None
+        return self.add_s_mm < 0.1 * self.diameter_mm
+
 
 class RunEnd(Struct, frozen=True, eq=False, kw_only=True):
     """How a run ended: its answers, and where the time went."""
@@ -140,13 +193,28 @@ class RunEnd(Struct, frozen=True, eq=False, kw_only=True):
     seconds: float = 0.0
     """All the time it took, from reading the frame to its last record [s]."""
     stages_ms: dict[str, float] = field(default_factory=dict)
-    """Where the time went, by stage (:data:`STAGES`) [ms]."""
+    """Where the time went, by stage (``run.answers.STAGES``) [ms]."""
     notes: tuple[str, ...] = ()
     """About the frame's data: objects left out, unknown names in a given order, …"""
     doubts: tuple[str, ...] = ()
     """What of the frame's data does not fit together, with what to check: cam_K, depth, models, the plane."""
     n_unreadable: int = 0
     """Objects that were left out as their model or mask is missing or damaged."""
+
+    @property
+    def failed(self) -> bool:
+        """Whether the whole frame could not be solved."""
+        return any(answer.status == "failed" for answer in self.answers)
+
+    @property
+    def is_failure(self) -> bool:
+        """Whether an object has no answer, or an ADD(-S) not below 10 % of the diameter."""
+        return any(answer.status != "ok" or answer.is_correct is False for answer in self.answers)
+
+    @property
+    def can_be_mended(self) -> bool:
+        """Whether another try may solve more, once files are as they should be."""
+        return self.failed or self.n_unreadable > 0
 
 
 class RunRecord(Struct, frozen=True, eq=False):
@@ -157,6 +225,8 @@ class RunRecord(Struct, frozen=True, eq=False):
     """1, 2, …, without a gap."""
     end: RunEnd | None = None
     """None while it runs, or where it was stopped."""
+    damaged: bool = False
+    """Whether bytes in its file were changed, so that what follows them could not be read."""
     missing: str = ""
     """What of its file could not be read, a sentence; "" = nothing."""
 
@@ -166,9 +236,30 @@ class RunRecord(Struct, frozen=True, eq=False):
         return self.end is not None and not self.missing
 
 
-def header_of(problem: Problem, state: RunState, session: Session) -> RunHeader:
-    """The header of a run of ``session``, given its state before the first iteration."""
+def failed_run(session: Session, frame: str, message: str, objects: Sequence[LeftOut] = ()) -> RunRecord:
+    """The record of a frame that could not be solved, with an answer about each object that is known to be in it."""
+    message = " ".join(message.split())
+    made_by = {"method": session.method.name, "seed": session.hypotheses.seed, "status": "failed", "message": message}
+    answers = tuple(
+        Answer(
+            frame=frame,
+            instance_id=one.instance_id,
+            obj_id=one.obj_id,
+            name=one.name,
+            visib_fract=one.visib_fract,
+            has_truth=one.has_truth,
+            **made_by,
+        )
+        for one in objects
+    )
+    header = RunHeader(FORMAT, _toml(session.model_dump_json()), frame, session.title, versions(session), ())
+    return RunRecord(header, (), RunEnd(answers=answers or (Answer(frame=frame, **made_by),)))
+
+
+def header_of(problem: Problem, state: RunState | None, session: Session) -> RunHeader:
+    """The header of a run of ``session``, given its state before the first iteration; None where nothing is scored."""
     support = problem.observation.support
+    initial = [None] * len(problem.targets) if state is None else state.initial
     objects = tuple(
         ObjectHeader(
             target.instance.instance_id,
@@ -179,7 +270,7 @@ def header_of(problem: Problem, state: RunState, session: Session) -> RunHeader:
             target.instance.hypotheses,
             () if scores is None else tuple(scores[j] for j in range(len(scores))),
         )
-        for target, scores in zip(problem.targets, state.initial, strict=True)
+        for target, scores in zip(problem.targets, initial, strict=True)
     )
     return RunHeader(
         FORMAT,

@@ -141,7 +141,7 @@ def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecor
         left = "1 iteration is in it" if n == 1 else f"{n or 'no'} iterations are in it"
         why = "bytes in the middle are damaged" if entries.damage == _DAMAGED else "it was stopped or cut off"
         missing = f"the run ended early ({why}); {left}"
-    return RunRecord(header, tuple(iterations), end, missing)
+    return RunRecord(header, tuple(iterations), end, entries.damage == _DAMAGED, missing)
 
 
 def framed(body: bytes) -> bytes:

@@ -30,7 +30,7 @@ from verefine_viz.rendering.verifier import make_verifier
 from verefine_viz.run.edits import check_edits, edits_elsewhere, edits_of
 from verefine_viz.run.engine import Run
 from verefine_viz.run.session_file import AT_ITS_START, changed
-from verefine_viz.run.track import Answer, Track, answers_of, tracked_poses, with_tracked
+from verefine_viz.run.track import EarlierPose, Track, answers_of, tracked_poses, with_tracked
 from verefine_viz.scenes.frame_surroundings import AROUND, with_surroundings
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
 from verefine_viz.scenes.instance_notes import is_about_initial_poses, within_reach
@@ -139,7 +139,7 @@ class Toolbox:
         """The answers of earlier frames; solves a frame where nothing knows its answers."""
         return Track(self.frames, self._solved, self._progress)
 
-    def _solved(self, frame: str) -> tuple[Answer, ...]:
+    def _solved(self, frame: str) -> tuple[EarlierPose, ...]:
         run = self.run(self.problem(frame))
         run.finish()
         return answers_of(run)

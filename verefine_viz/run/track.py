@@ -23,8 +23,8 @@ from verefine_viz.scenes.frames import parse_frame
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
-    """What a frame answered for one object."""
+class EarlierPose:
+    """The pose with which an earlier frame answered for one object."""
 
     frame: str
     obj_id: int
@@ -35,15 +35,15 @@ class Answer:
     """(4, 4) camera of that frame to the data set's world [m]; None = unknown."""
 
 
-Known = Mapping[tuple[int, int], Answer]
+Known = Mapping[tuple[int, int], EarlierPose]
 """The latest answer of each object of a scene, by obj_id and instance_id; the latest frame's last."""
 
 
-def answers_of(run: Run) -> tuple[Answer, ...]:
+def answers_of(run: Run) -> tuple[EarlierPose, ...]:
     """The answers of a finished run."""
     problem, best = run.problem, run.final_state.best
     return tuple(
-        Answer(problem.frame, i.obj_id, i.instance_id, pose.T_cam_obj, problem.observation.T_map_cam)
+        EarlierPose(problem.frame, i.obj_id, i.instance_id, pose.T_cam_obj, problem.observation.T_map_cam)
         for i, pose in zip((t.instance for t in problem.targets), best, strict=True)
         if pose is not None
     )
@@ -59,12 +59,12 @@ class Track:
     """
 
     def __init__(
-        self, frames: Sequence[str], solve: Callable[[str], tuple[Answer, ...]], progress: ProgressToken
+        self, frames: Sequence[str], solve: Callable[[str], tuple[EarlierPose, ...]], progress: ProgressToken
     ) -> None:
         self._frames, self._solve, self._progress = sorted(frames, key=parse_frame), solve, progress
         self._known: dict[str, Known] = {}
         """After each frame."""
-        self.recall: Callable[[str], tuple[Answer, ...] | None] = lambda frame: None
+        self.recall: Callable[[str], tuple[EarlierPose, ...] | None] = lambda frame: None
         """The answers of a frame that was solved elsewhere, so that it need not be solved again; None = unknown."""
 
     def before(self, frame: str) -> Known:
@@ -80,7 +80,7 @@ class Track:
             self._known[earlier[k]] = known
         return known
 
-    def _answers(self, earlier: str, frame: str) -> tuple[Answer, ...]:
+    def _answers(self, earlier: str, frame: str) -> tuple[EarlierPose, ...]:
         recalled = self.recall(earlier)
         if recalled is not None:
             return recalled
@@ -114,7 +114,7 @@ def tracked_poses(problem: Problem, known: Known) -> tuple[TrackedPose, ...]:
     return tuple(poses)
 
 
-def _moved_with_camera(answer: Answer, T_map_cam: Float | None) -> Float:
+def _moved_with_camera(answer: EarlierPose, T_map_cam: Float | None) -> Float:
     if answer.T_map_cam is None or T_map_cam is None:
         return answer.T_cam_obj
     return inverse(T_map_cam) @ answer.T_map_cam @ answer.T_cam_obj

@@ -13,8 +13,7 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from verefine_viz.batch.folder import LOCK_FILE
-from verefine_viz.batch.journal import read_entry, save_entry
-from verefine_viz.batch.rows import file_stem
+from verefine_viz.batch.journal import file_stem, read_entry, save_entry
 from verefine_viz.batch.worker_pool import interrupts_ignored
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError, unknown
 from verefine_viz.core.json_files import read_json, write_json

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import viser
 from PIL import Image as PilImage
@@ -12,9 +13,10 @@ from PIL import Image as PilImage
 from verefine_viz.core.errors import Cancelled, InputError, VerefineError
 from verefine_viz.core.paths import atomic
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
-from verefine_viz.core.protocols import RunState
+from verefine_viz.core.protocols import RunState, Watcher
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
+from verefine_viz.run.run_file import SUFFIX, RunFile
 from verefine_viz.run.session_file import load_session, save_session
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.command_json import to_json
@@ -24,6 +26,9 @@ from verefine_viz.viewer.snapshot.build import snapshot_of
 from verefine_viz.viewer.state.state import State, Unconfirmed
 from verefine_viz.viewer.state.workspace import Saved, Workspace, WrittenFile, savable
 from verefine_viz.viewer.text.display_names import counted
+
+if TYPE_CHECKING:
+    from verefine_viz.grasping.grasp_answer import AnswerGrasps
 
 _NAME = re.compile(r"[\w][\w .-]{0,79}")
 
@@ -105,10 +110,17 @@ class Exporter:
         write_results(path, rows)
 
     def _record(self, state: State, path: Path) -> None:
+        from verefine_viz.batch.summary import run_end
         from verefine_viz.recording.recorder import Recorder
 
         space = state.workspace
         run, branch = space.run, space.branch
+
+        def grasps_of(final: RunState) -> AnswerGrasps | None:
+            poses = [best and best.T_cam_obj for best in final.best]
+            return state.grasps.of_answers(run.problem, branch.settings.grasp, poses)
+
+        file = RunFile(path.with_suffix(SUFFIX), space.session)
         recorder = Recorder(
             path,
             space.session,
@@ -116,34 +128,42 @@ class Exporter:
             lambda k: branch.evaluator_of(k).verifier,
             block=1,
             refiner_of=lambda k: run.method_of(k).refiner,
-            grasps_of=lambda final: state.grasps.of_answers(
-                run.problem, branch.settings.grasp, [best and best.T_cam_obj for best in final.best]
-            ),
+            grasps_of=grasps_of,
         )
         try:
-            # A fork at the end shows its watchers the whole history and changes nothing.
-            run.fork(run.length, watchers=(ReportsProgress(self._progress, run.length), recorder)).close()
+            run.show((Watched(self._progress, run.length, (file, recorder)),))
+            file.finish(run_end(run, space.session, recorder.landscapes, grasps_of(run.final_state)))
+            recorder.close(file.path)
         except Cancelled:
             recorder.close()
             path.unlink(missing_ok=True)
             raise
+        finally:
+            file.close()
+            file.path.unlink(missing_ok=True)  # The recording has it.
 
 
 @dataclass(frozen=True)
-class ReportsProgress:
-    """Watches a history of ``n`` iterations go by, and asks before each."""
+class Watched:
+    """Shows a history of ``n`` iterations to other watchers, and asks before each whether to go on."""
 
     progress: ProgressToken
     n: int
+    watchers: tuple[Watcher[RunState], ...]
 
     def on_start(self, state: RunState) -> None:
         self.progress.checkpoint(f"Writing the recording of {counted(self.n, 'iteration')}.")
+        for watcher in self.watchers:
+            watcher.on_start(state)
 
     def on_iteration(self, state: RunState, iteration: Iteration) -> None:
         self.progress.checkpoint(share=(iteration.index - 1) / self.n)
+        for watcher in self.watchers:
+            watcher.on_iteration(state, iteration)
 
     def on_finish(self, state: RunState) -> None:
-        """Nothing is left to wait for."""
+        for watcher in self.watchers:
+            watcher.on_finish(state)
 
 
 def unused(waiting: tuple[str, ...]) -> str:

@@ -1,4 +1,4 @@
-"""Compares two runs: computes B beside the page, and moves both along one timeline."""
+"""Compares two runs: computes B beside the page, and moves both along their iterations."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.paths import at_home
 from verefine_viz.core.settings import SURROUNDINGS, Session
+from verefine_viz.run.record import session_of
 from verefine_viz.run.variants import parsed, settings_between, variant
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Changes
@@ -17,7 +18,6 @@ from verefine_viz.viewer.state.state import State
 from verefine_viz.viewer.state.workspace import Workspace
 
 if TYPE_CHECKING:
-    from verefine_viz.recording.reader import Recorded
     from verefine_viz.run.toolbox import Toolbox
 
 
@@ -52,10 +52,11 @@ def _branch_with(space: Workspace, changes: Changes) -> Branch:
 def _recorded_branch(space: Workspace, path: Path) -> Branch:
     from verefine_viz.recording.reader import read_recording
 
-    recorded = read_recording(path)
-    check_same_frame(recorded, space.branch.tools.session, space.frame)
-    tools = space.make_tools(recorded.session)
-    return space.recorded_branch(recorded, tools, tools.problem(recorded.frame))
+    record = read_recording(path)
+    session, frame = session_of(record.header), record.header.frame
+    check_same_frame(path, (session, frame), (space.branch.tools.session, space.frame))
+    tools = space.make_tools(session)
+    return space.recorded_branch(path, record, tools, tools.problem(frame))
 
 
 def _tools(space: Workspace, tools: Toolbox, session: Session) -> Toolbox:
@@ -68,15 +69,16 @@ def _tools(space: Workspace, tools: Toolbox, session: Session) -> Toolbox:
     return tools.changed(nested(tuple((name, value) for name, _, value in between)))
 
 
-def check_same_frame(recorded: Recorded, session: Session, frame: str) -> None:
-    """Two runs can be compared only where they look at the same picture.
+def check_same_frame(path: Path, theirs: tuple[Session, str], ours: tuple[Session, str]) -> None:
+    """Two runs can be compared only where they look at the same picture: session and frame.
 
     Raises:
-        InputError: the recording is of another frame.
+        InputError: the recording at ``path`` is of another frame.
     """
-    theirs, ours = _place_of(recorded.session, recorded.frame), _place_of(session, frame)
-    if theirs != ours:
-        raise InputError(f"{recorded.path} shows {theirs}, A shows {ours}; two runs are compared on the same frame")
+    if _place_of(*theirs) != _place_of(*ours):
+        raise InputError(
+            f"{path} shows {_place_of(*theirs)}, A shows {_place_of(*ours)}; two runs are compared on the same frame"
+        )
 
 
 def _place_of(session: Session, frame: str) -> str:
@@ -122,11 +124,11 @@ def _swap_sides(state: State, command: c.SwapSides) -> None:
     choice, work, comparison = _choice(state), state.workspace.work, state.comparison
     compared, place = comparison.compared(), comparison.place()
     assert compared is not None
-    key = compared.timeline.moments[place - 1].key if place else None
+    moment = compared.pairs[place - 1][:2] if place else None
     work.comparison, work.index = replace(choice, b=work.index), choice.b
     swapped = comparison.compared()
     assert swapped is not None
-    _seek(state, swapped.timeline.place(key) or 0)
+    _seek(state, swapped.place(moment) or 0)
 
 
 def _step_moment(state: State, command: c.StepMoment) -> None:
@@ -137,9 +139,9 @@ def _step_moment(state: State, command: c.StepMoment) -> None:
 def _seek_difference(state: State, command: c.SeekDifference) -> None:
     choice, compared = _choice(state), state.comparison.compared()
     assert compared is not None
-    first = compared.differences.deed or compared.differences.score
+    first = compared.departures.deed or compared.departures.score
     if first is None:
-        made = min(len(compared.a.iterations), len(compared.b.iterations))
+        made = min(compared.a.length, compared.b.length)
         state.message = f"No difference in the {made} iterations that both have made."
         return
     state.workspace.work.comparison = replace(choice, poses="kept")
@@ -183,10 +185,9 @@ def _put_beside(state: State, branch: Branch) -> None:
 def _seek(state: State, place: int) -> None:
     choice, compared = _choice(state), state.comparison.compared()
     assert compared is not None
-    place = min(max(place, 0), len(compared.timeline))
-    state.run.seek(compared.timeline.a_at(place))
-    moment = compared.timeline.moments[place - 1] if place else None
-    state.workspace.work.comparison = replace(choice, moment=moment.key if moment else None)
+    place = min(max(place, 0), len(compared.pairs))
+    state.run.seek(compared.a_at(place))
+    state.workspace.work.comparison = replace(choice, moment=compared.pairs[place - 1][:2] if place else None)
     state.options = state.options.moved()
 
 

@@ -17,6 +17,7 @@ from verefine_viz.core.settings import SURROUNDINGS, Change, Edit, Session
 from verefine_viz.core.text_format import first_of, listed
 from verefine_viz.run.edits import edits_of
 from verefine_viz.run.engine import Run
+from verefine_viz.run.record import RunRecord, session_of
 from verefine_viz.run.session_file import changed
 from verefine_viz.run.track import with_its_tracked
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
@@ -25,7 +26,6 @@ from verefine_viz.viewer.state.branch import Branch, FrameWork, in_order, merged
 from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator
 
 if TYPE_CHECKING:
-    from verefine_viz.recording.reader import Recorded
     from verefine_viz.run.toolbox import Toolbox
 
 
@@ -296,11 +296,6 @@ class Workspace:
         It goes on with the settings that the open branch ended up with, and ``changes``.
         """
         old = self.branch
-        if old.recording is not None and (cursor or edit is not None):
-            raise InputError(
-                f"{old.name} was read from a file and cannot be continued; fork it at iteration 0, "
-                "or press Restart to run its session here"
-            )
         # A session that was read begins with other settings than it ends up with.
         tools = old.tools.changed(merged((*(c.settings for c in old.changes), nested(changes))))
         if tools.session == old.tools.session:
@@ -322,23 +317,21 @@ class Workspace:
         """A recording as the open run, on its frame."""
         from verefine_viz.recording.reader import read_recording
 
-        recorded = read_recording(path)
+        record = read_recording(path)
         self._progress.checkpoint("Reading the scene: models, pictures, initial poses.")
-        scene = recorded.session.scene.model_copy(update={"frames": (recorded.frame,)})
-        session = recorded.session.model_copy(update={"scene": scene})
+        session, frame = session_of(record.header), record.header.frame
+        session = session.model_copy(update={"scene": session.scene.model_copy(update={"frames": (frame,)})})
         tools = self.make_tools(session)
-        branch = self.recorded_branch(recorded, tools, _read(tools, recorded.frame))
-        self.tools, self.path, self.frames, self.files = tools, None, (recorded.frame,), {}
+        branch = self.recorded_branch(path, record, tools, _read(tools, frame))
+        self.tools, self.path, self.frames, self.files = tools, None, (frame,), {}
         self.breakpoints = session.breakpoints
-        self.frame, self._works = recorded.frame, {recorded.frame: FrameWork([branch])}
+        self.frame, self._works = frame, {frame: FrameWork([branch])}
 
-    def recorded_branch(self, recorded: Recorded, tools: Toolbox, problem: Problem) -> Branch:
+    def recorded_branch(self, path: Path, record: RunRecord, tools: Toolbox, problem: Problem) -> Branch:
         """A recording as a branch."""
-        # Rerun takes a second to load, and most sessions never read a recording.
-        from verefine_viz.recording.playback import played
-
-        run, path, session = played(recorded, problem), recorded.path, tools.session
-        return Branch(path.name, run, tools, session, session.changes, self._evaluators(tools), path)
+        ids = [one.instance_id for one in record.header.objects]
+        run = Run.from_record(record, problem, again=lambda: tools.run(problem.only(ids)))
+        return Branch(path.name, run, tools, tools.session, tools.session.changes, self._evaluators(tools), path)
 
     def new_branch(self, name: str, tools: Toolbox, problem: Problem) -> Branch:
         """A run of ``problem`` from its start, not yet among the branches."""

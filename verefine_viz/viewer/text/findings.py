@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from verefine_viz.batch.summary import MUCH, MUCH_SCORE
-from verefine_viz.diagnosis.causes import DATA_FIRST, Cause, Finding, cause_title
+from verefine_viz.diagnosis.causes import Cause, Finding, cause_title
 from verefine_viz.diagnosis.data_doubts import plane_doubt
+from verefine_viz.run.record import DATA_FIRST
 from verefine_viz.scenes.instance_notes import without
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.snapshot.snapshot import Snapshot

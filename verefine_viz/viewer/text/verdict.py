@@ -14,7 +14,7 @@ from verefine_viz.core.problem import ANSWER, Target
 from verefine_viz.core.records import Best
 from verefine_viz.diagnosis.causes import TITLES, Cause, Finding, cause_title, millimetres
 from verefine_viz.diagnosis.signs import FinishedObject, signs
-from verefine_viz.evaluation.answers import CORRECT
+from verefine_viz.evaluation.matched_estimates import CORRECT
 from verefine_viz.evaluation.pose_errors import add_where_add_s_is_below
 from verefine_viz.methods.registry import method_of
 from verefine_viz.run.breakpoints import hits
