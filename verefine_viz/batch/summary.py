@@ -55,8 +55,8 @@ def run_end(
     )
     simulates = session.physics.enabled and method_of(session.method.name).simulates
     for own, finding in impossible_answers(problem, poses, session.physics).items() if simulates and not doubts else ():
-        found = {"cause": str(finding.cause), "evidence": finding.text}
-        rows = tuple(structs.replace(row, **found) if row.instance_id == own else row for row in rows)
+        blamed = {"cause": str(finding.cause), "evidence": finding.text}
+        rows = tuple(structs.replace(row, **blamed) if row.instance_id == own else row for row in rows)
     if doubts:
         evidence = " ".join(f"{DATA_FIRST} {doubt}." for doubt in doubts)
         rows = tuple(structs.replace(row, evidence=evidence) if row.status == "ok" else row for row in rows)

@@ -64,7 +64,7 @@ def impossible_answers(
         for t, T in zip(problem.targets, poses, strict=True)
         if T is not None
     }
-    found: dict[int, Finding] = {}
+    findings: dict[int, Finding] = {}
     for target in problem.targets:
         own = placed.get(target.instance.instance_id)
         if own is None or target.instance.T_cam_obj_gt is not None:
@@ -72,5 +72,5 @@ def impossible_answers(
         others = [other for other in placed.values() if other is not own]
         finding = impossible(target, plausibility(own, others, support, settings, surface_of=_surfaces), labels)
         if finding is not None:
-            found[own.instance_id] = finding
-    return found
+            findings[own.instance_id] = finding
+    return findings

@@ -178,10 +178,10 @@ def _symmetric(o: FinishedObject, session: Session) -> Finding | None:
     turn = o.undeclared
     if turn is None:
         return None
-    found = turn.finding(o.target.model.name)
+    finding = turn.finding(o.target.model.name)
     tells = turn.texture_tells and session.score.colour_weight == 0
-    text = f"{found.text} {DECLARE[0].upper()}{DECLARE[1:]}."
-    return replace(found, text=text, is_confirmed=False, try_={"score.colour_weight": 0.1} if tells else None)
+    text = f"{finding.text} {DECLARE[0].upper()}{DECLARE[1:]}."
+    return replace(finding, text=text, is_confirmed=False, try_={"score.colour_weight": 0.1} if tells else None)
 
 
 def _leak(o: FinishedObject) -> Finding | None:

@@ -46,8 +46,8 @@ class Note:
 def findings(snapshot: Snapshot) -> tuple[Note, ...]:
     """All that is worth knowing, the most telling first."""
     checks = (_of_data, _of_batch, _support, _no_hypothesis, _stacking)
-    told = [note for check in checks for note in check(snapshot)]
-    return (*told, *_signs(snapshot, told))
+    notes = [note for check in checks for note in check(snapshot)]
+    return (*notes, *_signs(snapshot, notes))
 
 
 def _of_data(snapshot: Snapshot) -> list[Note]:
@@ -96,10 +96,10 @@ def _no_hypothesis(snapshot: Snapshot) -> list[Note]:
     return [Note(f"{why or f'{known}add a results file that holds object {snapshot.target.model.obj_id}'}.")]
 
 
-def _signs(snapshot: Snapshot, told: Sequence[Note]) -> list[Note]:
+def _signs(snapshot: Snapshot, known_notes: Sequence[Note]) -> list[Note]:
     """What the finished run shows about the object that the verdict is about, but for what is said already."""
     o = subject(snapshot)
-    known = {note.text for note in told} | {note.cause for note in told if note.is_of_batch}
+    known = {note.text for note in known_notes} | {note.cause for note in known_notes if note.is_of_batch}
     if o is None or snapshot.progress.running:
         return []
     return [

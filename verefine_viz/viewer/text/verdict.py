@@ -173,15 +173,15 @@ def _how_it_won(o: FinishedObject, best: Best) -> str:
 def _because(snapshot: Snapshot, o: FinishedObject) -> Reason:
     """Why an answer is wrong, or what is in doubt: as a batch says, which made re-runs, or else the first sign."""
     entry, steps = _batch_entry(snapshot), o.target.instance.recorded
-    repeats, found = method_of(snapshot.session.method.name).repeats, signs_of(snapshot, o)
+    repeats, findings = method_of(snapshot.session.method.name).repeats, signs_of(snapshot, o)
     if snapshot.data_doubts:
         return Reason(DATA_DOUBTED)
     if o.is_wrong and repeats and steps and all(s.name != ANSWER for s in steps):  # As of a program that was killed.
         return Reason(UNANSWERED)
     if entry is not None and entry.row.cause and _is_answer_of(entry, o):
         return Reason(cause_title(entry.row.cause), iteration=entry.row.worst_iteration)
-    if found:
-        return Reason(found[0].title, found[0].detail, found[0].iteration, found[0].cause)
+    if findings:
+        return Reason(findings[0].title, findings[0].detail, findings[0].iteration, findings[0].cause)
     if o.is_wrong:
         return Reason("no cause in sight")
     if o.runner_up is not None:
