@@ -13,7 +13,7 @@ BIN = $(VENV)/bin
 PARALLEL = -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 SETUP = pyproject.toml scripts/install scripts/find-python
 
-.PHONY: help app test test-fast durations resolve-lowest test-lowest lint bench clean system-app system-test
+.PHONY: help tables app test test-fast durations resolve-lowest test-lowest lint bench clean system-app system-test
 .DEFAULT_GOAL := help
 
 help:
@@ -23,6 +23,7 @@ help:
 	@echo "make durations  run every test and note in tests/durations.json how long each file takes"
 	@echo "make test-lowest  run quick tests with the lowest versions that pyproject.toml allows"
 	@echo "make lint   check format, style, types and layers"
+	@echo "make tables  write the columns of frames.csv into docs/tables.md"
 	@echo "make bench  measure this machine, print a table, write bench.json"
 	@echo "make clean  remove the virtual environment and caches"
 
@@ -53,6 +54,9 @@ lint: $(VENV)/.ready-dev
 	$(BIN)/ruff check .
 	$(BIN)/pyright
 	$(BIN)/lint-imports --no-logo
+
+tables: $(VENV)/.ready-dev
+	$(BIN)/python scripts/write-tables
 
 bench: $(VENV)/.ready-dev
 	$(BIN)/python -m bench

@@ -124,13 +124,14 @@ COLUMNS = (
     Column(
         "cause",
         "why the answer is wrong or missing, one of those below; needs ground truth, and `batch` without "
-        "`--no-diagnose`",
+        "`--no-diagnose`; without ground truth only `impossible`",
     ),
     Column(
         "evidence",
         "the cause in a sentence, with its numbers; where the camera, the models or the depth of the frame "
         'look wrong it ends with that: "Look at the data first: …". Without ground truth it says that '
-        "alone, and also where the support plane looks wrong",
+        "alone, and also where the support plane looks wrong; where it says nothing of the data, why an answer is "
+        "physically impossible",
     ),
     Column(
         "message",
