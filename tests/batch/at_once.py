@@ -20,9 +20,7 @@ def solved(frame: str) -> RunRecord:
     """Five objects."""
     im_id = int(frame.partition("/")[2])
     rows = [
-        answer(
-            0, im_id, instance_id=k, obj_id=1, score=0.5, T_cam_obj=np.eye(4), events="arm_switched 3; score_fell 1"
-        )
+        answer(0, im_id, instance_id=k, obj_id=1, score=0.5, T_cam_obj=np.eye(4), events="arm_switched 3; score_fell 1")
         for k in range(5)
     ]
     return finished(frame, rows, seconds=0.1)

@@ -10,6 +10,7 @@ import pytest
 from tests.batch.frames import batch_here, make_frames, write_session
 from tests.report.pages import GONE, figures
 from tests.report.runs import row, write_run
+
 # NAMES read_frames_csv
 from verefine_viz.batch.session_check import check
 from verefine_viz.batch.solve_frame import solve_frame

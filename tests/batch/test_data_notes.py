@@ -9,6 +9,7 @@ import pytest
 from tests.calibration.sizes import WithoutTruth, scene, written
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import Runs, BatchInfo
+
 # NAMES FrameResult
 from verefine_viz.batch.solve_frame import explain_frame
 from verefine_viz.batch.totals import Totals

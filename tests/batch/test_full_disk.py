@@ -27,6 +27,7 @@ from tests.batch.outputs import done, stop_in_the_middle
 from verefine_viz import cli
 from verefine_viz.batch import run_batch as runner
 from verefine_viz.batch import worker_pool as pool
+
 # NAMES FrameResult,failed_frame
 from verefine_viz.batch.run_batch import run_batch as run_here
 from verefine_viz.core.errors import InputError

@@ -20,6 +20,7 @@ from verefine_viz.batch.motion_table import (
     read_tracks,
     write_motion,
 )
+
 # NAMES Estimate,FrameResult,Answer,failed_frame,read_frames_csv
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
@@ -33,7 +34,8 @@ HALF_TURN = transform(axis_angle(np.array([0.0, 0, 1]), np.pi), np.zeros(3))
 def result(im_id: int, poses: dict[tuple[int, int], Float | None], scene_id: int = 0) -> FrameResult:
     """A frame with these answers, by (obj_id, instance_id); None: the object has none."""
     rows = tuple(
-        answer(scene_id=scene_id,
+        answer(
+            scene_id=scene_id,
             im_id=im_id,
             instance_id=instance,
             obj_id=obj,

@@ -13,6 +13,7 @@ from rich.console import Console
 from verefine_viz.batch import progress
 from verefine_viz.batch.batch_command import in_short
 from verefine_viz.batch.progress import in_words, shown_progress
+
 # NAMES FrameResult,Answer,failed_frame,with_objects
 from verefine_viz.batch.run_batch import Outcome, Progress
 from verefine_viz.batch.totals import Counts, Totals

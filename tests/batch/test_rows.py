@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from tests.changing import replace
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
+
 # NAMES FrameResult,Answer,failed_frame,file_stem,read_frames_csv,with_objects,write_frames_csv
 from verefine_viz.batch.summary import MUCH, run_end, worst_iteration
 from verefine_viz.core.arrays import Float

@@ -80,9 +80,7 @@ def contents(folder: Path) -> dict[str, tuple[bytes, int]]:
 
 def test_a_finished_batch_is_left_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frames(4, monkeypatch)
-    backend = AtOnceBackend(
-        made=AtOnce(lambda frame: failed(frame, "no depth") if frame == "0/2" else solved(frame))
-    )
+    backend = AtOnceBackend(made=AtOnce(lambda frame: failed(frame, "no depth") if frame == "0/2" else solved(frame)))
     first = run_batch(Session(), tmp_path, backend)
     assert not first.was_finished
     before = contents(tmp_path)

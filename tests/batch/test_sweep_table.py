@@ -11,6 +11,7 @@ from rich.console import Console
 from tests.report.runs import row, write_run
 from verefine_viz.batch.batch_command import sweep_row, sweep_table, what_next
 from verefine_viz.batch.jobs import Job
+
 # NAMES Answer
 from verefine_viz.batch.run_batch import Outcome
 from verefine_viz.core.settings import SceneSettings

@@ -19,6 +19,7 @@ from verefine_viz.batch import watch as watching
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex, read_batch
 from verefine_viz.batch.journal import Runs
+
 # NAMES WAITING,FrameResult
 from verefine_viz.batch.watch import TRIES, Watch, data_folders
 from verefine_viz.core.errors import InputError, UnavailableError
