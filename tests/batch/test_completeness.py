@@ -17,8 +17,8 @@ from tests.batch.at_once import AtOnce, AtOnceBackend, solved
 from tests.batch.test_runner import contents, frames
 from tests.made_runs import written
 from verefine_viz.batch.batch_command import run_jobs
-from verefine_viz.batch.jobs import Job
 from verefine_viz.batch.index import read_batch
+from verefine_viz.batch.jobs import Job
 from verefine_viz.batch.journal import Runs
 from verefine_viz.batch.run_batch import Progress, run_batch
 from verefine_viz.core.errors import InputError

@@ -23,7 +23,7 @@ from tests.batch.at_once import AtOnce, AtOnceBackend, solved
 from tests.batch.conftest import N_FRAMES
 from tests.batch.frames import ROOT, PoolHere, batch_here, command, started_batch
 from tests.batch.killed_batches import without_times
-from tests.batch.outputs import done, stop_in_the_middle
+from tests.batch.outputs import stop_in_the_middle
 from verefine_viz import cli
 from verefine_viz.batch import run_batch as runner
 from verefine_viz.batch import worker_pool as pool

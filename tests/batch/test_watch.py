@@ -19,11 +19,10 @@ from verefine_viz.batch import watch as watching
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex, read_batch
 from verefine_viz.batch.journal import Runs
-
-# NAMES WAITING,FrameResult
 from verefine_viz.batch.watch import TRIES, Watch, data_folders
 from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.settings import Session
+from verefine_viz.run.record import WAITING, RunRecord
 from verefine_viz.run.session_file import load_session, resolve
 
 QUICK = resolve({"method": {"name": "refine", "refiner": "identity"}, "physics": {"enabled": False}})
@@ -225,8 +224,8 @@ def test_a_data_set_that_comes_while_another_is_solved_is_solved_too(
     watch = watch_of(tmp_path)
     take = watching.Watched.take
 
-    def taken(self: watching.Watched, journal: Journal, result: FrameResult) -> None:
-        take(self, journal, result)
+    def taken(self: watching.Watched, runs: Runs, result: RunRecord) -> None:
+        take(self, runs, result)
         if not (tmp_path / "frames" / "right").exists():
             shutil.copytree(tmp_path / "elsewhere", tmp_path / "frames" / "right")
 
@@ -250,9 +249,9 @@ def test_a_frame_that_cannot_be_read_is_tried_again_and_then_shown_as_failed(
     tried: list[str] = []
     take = watching.Watched.take
 
-    def taken(self: watching.Watched, journal: Journal, result: FrameResult) -> None:
-        take(self, journal, result)
-        tried.append(result.frame)
+    def taken(self: watching.Watched, runs: Runs, result: RunRecord) -> None:
+        take(self, runs, result)
+        tried.append(result.header.frame)
         if tried.count("1/3") == 1:  # Now it is whole.
             (folder / "test" / "000001" / "depth" / "000003.png").write_bytes(whole[3])
 
