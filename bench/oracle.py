@@ -31,7 +31,6 @@ from verefine_viz.evaluation.depth_noise import depth_noise, resampled
 from verefine_viz.evaluation.landscape import CANNOT_TELL
 from verefine_viz.evaluation.pose_errors import adds_mm
 from verefine_viz.observation.normals import estimate_normals
-from verefine_viz.run.compare import trace_of
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 
@@ -213,7 +212,7 @@ def main() -> int:
             run = toolbox.run(toolbox.problem(frame))
             run.finish()
             n_objects += len(run.problem.targets)
-            for case in failed_cases(trace_of(run), toolbox):
+            for case in failed_cases(run, toolbox):
                 began = perf_counter()
                 verdict = diagnosed(case)
                 ms.append(1e3 * (perf_counter() - began))

@@ -13,7 +13,6 @@ from verefine_viz.diagnosis.ambiguity import ambiguous, run_poses
 from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.diagnosis.diagnose import diagnose, failed_cases
-from verefine_viz.run.compare import trace_of
 from verefine_viz.scenes.demo_layout import Viewpoint
 
 pytestmark = pytest.mark.usefixtures("long_run")
@@ -25,7 +24,7 @@ def case_of(name: str, poses: tuple[Float, ...], T: Float, view: Viewpoint) -> C
     broken = broken_by(Cause.POOL, frame_of([Thing(model(name), T, poses)], np.random.default_rng(0), view), session)
     run = broken.toolbox.run(broken.problem)
     run.finish()
-    (case,) = failed_cases(trace_of(run), broken.toolbox)
+    (case,) = failed_cases(run, broken.toolbox)
     return case
 
 

@@ -26,7 +26,7 @@ from verefine_viz.diagnosis.causes import TITLES, Cause, Diagnosis, Finding
 from verefine_viz.diagnosis.diagnose import _controlled, diagnose, diagnosed, failed_cases
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.refiners.registry import REFINERS
-from verefine_viz.run.compare import Trace, trace_of
+from verefine_viz.run.engine import Run
 from verefine_viz.run.session_file import load_session, resolve
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.viewer import commands as c
@@ -83,18 +83,19 @@ def test_built_in_failures_get_their_name(name: str, cause: Cause) -> None:
 
 
 @pytest.mark.parametrize("of_winner", [True, False])
-def test_a_simulation_is_blamed_with_its_own_numbers_and_hypothesis(of_winner: bool) -> None:
+def test_a_simulation_is_blamed_with_its_own_numbers_and_hypothesis(
+    monkeypatch: pytest.MonkeyPatch, of_winner: bool
+) -> None:
     toolbox = Toolbox(load_session(SESSIONS / "failure_simulation_topples.toml", {"method": {"name": "rir"}}))
     run = toolbox.run(toolbox.problem(toolbox.frames[0]))
     run.finish()
-    trace = trace_of(run)
-    (target,) = trace.problem.targets
-    own, T_true = trace.own[target.instance.instance_id], target.instance.T_cam_obj_gt
+    (target,) = run.problem.targets
+    own, T_true = run.iterations_of(target.instance.instance_id), target.instance.T_cam_obj_gt
     assert T_true is not None
     if not of_winner:
-        answer = replace(trace.answers[-1][target.instance.instance_id], arm=len(target.instance.hypotheses))
-        trace = replace(trace, answers=(*trace.answers[:-1], {target.instance.instance_id: answer}))
-    (found,) = diagnose(trace, toolbox, 0.05)
+        answer = replace(run.best_at(run.length)[target.instance.instance_id], arm=len(target.instance.hypotheses))
+        monkeypatch.setattr(run, "best_at", lambda k: {target.instance.instance_id: answer})
+    (found,) = diagnose(run, toolbox, 0.05)
     blamed = next(i for i in own if i.index == found.evidence["iteration"])
     names = [stage.name for stage in blamed.stages]
     error_of, k = ErrorOf(target.model, T_true), names.index("simulated")
@@ -121,7 +122,7 @@ def test_ground_truth_as_a_start_is_named_only_where_the_answer_is_not_that_star
     broken = broken_scene(Cause.POOL, seed)
     run = broken.toolbox.run(broken.problem)
     run.finish()
-    (case,) = failed_cases(trace_of(run), broken.toolbox)
+    (case,) = failed_cases(run, broken.toolbox)
     diagnosis = diagnosed(case)
     best = case.reruns["started at ground truth"].best
     assert best is not None
@@ -137,13 +138,13 @@ class Nudge:
         return transform(T_cam_obj[:3, :3], T_cam_obj[:3, 3] + np.median(observed - nearest, axis=0))
 
 
-def with_refiner(name: str, session: str) -> tuple[Diagnosis, Trace]:
+def with_refiner(name: str, session: str) -> tuple[Diagnosis, Run]:
     """Why the only object of a shipped session fails when it is solved with another refiner."""
     toolbox = Toolbox(load_session(SESSIONS / f"{session}.toml", {"method": {"refiner": name}}))
     run = toolbox.run(toolbox.problem(toolbox.frames[0]))
     run.finish()
     (diagnosis,) = diagnose(run, toolbox, every_cause=True)
-    return diagnosis, trace_of(run)
+    return diagnosis, run
 
 
 @pytest.mark.parametrize("name", ["nudge", "identity"])
@@ -151,22 +152,22 @@ def test_a_refiner_is_blamed_where_icp_gets_there_from_the_same_hypotheses(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(REFINERS, "nudge", lambda session: Nudge())
-    diagnosis, trace = with_refiner(name, "mug")
+    diagnosis, run = with_refiner(name, "mug")
     assert (diagnosis.cause, diagnosis.is_confirmed) == (Cause.REFINER, True)
     assert f"The refiner {name} does not bring the mug to the ground truth" in diagnosis.sentence
     assert "with ICP from the same hypotheses the error is 0%" in diagnosis.sentence
     assert diagnosis.evidence["error_repaired"] < 0.02
     assert Cause.POOL not in {other.cause for other in diagnosis.others}, "the pool leads there"
-    target = trace.problem.targets[0]
+    target = run.problem.targets[0]
     T_true = target.instance.T_cam_obj_gt
     assert T_true is not None
     error_of = ErrorOf(target.model, T_true)
     n_away = 0
-    for iteration in trace.own[target.instance.instance_id]:
+    for iteration in run.iterations_of(target.instance.instance_id):
         *_, before, after = iteration.stages
         assert after.name == "refined"
         n_away += error_of(after.T_cam_obj) > error_of(before.T_cam_obj)
-    assert diagnosis.evidence["calls"] == len(trace.own[target.instance.instance_id])
+    assert diagnosis.evidence["calls"] == len(run.iterations_of(target.instance.instance_id))
     assert diagnosis.evidence["calls_that_took_it_away"] == n_away
     assert (f"further away in {n_away} of" in diagnosis.sentence) == (2 * n_away > diagnosis.evidence["calls"])
 
@@ -233,7 +234,7 @@ def test_a_repair_has_its_control() -> None:
     toolbox = Toolbox(load_session(SESSIONS / "failure_mask_leaks.toml"))
     run = toolbox.run(toolbox.problem(toolbox.frames[0]))
     run.finish()
-    (case,) = failed_cases(trace_of(run), toolbox)
+    (case,) = failed_cases(run, toolbox)
     diagnosis = diagnosed(case)
     assert diagnosis.rests_on == "true mask"
     assert case.unchanged(diagnosis.rests_on) == Control(0, FIRST_CONTROLS)

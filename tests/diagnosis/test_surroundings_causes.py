@@ -12,7 +12,6 @@ from verefine_viz.diagnosis.case import Case
 from verefine_viz.diagnosis.diagnose import failed_cases
 from verefine_viz.diagnosis.input_causes import depth
 from verefine_viz.diagnosis.scene_causes import plane
-from verefine_viz.run.compare import trace_of
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 
@@ -35,7 +34,7 @@ def test_observed_surroundings_need_of_the_plane_only_which_way_is_up(
     problem = frame_of(things, rng, spoil_support=lambda right: leaning(right, level(0.0), tilt_deg, 0.03))
     run = toolbox.run(toolbox.surrounded(toolbox.ordered(problem)))
     run.finish()
-    (case,) = failed_cases(trace_of(run), toolbox, 0.0)
+    (case,) = failed_cases(run, toolbox, 0.0)
     assert (plane(case) is not None) == is_wrong
 
 
@@ -48,7 +47,7 @@ def test_a_depth_image_put_right_has_surroundings_of_its_own(monkeypatch: pytest
     problem = frame_of(things, rng, spoil_depth=lambda depth_m, _masks: np.roll(depth_m, 25, axis=1))
     run = toolbox.run(toolbox.surrounded(toolbox.ordered(problem)))
     run.finish()
-    (case,) = failed_cases(trace_of(run), toolbox, 0.0)
+    (case,) = failed_cases(run, toolbox, 0.0)
     asked: list[Target] = []
 
     def rerun(_case: Case, _what: str, target: Target) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,12 +11,15 @@ from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Instance, Problem
+from verefine_viz.core.protocols import Watcher
 from verefine_viz.core.settings import MethodSettings, RecordingSettings, Session
 from verefine_viz.methods.registry import make_method
-from verefine_viz.recording.entities import LOSSLESS
+from verefine_viz.recording.entities import LANE
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.run.engine import Run
+from verefine_viz.run.record import Answer, RunEnd
+from verefine_viz.run.run_file import SUFFIX, RunFile
 
 
 def session(name: str = "rir", iterations: int = 5, maps: bool = True) -> Session:
@@ -27,31 +30,40 @@ def session(name: str = "rir", iterations: int = 5, maps: bool = True) -> Sessio
     )
 
 
-def new_run(s: Session, problem: Problem, watchers: tuple[Recorder, ...] = ()) -> Run:
+def new_run(s: Session, problem: Problem, watchers: tuple[Watcher[Any], ...] = ()) -> Run:
     method = make_method(s.method, FakeSimulator(), FakeRefiner(), FakeVerifier(), s.physics.steps)
     return Run(method, problem, watchers)
+
+
+END = RunEnd(answers=(Answer(frame="0/1", status="ok"),))
 
 
 def recorded_run(path: Path, s: Session | None = None, problem: Problem | None = None, block: int = 25) -> Run:
     """A finished run, recorded to ``path``; maps only where the session has them."""
     s = s or session()
     problem = problem or box_problem(3, 2)
-    run = new_run(s, problem, (Recorder(path, s, problem, lambda _: FakeVerifier(), block=block),))
+    recorder = Recorder(path, s, problem, lambda _: FakeVerifier(), block=block)
+    file = RunFile(path.with_suffix(SUFFIX), s)
+    run = new_run(s, problem, (file, recorder))
     run.finish()
+    file.finish(END)
+    recorder.close(file.path)
+    file.path.unlink()
+    return run
+
+
+def run_file(path: Path, s: Session, problem: Problem | None = None) -> Run:
+    """A finished run, written as a run file."""
+    file = RunFile(path, s)
+    run = new_run(s, problem or box_problem(3, 2), (file,))
+    run.finish()
+    file.finish(END)
     return run
 
 
 def n_drawn(path: Path) -> int:
-    """How many iterations the file itself holds, whatever its journal has."""
-    return sum(chunk.num_rows for chunk in chunks_of(path) if chunk.entity_path == LOSSLESS)
-
-
-def ends_of_messages(content: bytes) -> Iterator[int]:
-    """Where each message of a recording ends."""
-    at = 12
-    while at < len(content):
-        at += 16 + int.from_bytes(content[at + 8 : at + 16], "little")
-        yield at
+    """How many iterations a recording shows."""
+    return sum(chunk.num_rows for chunk in chunks_of(path) if chunk.entity_path == LANE and not chunk.is_static)
 
 
 def enlarged(problem: Problem, factor: int = 8) -> Problem:

@@ -14,6 +14,7 @@ from verefine_viz.recording import entities
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
+from verefine_viz.run.run_file import RunFile
 
 pytestmark = pytest.mark.usefixtures("processes")
 
@@ -29,7 +30,9 @@ def recorded(path: Path, with_grasps: bool) -> AnswerGrasps:
         return made[-1]
 
     recorder = Recorder(path, s, problem, lambda _: FakeVerifier(), grasps_of=grasps_of if with_grasps else None)
-    new_run(s, problem, (recorder,)).finish()
+    file = RunFile(path.with_suffix(".vfrun"), s)
+    new_run(s, problem, (recorder, file)).finish()
+    recorder.close(file.path)
     return made[0] if made else AnswerGrasps()
 
 
@@ -69,6 +72,7 @@ def test_a_run_is_recorded_as_without_grasps(tmp_path: Path) -> None:
 def test_without_a_grasp_nothing_is_drawn(tmp_path: Path) -> None:
     s, problem = session(maps=False), box_problem(3, 1)
     nothing = AnswerGrasps(notes=("no grasps: no plane",))
-    run = new_run(s, problem, (Recorder(tmp_path / "run.rrd", s, problem, grasps_of=lambda _: nothing),))
-    run.finish()
+    recorder = Recorder(tmp_path / "run.rrd", s, problem, grasps_of=lambda _: nothing)
+    new_run(s, problem, (recorder,)).finish()
+    recorder.close()
     assert not any(c.entity_path.startswith(entities.GRASP) for c in chunks_of(tmp_path / "run.rrd"))

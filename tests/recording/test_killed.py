@@ -1,21 +1,24 @@
+"""A writer that is killed leaves all its iterations in the run file, and a recording that can be opened."""
+
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
-from collections import Counter
 from pathlib import Path
 
 import pytest
 
-from tests.fakes import box_problem
-from tests.recording.runs import ends_of_messages, n_drawn, new_run, recorded_run, session
-from verefine_viz.recording.entities import CURVES, LOSSLESS
-from verefine_viz.recording.lossless_log import as_recorded, read_journal
+from tests.fakes import FakeVerifier, box_problem
+from tests.recording.runs import n_drawn, new_run, recorded_run, run_file, session
+from verefine_viz.recording.entities import CURVES
 from verefine_viz.recording.reader import read_recording
-from verefine_viz.recording.recording_file import chunks_of, journal_path, part_path
-from verefine_viz.recording.rerun_viewer import completed
+from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.recording_file import chunks_of
+from verefine_viz.recording.rerun_viewer import drawn
 from verefine_viz.recording.verify import first_difference
+from verefine_viz.run.engine import Run
+from verefine_viz.run.run_file import as_read, read_run_file
+from verefine_viz.run.toolbox import Toolbox
 
 pytestmark = pytest.mark.usefixtures("processes")
 
@@ -39,87 +42,59 @@ def killed_run(path: Path, n_iterations: int, maps: bool) -> int:
 def test_a_killed_run_keeps_all_its_iterations(tmp_path: Path, maps: bool) -> None:
     path = tmp_path / "run.rrd"
     last = killed_run(path, 33, maps)
-    assert not path.exists()
-    recorded = read_recording(path)
-    assert not recorded.is_complete
-    assert len(recorded.entries) >= last
+    record = read_recording(path)
+    assert not record.is_complete
+    assert len(record.iterations) >= last
     run = new_run(session(iterations=1000, maps=maps), box_problem(3))
-    for iteration in recorded.iterations:
-        assert first_difference(iteration, as_recorded(run.step())) is None
+    for iteration in record.iterations:
+        assert first_difference(iteration, as_read(run.step())) is None
+    # The recording itself is there up to its last block.
+    assert len(chunks_of(path)) > 5
+    assert n_drawn(path) == (len(record.iterations) // 10 * 10 if maps else 0)
 
 
-def test_a_killed_recording_is_completed_for_the_viewer(tmp_path: Path) -> None:
-    path = tmp_path / "run.rrd"
-    killed_run(path, 33, maps=False)
-    before = read_recording(path)
-    assert n_drawn(part_path(path)) < len(before.entries)
-    out = tmp_path / "out"
-    out.mkdir()
-    after = read_recording(completed(before, out))
-    assert after.is_complete
-    assert n_drawn(after.path) == len(before.entries)
-    assert first_difference(after.iterations, before.iterations) is None
-
-
-def test_completing_draws_what_the_killed_run_would_have_drawn(tmp_path: Path) -> None:
-    """The curves of a completed recording are those of one that was never cut."""
-    recorded_run(tmp_path / "whole.rrd", session(maps=False), block=4)
-    stopped = new_run_with_journal(tmp_path / "cut.rrd")
-    assert 0 < n_drawn(stopped.path) < len(stopped.entries)
-    (tmp_path / "out").mkdir()
-    fixed = completed(stopped, tmp_path / "out")
-    assert curves(fixed) == curves(tmp_path / "whole.rrd")
-
-
-@pytest.mark.parametrize("maps", [True, False])
-def test_completing_draws_all_that_a_cut_file_still_holds(tmp_path: Path, maps: bool) -> None:
-    """Wherever it was cut: in the middle of a block there are iterations without curves."""
-    recorded_run(tmp_path / "whole.rrd", session(maps=maps), block=10)
-    content, whole = (tmp_path / "whole.rrd").read_bytes(), read_recording(tmp_path / "whole.rrd")
-    ends = list(ends_of_messages(content))
-    lengths = set()
-    for k, end in enumerate(ends[len(ends) // 6 :: 7]):
-        cut = tmp_path / f"{k}.rrd"
-        cut.write_bytes(content[:end])
-        recorded = read_recording(cut)
-        (tmp_path / f"{k}").mkdir()
-        fixed = completed(recorded, tmp_path / f"{k}")
-        n = len(recorded.entries)
-        lengths.add(n)
-        assert first_difference(read_recording(fixed).iterations, whole.iterations[:n]) is None
-        if n:
-            assert curves(fixed) == {at: v for at, v in curves(whole.path).items() if at[1] <= n}
-        if n == len(whole.entries):
-            assert numbers_of_rows(fixed) == numbers_of_rows(whole.path)
-    assert {10, 20, 30} <= lengths
-
-
-def numbers_of_rows(path: Path) -> Counter[str]:
-    """How much there is of everything that changes over the iterations, score maps aside."""
-    found: Counter[str] = Counter()
-    for chunk in chunks_of(path):
-        if not chunk.is_static and "maps/" not in chunk.entity_path:
-            found[chunk.entity_path] += chunk.num_rows
-    return found
-
-
-def new_run_with_journal(path: Path):
-    """The files of a run that stopped at its last iteration, before its recorder closed."""
-    from tests.fakes import FakeVerifier
-    from verefine_viz.recording.recorder import Recorder
-
+def test_a_run_file_is_drawn_as_it_would_have_been_while_it_ran(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     s, problem = session(maps=False), box_problem(3, 2)
-    recorder = Recorder(path, s, problem, lambda _: FakeVerifier(), block=4)
-    run = new_run(s, problem)
-    recorder.on_start(run.state)
-    while not run.is_done:
-        iteration = run.step()
-        recorder.on_iteration(run.state, iteration)
-    copy = path.with_name("killed.rrd")
-    shutil.copy(part_path(path), part_path(copy))
-    shutil.copy(journal_path(path), journal_path(copy))
-    recorder.close()
-    return read_recording(copy)
+    monkeypatch.setattr(Toolbox, "problem", lambda self, frame: problem)
+    recorded_run(tmp_path / "live.rrd", s, problem)
+    run_file(tmp_path / "run.vfrun", s, problem)
+    path = drawn(tmp_path / "run.vfrun", tmp_path)
+    assert curves(path) == curves(tmp_path / "live.rrd")
+    assert rows(path) == rows(tmp_path / "live.rrd")
+    whole = read_run_file(tmp_path / "run.vfrun")
+    assert first_difference(read_recording(path).iterations, whole.iterations) is None
+
+
+def test_what_a_killed_writer_has_not_drawn_is_drawn_from_its_run_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    killed_run(tmp_path / "run.rrd", 33, maps=False)
+    monkeypatch.setattr(Toolbox, "problem", lambda self, frame: box_problem(3))
+    record = read_run_file(tmp_path / "run.vfrun")
+    (tmp_path / "out").mkdir()
+    path = drawn(tmp_path / "run.vfrun", tmp_path / "out")
+    assert n_drawn(path) == len(record.iterations)
+
+
+def test_maps_are_drawn_from_a_record_too(tmp_path: Path) -> None:
+    s, problem = session(iterations=2), box_problem(3, 2)
+    run_file(tmp_path / "run.vfrun", s, problem)
+    recorded_run(tmp_path / "live.rrd", s, problem)
+    recorder = Recorder(tmp_path / "drawn.rrd", s, problem, lambda _: FakeVerifier())
+    Run.from_record(read_run_file(tmp_path / "run.vfrun"), problem, [recorder])
+    recorder.close(tmp_path / "run.vfrun")
+    assert rows(tmp_path / "drawn.rrd") == rows(tmp_path / "live.rrd")
+
+
+def rows(path: Path) -> dict[str, int]:
+    """How much there is of everything that changes over the iterations."""
+    found: dict[str, int] = {}
+    for chunk in chunks_of(path):
+        if not chunk.is_static:
+            found[chunk.entity_path] = found.get(chunk.entity_path, 0) + chunk.num_rows
+    return found
 
 
 def curves(path: Path) -> dict[tuple[str, int], list[str]]:
@@ -132,59 +107,3 @@ def curves(path: Path) -> dict[tuple[str, int], list[str]]:
             times = batch.column(batch.schema.get_field_index("iteration")).to_pylist()
             found |= {(chunk.entity_path, t): [repr(x) for x in v] for t, v in zip(times, values, strict=True)}
     return found
-
-
-def test_a_file_cut_in_a_message_gives_what_is_whole(tmp_path: Path) -> None:
-    recorded_run(tmp_path / "run.rrd", session(maps=False), block=3)
-    whole = read_recording(tmp_path / "run.rrd")
-    content = (tmp_path / "run.rrd").read_bytes()
-    n_read = []
-    for share in (0.6, 0.75, 0.9, 0.99):
-        cut = tmp_path / "cut.rrd"
-        cut.write_bytes(content[: int(len(content) * share)])
-        found = read_recording(cut).iterations
-        assert first_difference(found, whole.iterations[: len(found)]) is None
-        n_read.append(len(found))
-    assert n_read == sorted(n_read)
-    assert n_read[-1] > 0
-
-
-def test_a_short_recording_with_maps_keeps_what_lies_before_a_cut(tmp_path: Path) -> None:
-    run = recorded_run(tmp_path / "run.rrd", block=200)
-    content = (tmp_path / "run.rrd").read_bytes()
-    (tmp_path / "cut.rrd").write_bytes(content[: len(content) // 3])
-    assert 10 <= len(read_recording(tmp_path / "cut.rrd").entries) < run.length
-
-
-def n_entries(journal: Path, content: bytes) -> int:
-    """How many whole ones a journal with that content has."""
-    journal.write_bytes(content)
-    return len(read_journal(journal)[1])
-
-
-def test_a_cut_journal_gives_its_whole_entries(tmp_path: Path) -> None:
-    killed_run(tmp_path / "run.rrd", 5, maps=False)
-    journal = journal_path(tmp_path / "run.rrd")
-    (_, entries), content = read_journal(journal), journal.read_bytes()
-    while len(entries) == n_entries(journal, content[:-1]):  # The kill itself came in the middle of an entry.
-        content = content[:-1]
-    for cut in range(1, 400, 13):
-        journal.write_bytes(content[:-cut])
-        _, fewer = read_journal(journal)
-        assert len(entries) - 2 <= len(fewer) < len(entries)
-        assert [entry.packed for entry in fewer] == [entry.packed for entry in entries[: len(fewer)]]
-
-
-def test_a_journal_with_a_flipped_bit_ends_before_it(tmp_path: Path) -> None:
-    killed_run(tmp_path / "run.rrd", 5, maps=False)
-    journal = journal_path(tmp_path / "run.rrd")
-    (_, entries), content = read_journal(journal), bytearray(journal.read_bytes())
-    content[-10] ^= 1
-    journal.write_bytes(bytes(content))
-    assert len(read_journal(journal)[1]) == len(entries) - 1
-
-
-def test_exact_columns_reach_the_file_in_blocks(tmp_path: Path) -> None:
-    recorded_run(tmp_path / "run.rrd", session(maps=False), block=10)
-    exact = [c for c in chunks_of(tmp_path / "run.rrd") if c.entity_path == LOSSLESS]
-    assert [c.num_rows for c in exact] == [10, 10, 10]

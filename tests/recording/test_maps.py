@@ -24,6 +24,7 @@ from verefine_viz.recording.maps import GAP_PX, MAP_NAMES, TILE_PX
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.run.engine import Run
+from verefine_viz.run.run_file import RunFile
 
 KB = 1000
 
@@ -108,8 +109,10 @@ def sizes(folder: Path, maps: bool, iterations: int) -> tuple[int, int]:
     verifier = NoisyVerifier()
     recorder = Recorder(folder / f"{iterations}.rrd", s, problem, lambda _: verifier)
     method = make_method(s.method, FakeSimulator(), FakeRefiner(), verifier, s.physics.steps)
-    run = Run(method, problem, (recorder,))
+    file = RunFile(folder / f"{iterations}.vfrun", s)
+    run = Run(method, problem, (recorder, file))
     run.finish()
+    recorder.close(file.path)
     return (folder / f"{iterations}.rrd").stat().st_size, run.length
 
 
@@ -129,7 +132,9 @@ def test_maps_are_those_of_the_score_of_the_iteration(tmp_path: Path) -> None:
         return FakeVerifier(ScoreSettings(tau_m=0.005 if index > 2 else 0.02))
 
     s, problem = session(iterations=1), box_problem(4)
-    new_run(s, problem, (Recorder(tmp_path / "run.rrd", s, problem, verifier_of),)).finish()
+    recorder = Recorder(tmp_path / "run.rrd", s, problem, verifier_of)
+    new_run(s, problem, (recorder,)).finish()
+    recorder.close()
     assert seen == [1, 2, 3, 4, 4]  # The last once more, for the score landscape at the end.
     # What the sensor saw is cut out once for each score that it is compared by.
     observed = [c for c in chunks_of(tmp_path / "run.rrd") if c.entity_path == f"{entities.MAPS}/observed"]

@@ -13,7 +13,7 @@ import pytest
 import rerun as rr
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.recording.recording_file import COMPLETE, RecordingFile, chunks_of, saved_chunks
+from verefine_viz.recording.recording_file import RecordingFile, chunks_of, read_bytes
 
 
 def values_in(path: Path) -> list[float]:
@@ -32,24 +32,21 @@ def test_what_was_sent_is_in_the_file_after_a_flush(tmp_path: Path) -> None:
         file.send("/a", [k], numbers(float(k)))
         file.flush()
         assert values_in(path) == list(map(float, range(k + 1)))
-    file.close(3)
+    file.close()
     assert values_in(path) == [0.0, 1.0, 2.0]
 
 
 @pytest.mark.usefixtures("processes")
-def test_what_it_says_last_is_that_it_is_complete(tmp_path: Path) -> None:
-    path = tmp_path / "a.rrd"
+def test_bytes_come_back_from_a_whole_file_only(tmp_path: Path) -> None:
+    path, content = tmp_path / "a.rrd", np.random.default_rng(0).bytes(100_000)
     file = RecordingFile(path)
-    file.send_properties({"title": "µ"})
     file.send("/a", [0], numbers(1.0))
-    file.close(1)
-    chunks, is_whole = saved_chunks(path)
-    assert is_whole
-    assert [str(name) for name in chunks[-1].to_record_batch().schema.names][1:] == [COMPLETE]
+    file.log_bytes("/b", content)
+    file.close()
+    assert read_bytes(path, "/b") == content
+    assert read_bytes(path, "/c") is None
     path.write_bytes(path.read_bytes()[:-20])
-    chunks, is_whole = saved_chunks(path)
-    assert not is_whole
-    assert chunks[-1].entity_path == "/a"
+    assert read_bytes(path, "/b") is None
 
 
 @contextmanager
@@ -71,7 +68,7 @@ def test_a_file_that_may_not_grow_is_one_line_however_often(tmp_path: Path) -> N
             with pytest.raises(InputError, match=r"^cannot write the recording .*a\.rrd: File too large$"):
                 file.flush()
         with pytest.raises(InputError, match=r"File too large$"):
-            file.close(0)
+            file.close()
 
 
 def test_a_full_disk_is_one_line(tmp_path: Path) -> None:
@@ -80,7 +77,7 @@ def test_a_full_disk_is_one_line(tmp_path: Path) -> None:
     file = RecordingFile(Path("/dev/full"))
     file.log("/a", rr.Points3D([[0, 0, 0]]))
     with pytest.raises(InputError, match=r"^cannot write the recording /dev/full: No space left on device$"):
-        file.close(0)
+        file.close()
 
 
 def test_a_file_that_cannot_be_created_is_one_line(tmp_path: Path) -> None:

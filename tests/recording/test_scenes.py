@@ -17,11 +17,12 @@ from tests.fakes import FakeVerifier, box_problem
 from tests.methods.test_physim_mcts import clustered, method_of
 from tests.recording.runs import new_run, recorded_run, session
 from verefine_viz.core.problem import DependencyGraph, Edge, Problem
+from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.recording import entities
-from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.run.engine import Run
+from verefine_viz.run.run_file import RunFile, read_run_file
 
 
 def column(path: Path, entity: str, component: str) -> list[Any]:
@@ -44,12 +45,14 @@ def graphed(problem: Problem, *clusters: tuple[int, ...]) -> Problem:
 def test_a_hypothesis_that_the_method_adds_is_one_of_the_recorded(tmp_path: Path) -> None:
     problem = clustered(box_problem(2, 2), (0, 1))
     s = session("physim_mcts", maps=False)
-    run = Run(method_of(problem), problem, (Recorder(tmp_path / "run.rrd", s, problem),))
+    recorder, file = Recorder(tmp_path / "run.rrd", s, problem), RunFile(tmp_path / "run.vfrun", s)
+    run = Run(method_of(problem), problem, (recorder, file))
     run.finish()
-    recorded = read_recording(tmp_path / "run.rrd")
+    recorder.close()
+    header = read_run_file(file.path).header
     pools = [instance.hypotheses for instance in run.problem.instances]
-    assert [b.n_arms for b in recorded.layout.branches] == [len(pool) for pool in pools] == [3, 3]
-    entity = f"{entities.CURVES}/score/{recorded.layout.branches[0].name}"
+    assert [len(one.hypotheses) for one in header.objects] == [len(pool) for pool in pools] == [3, 3]
+    entity = f"{entities.CURVES}/score/0_box"
     names = [row for row in column(tmp_path / "run.rrd", entity, "SeriesLines:names") if row]
     scores = column(tmp_path / "run.rrd", entity, "Scalars:scalars")
     assert {len(row) for row in scores} == {len(names[0])}
@@ -96,6 +99,7 @@ def test_there_is_something_in_every_view(tmp_path: Path, name: str, n_objects: 
     recorder = Recorder(tmp_path / "run.rrd", s, problem, lambda _: FakeVerifier())
     run = Run(method_of(problem), problem, (recorder,)) if name == "physim_mcts" else new_run(s, problem, (recorder,))
     run.finish()
+    recorder.close()
     drawn = {c.entity_path for c in chunks_of(tmp_path / "run.rrd") if c.num_rows}
     for title, origin in views(tmp_path / "run.rrd"):
         assert any(entity.startswith(origin) for entity in drawn), f"{title} is empty"
@@ -121,11 +125,10 @@ def views(path: Path) -> list[tuple[str, str]]:
 @pytest.mark.usefixtures("processes")
 def test_a_scene_without_maps_records_every_objects_error(tmp_path: Path) -> None:
     run = recorded_run(tmp_path / "run.rrd", session(maps=False), box_problem(3, 2))
-    recorded = read_recording(tmp_path / "run.rrd")
-    for branch in recorded.layout.branches:
-        errors = column(tmp_path / "run.rrd", f"{entities.CURVES}/add_s/{branch.name}", "Scalars:scalars")
-        own = [e for e in recorded.entries if e.iteration.instance_id == branch.instance_id]
-        assert [e[0] for e in errors] == [entry.errors[2] for entry in own]
-    assert sum(i.instance_id == 1 for i in recorded.iterations) == len(
-        [i for i in run.iterations if i.instance_id == 1]
-    )
+    for target in run.problem.targets:
+        own = [i for i in run.iterations if i.instance_id == target.instance.instance_id]
+        drawn = column(tmp_path / "run.rrd", f"{entities.CURVES}/add_s/{own[0].instance_id}_box", "Scalars:scalars")
+        T_gt = target.instance.T_cam_obj_gt
+        assert T_gt is not None
+        expected = [pose_errors(target.model, i.best.T_cam_obj, T_gt).add_s_mm for i in own]
+        assert [row[0] for row in drawn] == pytest.approx(expected)

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.made_runs import answer
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import BatchInfo
-# NAMES Answer
 from verefine_viz.report.bop_recalls import FrameRecalls
 from verefine_viz.report.failure_cards import group_gallery
 from verefine_viz.report.group_comparison import Comparison, compare
@@ -19,6 +19,7 @@ from verefine_viz.report.group_sentences import counted, headline, title
 from verefine_viz.report.groups import Group
 from verefine_viz.report.object_results import axes_of, by_frame, hardest, heat, outcomes_of
 from verefine_viz.report.run_results import LoadedRun, recall_curve
+from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import resolve
 
 WRONG = {"add_s_mm": 40.0}

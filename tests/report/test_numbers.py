@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made_runs import answer
 from tests.report.runs import row, write_run
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import Runs, BatchInfo
-# NAMES Answer
+from verefine_viz.batch.journal import BatchInfo, Runs
 from verefine_viz.evaluation.pose_table import read_pose_table
 from verefine_viz.report.bop_recalls import run_rows
 from verefine_viz.report.charts import time_figure
@@ -30,6 +30,7 @@ from verefine_viz.report.run_results import (
     stage_times,
 )
 from verefine_viz.report.run_sentences import headline
+from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import resolve
 from verefine_viz.scenes.results_csv import write_results
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.made_runs import answer
 from tests.report.pages import GONE, figures, fill_cards, size_of_1000_frames, without_plotly
 from tests.report.runs import row, write_run
 from tests.scenes.bop_folder import box_ply, make
 from verefine_viz import cli
-# NAMES Answer
 from verefine_viz.report.build_report import write_report
 from verefine_viz.run.session_file import resolve
 from verefine_viz.scenes.demo import demo_problem

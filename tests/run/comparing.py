@@ -1,16 +1,19 @@
-"""Runs to compare: real methods on stand-in parts, and histories made up call by call."""
+"""Runs to compare: real methods on stand-in parts, runs of which something is changed, and runs made up by object."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 from tests.changing import replace
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from verefine_viz.core.problem import Problem
-from verefine_viz.core.records import Iteration
+from verefine_viz.core.records import Best, Iteration
+from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings
 from verefine_viz.methods.registry import make_method
-from verefine_viz.run.compare import Trace, trace_of
 from verefine_viz.run.engine import Run
 
 METHODS = ("refine", "pir", "sir", "rir", "even", "expl")
@@ -23,26 +26,64 @@ def run_of(name: str = "rir", n_instances: int = 1, problem: Problem | None = No
     return Run(method, problem or box_problem(n_hypotheses=3, n_instances=n_instances, seed=3))
 
 
-def trace(name: str = "rir", n_instances: int = 1, **fields: object) -> Trace:
+def finished(name: str = "rir", n_instances: int = 1, **fields: object) -> Run:
     """A run to its end."""
     run = run_of(name, n_instances, **fields)
     run.finish()
-    return trace_of(run)
+    return run
+
+
+@dataclass(frozen=True)
+class GivenState:
+    """The state after some of the given iterations."""
+
+    problem: Problem
+    initial: tuple[Scores | None, ...]
+    best: tuple[Best | None, ...]
+    n_done: int = 0
+
+
+class Given:
+    """A method whose states and iterations are given."""
+
+    def __init__(self, start: GivenState, iterations: Sequence[Iteration], n_planned: int) -> None:
+        self._start, self._iterations, self._n_planned = start, iterations, n_planned
+
+    def start(self, problem: Problem) -> GivenState:
+        return self._start
+
+    def step(self, state: GivenState) -> tuple[GivenState, Iteration]:
+        made = self._iterations[state.n_done]
+        ids = [i.instance_id for i in state.problem.instances]
+        best = tuple(made.best if own == made.instance_id else b for own, b in zip(ids, state.best, strict=True))
+        return replace(state, best=best, n_done=state.n_done + 1), made
+
+    def is_done(self, state: GivenState) -> bool:
+        return state.n_done >= self._n_planned
+
+    def n_iterations(self, state: GivenState) -> int:
+        return self._n_planned
+
+
+def altered(run: Run, iterations: Sequence[Iteration] | None = None, n_planned: int | None = None, **start: Any) -> Run:
+    """A run with other iterations, or with another problem, initial scores or best poses before the first."""
+    first = run.state_at(0)
+    given = run.iterations if iterations is None else iterations
+    state = replace(GivenState(first.problem, first.initial, first.best), **start)
+    method: Any = Given(state, given, len(given) if n_planned is None else n_planned)
+    other = Run(method, state.problem)
+    for _ in given:
+        other.step()
+    return other
 
 
 @cache
-def _template(n_instances: int) -> Trace:
-    return trace("sir", n_instances)
+def _template(n_instances: int) -> Run:
+    return finished("sir", n_instances)
 
 
-def made_up(order: list[tuple[int, bool]], n_instances: int = 3, n_planned: int | None = None) -> Trace:
-    """A history that works on these instances in this order, each time with or without a refiner call."""
+def made_up(order: Sequence[int], n_instances: int = 3, n_planned: int | None = None) -> Run:
+    """A run that works on these instances in this order."""
     template = _template(n_instances)
-    iterations: list[Iteration] = []
-    for k, (own, refines) in enumerate(order, 1):
-        record = replace(template.own[own][0], index=k)
-        if not refines:
-            record = replace(record, stages=record.stages[:2], accepted=record.stages[1].name)
-        iterations.append(record)
-    answers = tuple(template.answers[0] for _ in range(len(order) + 1))
-    return Trace(template.problem, template.initial, tuple(iterations), answers, n_planned or len(order))
+    iterations = [replace(template.iterations_of(own)[0], index=k) for k, own in enumerate(order, 1)]
+    return altered(template, iterations, n_planned)

@@ -13,6 +13,7 @@ from verefine_viz.batch.answer_tags import TAGS_FILE, Arrangement
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import BatchInfo
+
 # NAMES FrameResult,Answer,write_frames_csv
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session

@@ -57,7 +57,7 @@ def test_b_waits_for_a_run_that_is_on() -> None:
         d.tick()
     assert d.workspace.run.is_done
     assert sides(d).effort_b.iterations == sides(d).effort_b.planned
-    assert sides(d).place == len(sides(d).timeline)
+    assert sides(d).place == len(sides(d).pairs)
     assert computing(sides(d), a_is_running=False) == ""
     same(debugger().carry_out(d.log), d)
 
@@ -66,7 +66,7 @@ def test_a_branch_can_be_b_and_is_refused_when_there_is_none() -> None:
     d = debugger().carry_out([c.RunUntil("end"), c.Fork((("method.exploration", 5.0),), 2, run=True)])
     d.carry_out([c.CompareBranch(0)])
     v = sides(d)
-    assert v.differences.deed.place > 2
+    assert v.departures.deed.place > 2
     with pytest.raises(InputError, match="there is no branch 7 to compare with; this frame has 2"):
         d.carry_out([c.CompareBranch(7)])
     d.carry_out([c.Restart()])

@@ -1,33 +1,36 @@
-"""Two runs along one timeline: moving both, swapping them, what of each is drawn."""
+"""Two runs along their iterations: moving both, swapping them, what of each is drawn."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from tests.viewer.two_runs import SIR, TWO, debugger, sides
+from tests.viewer.fake_tools import FakeTools
+from tests.viewer.two_runs import SESSION, SIR, TWO, debugger, sides
+from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.viewer import commands as c
+from verefine_viz.viewer.debugger import Debugger
 
 
-def test_both_move_along_one_timeline() -> None:
+def test_both_move_along_their_iterations() -> None:
     d = debugger().carry_out([TWO, c.RunUntil("end"), c.CompareRun(SIR)])
     v = sides(d)
-    # Three hypotheses and K = 2: A takes six refiner calls an object, B two.
-    assert len(v.timeline) == 12
+    # Three hypotheses and K = 2: A makes six iterations an object, B two.
+    assert len(v.pairs) == 12
     assert v.place == 12
     d.carry_out([c.SeekMoment(2)])
     v = sides(d)
     assert (v.place, d.workspace.run.cursor) == (2, 2)
-    assert (v.moment.a, v.moment.b) == (2, 2)
+    assert (v.pair.a, v.pair.b) == (2, 2)
     d.carry_out([c.StepMoment(1)])
     v = sides(d)
-    assert (v.place, v.moment.b) == (3, None)
+    assert (v.place, v.pair.b) == (3, None)
     d.carry_out([c.ShowSidePoses("kept")])
     v = sides(d)
     assert v.now_b.iteration == 2, "B stays where it was when A goes on alone"
     d.carry_out([c.Seek(8)])
     v = sides(d)
-    assert (v.moment.a, v.moment.b) == (8, 4), "A's own slider moves both"
+    assert (v.pair.a, v.pair.b) == (8, 4), "A's own slider moves both"
     d.carry_out([c.SeekMoment(0)])
     assert sides(d).place == 0
     assert d.workspace.run.cursor == 0
@@ -37,10 +40,10 @@ def test_both_move_along_one_timeline() -> None:
 def test_moments_that_only_b_has_can_be_reached() -> None:
     d = debugger(Session(method=MethodSettings(name="sir", iterations=1)))
     d.carry_out([TWO, c.RunUntil("end"), c.CompareRun((("method.iterations", 3),))])
-    assert len(sides(d).timeline) == 6
+    assert len(sides(d).pairs) == 6
     d.carry_out([c.SeekMoment(3)])
     v = sides(d)
-    assert (v.place, v.moment.a, v.moment.b, d.workspace.run.cursor) == (3, None, 3, 1)
+    assert (v.place, v.pair.a, v.pair.b, d.workspace.run.cursor) == (3, None, 3, 1)
     assert d.view().target.instance.instance_id == 0
     d.carry_out([c.SeekMoment(6)])
     assert (sides(d).place, d.workspace.run.cursor) == (6, 2)
@@ -52,7 +55,7 @@ def test_swapping_makes_b_the_open_run_at_the_same_moment() -> None:
     d.carry_out([c.SwapSides()])
     after = sides(d)
     assert (after.name_a, after.name_b) == (before.name_b, before.name_a) == ("sir", "rir")
-    assert after.moment.key == before.moment.key
+    assert after.pair[:2] == before.pair[:2]
     assert d.workspace.run.method.n_iterations(d.workspace.run.state) == 4
     swapped = {"A": "B", "B": "A", "even": "even", None: None}
     assert [o.winner for o in after.outcomes] == [swapped[o.winner] for o in before.outcomes]
@@ -104,11 +107,33 @@ def test_a_pose_is_reported_with_the_iteration_and_the_hypothesis_that_made_it()
     assert (now.iteration, now.arm, now.stage) == (0, first.arm, "initial")
 
 
-def test_curves_run_over_the_calls_of_the_object_in_focus() -> None:
+def test_curves_run_over_the_iterations_of_the_object_in_focus() -> None:
     d = debugger().carry_out([TWO, c.RunUntil("end"), c.CompareRun(SIR), c.Focus(0)])
     curves = sides(d).curves
-    assert curves.calls == (0, 1, 2, 3, 4, 5, 6)
     assert len(curves.score_a) == len(curves.score_b) == 7
     assert curves.score_b[2:] == (curves.score_b[2],) * 5, "a run that has ended stays where it was"
     assert curves.error_a is not None
     assert list(curves.score_a) == sorted(curves.score_a)
+
+
+class Ordered(FakeTools):
+    """Objects in the order of the session."""
+
+    def problem(self, frame: str) -> Problem:
+        return self.ordered(super().problem(frame))
+
+
+def test_runs_in_another_order_go_forward_together_and_end_at_their_answers() -> None:
+    d = Debugger(SESSION, None, Ordered).carry_out([TWO, c.RunUntil("end")])
+    d.carry_out([c.CompareRun((("method.name", "vf_depth"), ("dependency.order", (("#1", "#0"),))))])
+    runs = [branch.run for branch in d.workspace.work.branches]
+    assert [[i.instance_id for i in run.iterations][:3] for run in runs] == [[0, 0, 0], [1, 0, 1]]
+    for own, poses in sides(d).poses.items():
+        for run, T_cam_obj in zip(runs, poses, strict=True):
+            np.testing.assert_array_equal(T_cam_obj, run.best_at(run.length)[own].T_cam_obj)
+    d.carry_out([c.SeekMoment(0), c.ShowSidePoses("kept")])
+    for pair in sides(d).pairs:
+        v = sides(d.carry_out([c.StepMoment(1)]))
+        assert v.pair == pair
+        for side, index in ((v.now_a, pair.a), (v.now_b, pair.b)):
+            assert index in (None, side.iteration)

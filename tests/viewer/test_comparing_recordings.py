@@ -60,8 +60,8 @@ def test_two_recordings_from_disk(recordings: Recordings) -> None:
         d.view()
     live = page().carry_out([TWO, c.RunUntil("end"), c.CompareRun(SIR)])
     ours, theirs = sides(d.carry_out([c.SwapSides(), c.SeekMoment(99)])), sides(live)
-    assert [m.key for m in ours.timeline.moments] == [m.key for m in theirs.timeline.moments]
-    assert ours.differences.deed == theirs.differences.deed
+    assert ours.pairs == theirs.pairs
+    assert ours.departures.deed == theirs.departures.deed
     assert [o.winner for o in ours.outcomes] == [o.winner for o in theirs.outcomes]
 
 
@@ -75,7 +75,7 @@ def test_a_recording_is_not_continued_but_can_be_run_again(recordings: Recording
     d.carry_out([c.Restart()])
     assert d.workspace.run.length == 0
     d.carry_out([c.RunUntil("end"), c.CompareRecording(str(path))])
-    assert sides(d).differences.first is None
+    assert sides(d).departures == (None, None)
 
 
 def test_a_pose_in_a_recording_can_be_moved_to_see_its_score_and_is_not_gone_on_from(recordings: Recordings) -> None:

@@ -12,7 +12,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, Session
-from verefine_viz.run.compare import Difference
+from verefine_viz.run.compare import Departure
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.drawing.comparison_tables import (
@@ -32,10 +32,10 @@ from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot
 def test_the_first_difference_is_reached_and_said() -> None:
     d = debugger().carry_out([c.RunUntil("end"), c.CompareRun((("method.exploration", 5.0),))])
     v = sides(d)
-    assert v.differences.deed.kind == "hypothesis"
+    assert v.departures.deed.kind == "hypothesis"
     d.carry_out([c.SeekDifference()])
     v = sides(d)
-    assert v.place == v.differences.deed.place  # type: ignore[union-attr]
+    assert v.place == v.departures.deed.place  # type: ignore[union-attr]
     assert v.which == "kept"
     assert "the same for 1 iteration. Then in iteration 2 B works on hypothesis 3 of box instead of 1" in parting(v)
 
@@ -124,19 +124,19 @@ def test_names_from_data_are_text() -> None:
 
 def test_a_run_that_ends_earlier_is_said_to_be_done() -> None:
     said = parting(sides(debugger().carry_out([TWO, c.RunUntil("end"), c.CompareRun(SIR)])))
-    assert "B is done with box #0 after 2 refiner calls" in said
+    assert "Then B is done with box #0 after 2 iterations, while A goes on." in said
     shorter = debugger(Session(method=MethodSettings(name="sir", iterations=1)))
     said = parting(sides(shorter.carry_out([c.RunUntil("end"), c.CompareRun((("method.iterations", 3),))])))
-    assert "A is done with box after 1 refiner call" in said
+    assert "Then B goes on with box, which A is done with after 1 iteration." in said
 
 
 def test_runs_that_differ_from_the_start_are_said_to_begin_differently() -> None:
     v = sides(debugger().carry_out([c.RunUntil("end"), c.CompareRun(SIR)]))
-    first = Difference(0, 0, "start", "starts hypothesis 1 of box 3.0 mm and 1.0° away")
-    begun = parting(replace(v, differences=replace(v.differences, deed=first)))
+    first = Departure(0, "start", "starts hypothesis 1 of box 3.0 mm and 1.0° away")
+    begun = parting(replace(v, departures=v.departures._replace(deed=first)))
     assert "begin differently: B starts hypothesis 1 of box 3.0 mm" in begun
-    once = Difference(1, 0, "accepted", "accepts the refined pose of box instead of the simulated one", 1, 2)
-    parted = parting(replace(v, differences=replace(v.differences, deed=once)))
+    once = Departure(1, "accepted", "accepts the refined pose of box instead of the simulated one", 1, 2)
+    parted = parting(replace(v, departures=v.departures._replace(deed=once)))
     assert "in iteration 1 (B's 2) B accepts the refined pose" in parted
 
 

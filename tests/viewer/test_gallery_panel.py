@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.made_runs import answer
 from tests.viewer.client import until
 from tests.viewer.conftest import SESSION
 from tests.viewer.fake_tools import FakeTools
@@ -16,7 +17,7 @@ from tests.viewer.test_app import cursor
 from verefine_viz.batch.answer_cards import WRONG
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import BatchInfo
-# NAMES Answer
+from verefine_viz.run.record import Answer
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.panels.gallery_panel import entry_of, gallery_html, tip
@@ -78,7 +79,9 @@ def test_data_in_doubt_are_reported_on_the_card_and_above_all_cards(tmp_path: Pa
     assert gallery(tmp_path, row(2, add_s_mm=42.0)).doubt == ""
     twice = gallery(tmp_path, doubted, doubted.model_copy(update={"im_id": 3}), row(2, add_s_mm=42.0))
     assert "in 2 of 3 frames, such as 0/1, objects" in twice.doubt
-    runs = [BatchIndex(tmp_path / name, SESSION, BatchInfo(), found.runs[tmp_path.name].rows) for name in ("rir", "sir")]
+    runs = [
+        BatchIndex(tmp_path / name, SESSION, BatchInfo(), found.runs[tmp_path.name].rows) for name in ("rir", "sir")
+    ]
     assert "in 2 of 4 frames of 2 runs, such as 0/1 of rir, objects" in Gallery(runs).doubt
 
 

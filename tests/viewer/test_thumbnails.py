@@ -13,7 +13,8 @@ from PIL import Image
 
 from tests.viewer.conftest import SESSION
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import Runs, BatchInfo
+from verefine_viz.batch.journal import BatchInfo, Runs
+
 # NAMES Estimate,FrameResult,Answer
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.palette import STAGE_COLORS

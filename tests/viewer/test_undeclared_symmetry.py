@@ -10,7 +10,7 @@ import pytest
 
 from tests.failing_scenes import broken_scene, named
 from tests.fakes import OneFrame
-# NAMES Answer
+from tests.made_runs import answer
 from verefine_viz.diagnosis.causes import Cause, Diagnosis
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.made_runs import answer
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import BatchInfo
-# NAMES Answer
 from verefine_viz.core.problem import DependencyGraph, Edge, EdgeState, Problem
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.core.surroundings import SupportSurface, Surroundings
-from verefine_viz.run.record import DATA_FIRST
 from verefine_viz.evaluation.pose_errors import PoseErrors
+from verefine_viz.run.record import DATA_FIRST
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.panels.objects_panel import objects_html

@@ -35,7 +35,6 @@ from verefine_viz.methods.registry import make_method, method_of
 from verefine_viz.observation.observed_frame import segment_cloud
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
-from verefine_viz.run.compare import Trace
 from verefine_viz.run.engine import Run
 from verefine_viz.run.toolbox import Toolbox
 
@@ -220,7 +219,7 @@ Again = Callable[[int], Best | None]
 class Case:
     """One instance whose answer is further from ground truth than ``threshold``."""
 
-    trace: Trace
+    trace: Run
     lab: Lab
     target: Target
     T_gt: Float
@@ -256,7 +255,7 @@ class Case:
     @cached_property
     def own(self) -> tuple[Iteration, ...]:
         """Its iterations."""
-        return self.trace.own[self.instance_id]
+        return self.trace.iterations_of(self.instance_id)
 
     @cached_property
     def initial_errors(self) -> Float:

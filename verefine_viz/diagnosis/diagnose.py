@@ -23,7 +23,6 @@ from verefine_viz.diagnosis.input_causes import INPUT_TESTS
 from verefine_viz.diagnosis.scene_causes import WORLD_TESTS, neighbour, simulation
 from verefine_viz.diagnosis.score_causes import discarded, score
 from verefine_viz.diagnosis.search_causes import SEARCH_TESTS, no_hypothesis
-from verefine_viz.run.compare import Trace, trace_of
 from verefine_viz.run.engine import Run
 from verefine_viz.run.record import DATA_FIRST
 from verefine_viz.run.toolbox import Toolbox
@@ -54,7 +53,7 @@ _NO_RERUN = (preference,)
 
 
 def diagnose(
-    run: Run | Trace, toolbox: Toolbox, threshold: float = THRESHOLD, every_cause: bool = False
+    run: Run, toolbox: Toolbox, threshold: float = THRESHOLD, every_cause: bool = False
 ) -> tuple[Diagnosis, ...]:
     """Why each failed instance of a finished run failed; instances without ground truth are passed over.
 
@@ -62,31 +61,30 @@ def diagnose(
     in re-runs.
 
     Args:
-        run: the run, or what it did.
+        run: the run.
         toolbox: the one that made it.
         threshold: an answer fails if its ADD(-S) is at least this share of the diameter; an instance without answer
             fails in any case.
         every_cause: goes on after the main cause is confirmed, so that all others are tested as well.
     """
-    trace = trace_of(run) if isinstance(run, Run) else run
-    diagnoses = [diagnosed(case, every_cause) for case in failed_cases(trace, toolbox, threshold)]
+    diagnoses = [diagnosed(case, every_cause) for case in failed_cases(run, toolbox, threshold)]
     if not diagnoses:
         return ()
     # A wrong camera changes all objects.
-    doubts = camera_notes(trace.problem)
+    doubts = camera_notes(run.problem)
     notes = "".join(f" {DATA_FIRST} {doubt}." for doubt in doubts)
     return tuple(replace(one, sentence=one.sentence + notes, doubts=doubts) for one in diagnoses)
 
 
-def failed_cases(trace: Trace, toolbox: Toolbox, threshold: float = THRESHOLD) -> Iterator[Case]:
+def failed_cases(run: Run, toolbox: Toolbox, threshold: float = THRESHOLD) -> Iterator[Case]:
     """The instances that failed, for :func:`diagnosed`; the arguments are those of :func:`diagnose`."""
-    frame, lab = FrameGroundTruth(trace.problem), Lab(toolbox)
-    for target in trace.problem.targets:
+    frame, lab, answers = FrameGroundTruth(run.problem), Lab(toolbox), run.best_at(run.length)
+    for target in run.problem.targets:
         T_gt = target.instance.T_cam_obj_gt
-        answer = trace.answers[-1].get(target.instance.instance_id)
+        answer = answers.get(target.instance.instance_id)
         if T_gt is None or (answer is not None and ErrorOf(target.model, T_gt)(answer.T_cam_obj) < threshold):
             continue
-        yield Case(trace, lab, target, T_gt, frame, threshold, answer, _placed(trace, target, answer))
+        yield Case(run, lab, target, T_gt, frame, threshold, answer, _placed(run, target, answer))
 
 
 def diagnosed(case: Case, every_cause: bool = False) -> Diagnosis:
@@ -171,11 +169,11 @@ def _likeliest(findings: Sequence[Finding]) -> Finding:
     return findings[-1]
 
 
-def _placed(trace: Trace, target: Target, answer: Best | None) -> tuple[Placed, ...]:
+def _placed(run: Run, target: Target, answer: Best | None) -> tuple[Placed, ...]:
     """The other objects as they were placed before this one for the answer, or when it was last worked on."""
-    own, models = target.instance.instance_id, {t.instance.instance_id: t.model for t in trace.problem.targets}
-    worked_on = [i for i in trace.iterations if i.instance_id == own or i.tree is not None]
-    made_it = [i for i in worked_on if answer is not None and i.index == answer.iteration] or trace.own[own]
+    own, models = target.instance.instance_id, {t.instance.instance_id: t.model for t in run.problem.targets}
+    worked_on = [i for i in run.iterations if i.instance_id == own or i.tree is not None]
+    made_it = [i for i in worked_on if answer is not None and i.index == answer.iteration] or run.iterations_of(own)
     if not made_it:
         return ()
     last = made_it[-1]

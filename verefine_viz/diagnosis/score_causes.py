@@ -125,7 +125,7 @@ def _unexplained_px(case: Case, poses: Sequence[Float]) -> list[int]:
     """Pixels that the scene leaves unexplained with each of the object's poses, the others at their answers."""
     s = case.lab.toolbox.session
     pixels = ExplainedPixels(s.mcts.explained_m, s.score)
-    problem, answers = case.trace.problem, case.trace.answers[-1]
+    problem, answers = case.trace.problem, case.trace.best_at(case.trace.length)
     others = [
         Placed(i, problem.target(i).model, answers[i].T_cam_obj)
         for i in case.group
@@ -159,7 +159,7 @@ def scored(case: Case, poses: Float) -> list[PoseScore]:
         fixed = case.placed if case.lab.method(None).placed_may_hide else ()
         scores = case.lab.verifier.score(case.target, poses, fixed)
         return [scores[k] for k in range(len(poses))]
-    problem, answers = case.trace.problem, case.trace.answers[-1]
+    problem, answers = case.trace.problem, case.trace.best_at(case.trace.length)
     cluster = next(c for c in problem.clusters if case.instance_id in c)
     targets = [t for t in problem.targets if t.instance.instance_id in cluster and t.instance.instance_id in answers]
     own = next(k for k, t in enumerate(targets) if t.instance.instance_id == case.instance_id)

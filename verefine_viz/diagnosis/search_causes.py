@@ -189,9 +189,10 @@ def starved(case: Case) -> Finding | None:
 def _only_hypothesis(case: Case, j: int) -> Pools:
     """One hypothesis alone, and of each object solved together with it the one that its answer came from."""
     pools: dict[int, Sequence[Hypothesis]] = {}
+    answers = case.trace.best_at(case.trace.length)
     for i in case.group:
         pool = case.trace.problem.target(i).instance.hypotheses
-        chosen = case.trace.answers[-1][i].arm if i in case.trace.answers[-1] else 0
+        chosen = answers[i].arm if i in answers else 0
         pools[i] = pool[chosen : chosen + 1] or pool
     return pools | {case.instance_id: case.target.instance.hypotheses[j : j + 1]}
 

@@ -1,201 +1,66 @@
-"""Two runs of one frame against each other: aligned iterations, and the first differences."""
+"""Two runs of one frame, A and B: pairs of iterations, the first differences, and which came nearer at what cost.
+
+Runs differ in length and in the order in which they take the objects. What is compared is the n-th iteration on one
+object in A with the n-th on it in B; where both take the objects in one order, that is iteration k with iteration k.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Best, Iteration
+from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.run.engine import Run
 
 
-@dataclass(frozen=True, eq=False)
-class Trace:
-    """A run from the outside: what it started from, what it did, and its answers on the way."""
+class Pair(NamedTuple):
+    """The n-th iteration on one object in both runs."""
 
-    problem: Problem
-    initial: Mapping[int, tuple[float, ...]]
-    """Scores of the hypotheses before iteration 1, by instance_id; none where the pool is empty."""
-    iterations: tuple[Iteration, ...]
-    """1, 2, …"""
-    answers: tuple[Mapping[int, Best], ...]
-    """By instance_id, after 0, 1, 2, … iterations; an object without hypotheses has none."""
-    n_planned: int
-    """Iterations that the whole run will have."""
-
-    @property
-    def is_done(self) -> bool:
-        """Whether nothing more will come."""
-        return len(self.iterations) >= self.n_planned
-
-    @property
-    def instance_ids(self) -> tuple[int, ...]:
-        return tuple(i.instance_id for i in self.problem.instances)
-
-    @cached_property
-    def own(self) -> Mapping[int, tuple[Iteration, ...]]:
-        """The iterations of each instance, by instance_id."""
-        return {i: tuple(it for it in self.iterations if it.instance_id == i) for i in self.instance_ids}
-
-
-def trace_of(run: Run) -> Trace:
-    """All that ``run`` did so far."""
-    problem = run.problem
-    ids = [i.instance_id for i in problem.instances]
-    states = [run.state_at(k) for k in range(run.length + 1)]
-    initial = {
-        i: tuple(float(s) for s in scores.score) if scores is not None else ()
-        for i, scores in zip(ids, states[0].initial, strict=True)
-    }
-    answers = tuple({i: best for i, best in zip(ids, state.best, strict=True) if best is not None} for state in states)
-    planned = run.length if run.is_done else max(run.n_iterations, run.length + 1)
-    return Trace(problem, initial, run.iterations, answers, planned)
-
-
-def refiner_calls(iteration: Iteration) -> int:
-    """Calls of the refiner that an iteration spent on its own object.
-
-    Those that only complete a scene in a roll-out are not counted, as in the paper's comparison with PHYSIM-MCTS
-    (docs/methods.md 3.3); :func:`rollout_calls` has them.
-    """
-    return sum(stage.name == "refined" for stage in iteration.stages)
-
-
-def rollout_calls(iteration: Iteration) -> int:
-    """Calls of the refiner that only completed a scene."""
-    return len(iteration.tree.rollout) if iteration.tree is not None else 0
-
-
-# Which iteration of one run stands beside which of another.
-#
-# Runs differ in length and in the order in which they take the objects, so iteration 17 of one says nothing about
-# iteration 17 of the other. What can be compared is an object after the same effort: the refiner calls spent on it. A
-# timeline is a walk through such moments. Along it each object goes forward in both runs, in the order of the first;
-# what only the second has is put in as early as its own order allows. Where both runs have the same structure, moment k
-# is iteration k of both.
-
-Key = tuple[int, int, int]
-"""(instance_id, refiner calls spent on it, which of several iterations with that number): names a moment while both
-runs grow."""
-
-
-@dataclass(frozen=True)
-class Moment:
-    """One object after the same number of refiner calls in both runs."""
-
-    key: Key
+    instance_id: int
+    n: int
+    """1, 2, … on this object."""
     a: int | None
-    """Index of A's iteration of this moment, from 1; None where A has none, and stays where it was."""
+    """Index of A's iteration; None where A has no such."""
     b: int | None
 
-    @property
-    def instance_id(self) -> int:
-        return self.key[0]
 
-    @property
-    def calls(self) -> int:
-        return self.key[1]
-
-
-@dataclass(frozen=True)
-class Timeline:
-    """All moments of two runs; place 0 is before the first."""
-
-    moments: tuple[Moment, ...]
-
-    def __len__(self) -> int:
-        return len(self.moments)
-
-    @cached_property
-    def _places(self) -> dict[Key, int]:
-        return {m.key: k for k, m in enumerate(self.moments, 1)}
-
-    def place(self, key: Key | None) -> int | None:
-        """Where that moment is, from 1; None = there is no such moment."""
-        return self._places.get(key) if key is not None else None
-
-    def of_a(self, index: int) -> int:
-        """Where A's iteration ``index`` is; 0 before the first."""
-        return next((k for k, m in enumerate(self.moments, 1) if m.a == index), 0)
-
-    def a_at(self, place: int) -> int:
-        """The latest iteration that A has made at that place; 0 = none."""
-        return max((m.a for m in self.moments[:place] if m.a is not None), default=0)
-
-    def latest(self, place: int, instance_id: int) -> tuple[int, int]:
-        """The last iterations of A and of B on an object up to a place; 0 = none yet."""
-        a = b = 0
-        for moment in self.moments[:place]:
-            if moment.instance_id == instance_id:
-                a, b = moment.a or a, moment.b or b
-        return a, b
+def aligned(a: Sequence[Iteration], b: Sequence[Iteration]) -> tuple[Pair, ...]:
+    """All iterations of two runs in pairs, in the order of A; what only B has follows A's last one on that object."""
+    of_a, of_b = _numbered(a), _numbered(b)
+    last = {i.instance_id: i.index for i in a}
+    pairs = [Pair(*key, of_a.get(key), of_b.get(key)) for key in of_a | of_b]
+    return tuple(sorted(pairs, key=lambda p: (p.a or last.get(p.instance_id, len(a) + 1), p.a is None, p.b or 0)))
 
 
-def keys_of(iterations: Sequence[Iteration]) -> tuple[Key, ...]:
-    """The moment at which each iteration is."""
-    calls: dict[int, int] = {}
-    seen: dict[tuple[int, int], int] = {}
-    keys: list[Key] = []
-    for iteration in iterations:
-        own = iteration.instance_id
-        calls[own] = calls.get(own, 0) + refiner_calls(iteration)
-        n = seen.get((own, calls[own]), 0)
-        seen[own, calls[own]] = n + 1
-        keys.append((own, calls[own], n))
-    return tuple(keys)
+def _numbered(iterations: Sequence[Iteration]) -> dict[tuple[int, int], int]:
+    """The index of each iteration, by its object and its number on that object."""
+    counted: Counter[int] = Counter()
+    numbered: dict[tuple[int, int], int] = {}
+    for i in iterations:
+        counted[i.instance_id] += 1
+        numbered[i.instance_id, counted[i.instance_id]] = i.index
+    return numbered
 
 
-def aligned(a: Trace, b: Trace) -> Timeline:
-    """The timeline of two runs: every iteration of both is in one moment."""
-    keys_a, keys_b = keys_of(a.iterations), keys_of(b.iterations)
-    in_b = {key: k for k, key in enumerate(keys_b, 1)}
-    in_a = set(keys_a)
-    only_b = [key for key in keys_b if key not in in_a]
-    last_of_a = {key[0]: k for k, key in enumerate(keys_a)}
-    moments: list[Moment] = []
-    placed: set[Key] = set()
-
-    def put(key: Key, k: int | None) -> None:
-        moments.append(Moment(key, k, in_b.get(key)))
-        placed.add(key)
-
-    def follows(key: Key, now: int) -> bool:
-        """Whether B alone goes on here: A is through with the object, and B's iteration before is placed."""
-        before = keys_b[in_b[key] - 2] if in_b[key] > 1 else None
-        return last_of_a.get(key[0], -1) <= now and (before is None or before in placed)
-
-    for now, key in enumerate(keys_a):
-        for waiting in [w for w in only_b if w[0] == key[0] and w < key]:
-            put(waiting, None)
-            only_b.remove(waiting)
-        put(key, now + 1)
-        while only_b and follows(only_b[0], now):
-            put(only_b.pop(0), None)
-    for key in only_b:
-        put(key, None)
-    return Timeline(tuple(moments))
-
-
-# Where two runs differ: two traces in, sentences out. "A" and "B" are the two runs; every sentence is about what B does
-# otherwise.
+# Where two runs differ, in sentences about what B does otherwise.
 
 Kind = Literal["start", "missing", "hypothesis", "placed", "stages", "pose", "accepted", "score", "answer"]
 
 
 @dataclass(frozen=True)
-class Difference:
+class Departure:
     """One thing that B does otherwise than A."""
 
     place: int
-    """On the timeline; 0 = before iteration 1."""
-    instance_id: int
+    """Number of the pair, from 1; 0 = before iteration 1."""
     kind: Kind
     text: str
     """What B does, after "B": "works on hypothesis 2 instead of 1"."""
@@ -204,97 +69,87 @@ class Difference:
     b: int | None = None
 
 
-@dataclass(frozen=True)
-class Differences:
-    """The first differences of two runs."""
+class Departures(NamedTuple):
+    """The first differences of two runs; None where both did the same, bit for bit."""
 
-    deed: Difference | None
+    deed: Departure | None
     """First thing that is done otherwise: other object, hypothesis, pose, or accepted stage."""
-    score: Difference | None
+    score: Departure | None
     """First score that differs although the pose is the same."""
 
-    @property
-    def first(self) -> Difference | None:
-        """The one that comes first on the timeline."""
-        return min(filter(None, (self.deed, self.score)), key=lambda d: d.place, default=None)
 
+def departures(a: Run, b: Run, pairs: Sequence[Pair]) -> Departures:
+    """The first differences of two runs.
 
-def differences(a: Trace, b: Trace, timeline: Timeline) -> Differences:
-    """The first differences along the timeline.
-
-    A moment that only one of them has so far counts when the other is done with its run.
+    An iteration that only one of them has so far counts when the other is done with its run.
     """
     deed = score = None
-    for difference in _all_differences(a, b, timeline):
-        if difference.kind == "score":
-            score = score or difference
+    for departure in _all_departures(a, b, pairs):
+        if departure.kind == "score":
+            score = score or departure
         else:
-            deed = deed or difference
-        if deed and (score or difference.place > deed.place):
+            deed = deed or departure
+        if deed and (score or departure.place > deed.place):
             break
-    return Differences(deed, score)
+    return Departures(deed, score)
 
 
-def first_difference(a: Trace, b: Trace, timeline: Timeline) -> Difference | None:
-    """The first difference of any kind along the timeline; None where both did the same, bit for bit."""
-    return differences(a, b, timeline).first
+def _all_departures(a: Run, b: Run, pairs: Sequence[Pair]) -> Iterator[Departure]:
+    """Every difference, in the order of the pairs; in a pair what is done before what it scores."""
+    ours, theirs = a.iterations, b.iterations
+    for kind, text in _starts(a, b):
+        yield Departure(0, kind, text)
+    for place, pair in enumerate(pairs, 1):
+        one = ours[pair.a - 1] if pair.a else None
+        other = theirs[pair.b - 1] if pair.b else None
+        name = name_of(a.problem if one else b.problem, pair.instance_id)
+        for kind, text in _in_both(one, other, name) if one and other else _in_one(a, b, pair, name):
+            yield Departure(place, kind, text, pair.a, pair.b)
 
 
-def _all_differences(a: Trace, b: Trace, timeline: Timeline) -> Iterator[Difference]:
-    """Every difference, in the order of the timeline."""
-    yield from _starts(a, b)
-    for place, moment in enumerate(timeline.moments, 1):
-        yield from _at_moment(a, b, moment, place)
-
-
-def _starts(a: Trace, b: Trace) -> Iterator[Difference]:
+def _starts(a: Run, b: Run) -> Iterator[tuple[Kind, str]]:
     """What differs before the first iteration."""
-    for own in sorted({*a.instance_ids, *b.instance_ids}):
-        if own not in a.instance_ids or own not in b.instance_ids:
-            who = "does not solve" if own in a.instance_ids else "also solves"
-            problem = a.problem if own in a.instance_ids else b.problem
-            yield Difference(0, own, "start", f"{who} {name_of(problem, own)}")
+    scores_a, scores_b = _initial_scores(a), _initial_scores(b)
+    for own in sorted(scores_a | scores_b):
+        name = name_of(a.problem if own in scores_a else b.problem, own)
+        if own not in scores_a or own not in scores_b:
+            yield "start", f"{'does not solve' if own in scores_a else 'also solves'} {name}"
             continue
-        ours = a.problem.target(own).instance.hypotheses
-        theirs = b.problem.target(own).instance.hypotheses
-        name = name_of(a.problem, own)
+        ours, theirs = ([h.T_cam_obj for h in run.problem.target(own).instance.hypotheses] for run in (a, b))
         if len(ours) != len(theirs):
-            yield Difference(
-                0, own, "start", f"has {_n(len(theirs), 'hypothesis', 'hypotheses')} of {name}, A has {len(ours)}"
-            )
+            yield "start", f"has {_n(len(theirs), 'hypothesis', 'hypotheses')} of {name}, A has {len(ours)}"
             continue
-        for j, (one, other) in enumerate(zip(ours, theirs, strict=True)):
-            if not same_pose(one.T_cam_obj, other.T_cam_obj):
-                far = apart(one.T_cam_obj, other.T_cam_obj)
-                yield Difference(0, own, "start", f"starts hypothesis {j + 1} of {name} {far} away")
-        for j, (f_a, f_b) in enumerate(zip(a.initial.get(own, ()), b.initial.get(own, ()), strict=False)):
-            if f_a != f_b and same_pose(ours[j].T_cam_obj, theirs[j].T_cam_obj):
-                yield Difference(
-                    0, own, "score", f"scores the initial pose of {name}'s hypothesis {j + 1} {instead(f_b, f_a)}"
-                )
+        for j, (T_a, T_b) in enumerate(zip(ours, theirs, strict=True), 1):
+            if not same_pose(T_a, T_b):
+                yield "start", f"starts hypothesis {j} of {name} {apart(T_a, T_b)} away"
+        for j, (f_a, f_b) in enumerate(zip(scores_a[own], scores_b[own], strict=False)):
+            if f_a != f_b and same_pose(ours[j], theirs[j]):
+                yield "score", f"scores the initial pose of {name}'s hypothesis {j + 1} {instead(f_b, f_a)}"
 
 
-def _at_moment(a: Trace, b: Trace, moment: Moment, place: int) -> Iterator[Difference]:
-    """What differs in one moment, what is done before what it scores."""
-    one = a.iterations[moment.a - 1] if moment.a else None
-    other = b.iterations[moment.b - 1] if moment.b else None
+def _initial_scores(run: Run) -> dict[int, list[float]]:
+    """The scores of the hypotheses before iteration 1, by instance_id; none where the pool is empty."""
+    ids = [i.instance_id for i in run.problem.instances]
+    pools = run.state_at(0).initial
+    return {i: scores.score.tolist() if scores is not None else [] for i, scores in zip(ids, pools, strict=True)}
 
-    def difference(kind: Kind, text: str) -> Difference:
-        return Difference(place, moment.instance_id, kind, text, moment.a, moment.b)
 
-    name = name_of(a.problem if moment.instance_id in a.instance_ids else b.problem, moment.instance_id)
-    if one is None or other is None:
-        if other is None and b.is_done:
-            yield difference("missing", f"has no refiner call {moment.calls} on {name}, A goes on")
-        if one is None and a.is_done:
-            yield difference("missing", f"goes on with refiner call {moment.calls} on {name}, A does not")
-        return
-    yield from (difference(kind, text) for kind, text in _deeds(one, other, name))
-    yield from (difference("score", text) for text in _scores(one, other, name))
-    best_a, best_b = one.best, other.best
-    if not same_pose(best_a.T_cam_obj, best_b.T_cam_obj):
-        far = apart(best_a.T_cam_obj, best_b.T_cam_obj)
-        yield difference("answer", f"has its best pose of {name} {far} away")
+def _in_one(a: Run, b: Run, pair: Pair, name: str) -> Iterator[tuple[Kind, str]]:
+    """An iteration that the other run does not make, where that one is over."""
+    done = _n(pair.n - 1, "iteration", "iterations")
+    if pair.b is None and b.is_done:
+        yield "missing", f"is done with {name} after {done}, while A goes on"
+    if pair.a is None and a.is_done:
+        yield "missing", f"goes on with {name}, which A is done with after {done}"
+
+
+def _in_both(one: Iteration, other: Iteration, name: str) -> Iterator[tuple[Kind, str]]:
+    yield from _deeds(one, other, name)
+    for text in _scores(one, other, name):
+        yield "score", text
+    T_a, T_b = one.best.T_cam_obj, other.best.T_cam_obj
+    if not same_pose(T_a, T_b):
+        yield "answer", f"has its best pose of {name} {apart(T_a, T_b)} away"
 
 
 def _deeds(one: Iteration, other: Iteration, name: str) -> Iterator[tuple[Kind, str]]:
@@ -361,3 +216,101 @@ def name_of(problem: Problem, instance_id: int) -> str:
 
 def _n(n: int, one: str, many: str) -> str:
     return f"{n} {one if n == 1 else many}"
+
+
+# Which came nearer, and at what cost.
+
+ErrorsOf = Callable[[Target, Float], PoseErrors | None]
+EVEN_MM = 0.1
+"""Answers whose ADD(-S) differ by less are even [mm]."""
+EVEN_SCORE = 0.001
+"""Without ground truth, answers whose scores differ by less are even [score]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredBest:
+    """The best pose of one object in one run so far."""
+
+    best: Best
+    errors: PoseErrors | None
+    score: float
+    """By the rule of A, so that both can be compared."""
+
+
+Winner = Literal["A", "B", "even"]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """One object in both runs."""
+
+    instance_id: int
+    name: str
+    a: ScoredBest | None
+    """None where that run does not solve it."""
+    b: ScoredBest | None
+
+    @property
+    def winner(self) -> Winner | None:
+        """Which is nearer to ground truth, or scores higher where none is known; None where one has no answer."""
+        if self.a is None or self.b is None:
+            return None
+        if self.a.errors is not None and self.b.errors is not None:
+            gain, even = self.a.errors.add_s_mm - self.b.errors.add_s_mm, EVEN_MM
+        else:
+            gain, even = self.b.score - self.a.score, EVEN_SCORE
+        return "even" if abs(gain) < even else "B" if gain > 0 else "A"
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What a run has cost so far."""
+
+    iterations: int
+    planned: int
+    refiner_calls: int
+    rollout_calls: int
+    ms: float
+    """Computing time of its iterations [ms]."""
+
+
+def effort_of(run: Run) -> Effort:
+    """The effort of a run so far.
+
+    Refiner calls that only complete a scene in a roll-out count apart, as in the paper's comparison with PHYSIM-MCTS
+    (docs/methods.md 3.3).
+    """
+    done = run.iterations
+    planned = run.length if run.is_done else max(run.n_iterations, run.length + 1)
+    calls = sum(stage.name == "refined" for i in done for stage in i.stages)
+    rollouts = sum(len(i.tree.rollout) for i in done if i.tree is not None)
+    return Effort(len(done), planned, calls, rollouts, sum(i.ms for i in done))
+
+
+def outcomes(
+    a: Run,
+    b: Run,
+    errors_of: ErrorsOf,
+    score_of: Callable[[Target, Best], float] | None = None,
+) -> tuple[Outcome, ...]:
+    """The answers of both runs so far, object by object.
+
+    Args:
+        a: one run.
+        b: the other.
+        errors_of: errors of a pose against ground truth, None where there is none.
+        score_of: score of B's answer by the rule of A; None = both score alike, B's own score will do.
+    """
+
+    def answers(run: Run, score_of: Callable[[Target, Best], float] | None = None) -> dict[int, ScoredBest]:
+        scored: dict[int, ScoredBest] = {}
+        for own, best in run.best_at(run.length).items():
+            target = run.problem.target(own)
+            score = score_of(target, best) if score_of is not None else best.score.score
+            scored[own] = ScoredBest(best, errors_of(target, best.T_cam_obj), score)
+        return scored
+
+    of_a, of_b = answers(a), answers(b, score_of)
+    problems = {i.instance_id: run.problem for run in (b, a) for i in run.problem.instances}
+    ids = dict.fromkeys(i.instance_id for run in (a, b) for i in run.problem.instances)
+    return tuple(Outcome(own, name_of(problems[own], own), of_a.get(own), of_b.get(own)) for own in ids)

@@ -16,7 +16,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Method, RunState, Verifier, Watcher
-from verefine_viz.core.records import Iteration
+from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.settings import Edit
 from verefine_viz.run.record import RunRecord
 from verefine_viz.run.recorded_steps import RecordedSteps
@@ -195,6 +195,15 @@ class Run:
     def iterations(self) -> tuple[Iteration, ...]:
         """All records made so far."""
         return tuple(self._iterations)
+
+    def iterations_of(self, instance_id: int) -> tuple[Iteration, ...]:
+        """The records of one object made so far."""
+        return tuple(i for i in self._iterations if i.instance_id == instance_id)
+
+    def best_at(self, k: int) -> dict[int, Best]:
+        """The answers after iteration ``k``, by instance_id; an object without hypotheses has none."""
+        ids = [i.instance_id for i in self.problem.instances]
+        return {i: best for i, best in zip(ids, self._states[k].best, strict=True) if best is not None}
 
     @property
     def n_iterations(self) -> int:

@@ -613,14 +613,14 @@ class SwapSides(Command):
 
 
 class SeekMoment(MoveCommand):
-    """Both runs to a place on their common timeline; 0 = before the first."""
+    """Both runs to a pair of iterations, from 1; 0 = before the first."""
 
     latest_wins = True
     place: int
 
 
 class StepMoment(AdvanceCommand):
-    """Both runs some places further on their common timeline, or back."""
+    """Both runs some pairs of iterations further, or back."""
 
     by: int
 

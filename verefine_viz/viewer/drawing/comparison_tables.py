@@ -7,8 +7,7 @@ from typing import Any
 
 from verefine_viz.core.palette import SIDE_COLORS
 from verefine_viz.evaluation.pose_errors import PoseErrors
-from verefine_viz.run.compare import Difference
-from verefine_viz.run.outcomes import Answer, Effort, Outcome, Winner
+from verefine_viz.run.compare import Departure, Effort, Outcome, ScoredBest, Winner
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.commands import Focus
 from verefine_viz.viewer.drawing.markup import (
@@ -66,10 +65,10 @@ def _is_known(o: Outcome) -> bool:
 
 def parting(v: ComparisonSnapshot) -> str:
     """As in: A (rir) and B (sir) do the same for 1 iteration. Then in iteration 2 B works on hypothesis 3."""
-    a, b, deed, score = f"A ({v.name_a})", f"B ({v.name_b})", v.differences.deed, v.differences.score
+    a, b, deed, score = f"A ({v.name_a})", f"B ({v.name_b})", v.departures.deed, v.departures.score
     n_both = min(v.effort_a.iterations, v.effort_b.iterations)
     if deed is not None:
-        return f"{a} and {b} {_until(deed)} {_deed(v, deed)}."
+        return f"{a} and {b} {_until(deed)} {_deed(deed)}."
     if score is not None:
         return f"{a} and {b} reach the same poses, but score them differently: {_at(score)}, B {score.text}."
     if n_both == 0:
@@ -77,31 +76,24 @@ def parting(v: ComparisonSnapshot) -> str:
     return f"{a} and {b} did the same in all {n_both} iterations that both have made, bit for bit."
 
 
-def _until(deed: Difference) -> str:
+def _until(deed: Departure) -> str:
     """Up to where both do the same."""
     if deed.place < 2:
         return "part at once:" if deed.place else "begin differently:"
     return f"do the same for {counted(deed.place - 1, 'iteration')}. Then"
 
 
-def _deed(v: ComparisonSnapshot, deed: Difference) -> str:
+def _deed(deed: Departure) -> str:
     """What comes next."""
-    if deed.place == 0:
-        return f"B {deed.text}"
-    if deed.kind != "missing":
-        return f"{_at(deed)} B {deed.text}"
-    name = next((o.name for o in v.outcomes if o.instance_id == deed.instance_id), "an object")
-    n = v.timeline.moments[deed.place - 1].calls - 1
-    ended, other = ("B", "A") if deed.b is None else ("A", "B")
-    return f"{ended} is done with {name} after {counted(n, 'refiner call')}, while {other} goes on"
+    return f"B {deed.text}" if deed.place == 0 or deed.kind == "missing" else f"{_at(deed)} B {deed.text}"
 
 
-def _at(difference: Difference) -> str:
-    if difference.place == 0:
+def _at(departure: Departure) -> str:
+    if departure.place == 0:
         return "before iteration 1"
-    if difference.a is None or difference.b is None or difference.a == difference.b:
-        return f"in iteration {difference.a or difference.b}"
-    return f"in iteration {difference.a} (B's {difference.b})"
+    if departure.a is None or departure.b is None or departure.a == departure.b:
+        return f"in iteration {departure.a or departure.b}"
+    return f"in iteration {departure.a} (B's {departure.b})"
 
 
 def legend(v: ComparisonSnapshot) -> str:
@@ -122,16 +114,16 @@ def _side(side: str) -> str:
 
 def where(v: ComparisonSnapshot) -> str:
     """The line above the slider."""
-    if v.moment is None:
-        return f"before iteration 1 / {len(v.timeline)} moments"
-    return f"moment {v.place} / {len(v.timeline)}: after {counted(v.moment.calls, 'refiner call')} on {v.focus}"
+    if v.pair is None:
+        return f"before iteration 1 / {len(v.pairs)} moments"
+    return f"moment {v.place} / {len(v.pairs)}: iteration {v.pair.n} of {v.focus}"
 
 
 def now_table(v: ComparisonSnapshot) -> str:
     """Both runs at the moment shown."""
     what = "accepted" if v.which == "kept" else "best so far"
     now = {"A": v.now_a, "B": v.now_b}
-    has_ended = {"A": v.moment is not None and v.moment.a is None, "B": v.moment is not None and v.moment.b is None}
+    has_ended = {"A": v.pair is not None and v.pair.a is None, "B": v.pair is not None and v.pair.b is None}
 
     def cell(say: Callable[[Any], str]) -> Callable[[str], str]:
         return lambda side: NONE if now[side] is None else say(now[side])
@@ -173,7 +165,7 @@ def outcome_table(v: ComparisonSnapshot) -> str:
 
 
 def _outcome_row(v: ComparisonSnapshot, o: Outcome, marked: bool) -> Row:
-    def pair(pick: Callable[[Answer], float | None], digits: int, unit: str = "") -> str:
+    def pair(pick: Callable[[ScoredBest], float | None], digits: int, unit: str = "") -> str:
         return _pair([None if x is None else pick(x) for x in (o.a, o.b)], digits, unit)
 
     def error(name: str, digits: int, unit: str = "") -> str:

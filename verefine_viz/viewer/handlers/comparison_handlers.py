@@ -1,4 +1,4 @@
-"""Compares two runs: computes B beside the page, and moves both along one timeline."""
+"""Compares two runs: computes B beside the page, and moves both along their iterations."""
 
 from __future__ import annotations
 
@@ -124,11 +124,11 @@ def _swap_sides(state: State, command: c.SwapSides) -> None:
     choice, work, comparison = _choice(state), state.workspace.work, state.comparison
     compared, place = comparison.compared(), comparison.place()
     assert compared is not None
-    key = compared.timeline.moments[place - 1].key if place else None
+    moment = compared.pairs[place - 1][:2] if place else None
     work.comparison, work.index = replace(choice, b=work.index), choice.b
     swapped = comparison.compared()
     assert swapped is not None
-    _seek(state, swapped.timeline.place(key) or 0)
+    _seek(state, swapped.place(moment) or 0)
 
 
 def _step_moment(state: State, command: c.StepMoment) -> None:
@@ -139,9 +139,9 @@ def _step_moment(state: State, command: c.StepMoment) -> None:
 def _seek_difference(state: State, command: c.SeekDifference) -> None:
     choice, compared = _choice(state), state.comparison.compared()
     assert compared is not None
-    first = compared.differences.deed or compared.differences.score
+    first = compared.departures.deed or compared.departures.score
     if first is None:
-        made = min(len(compared.a.iterations), len(compared.b.iterations))
+        made = min(compared.a.length, compared.b.length)
         state.message = f"No difference in the {made} iterations that both have made."
         return
     state.workspace.work.comparison = replace(choice, poses="kept")
@@ -185,10 +185,9 @@ def _put_beside(state: State, branch: Branch) -> None:
 def _seek(state: State, place: int) -> None:
     choice, compared = _choice(state), state.comparison.compared()
     assert compared is not None
-    place = min(max(place, 0), len(compared.timeline))
-    state.run.seek(compared.timeline.a_at(place))
-    moment = compared.timeline.moments[place - 1] if place else None
-    state.workspace.work.comparison = replace(choice, moment=moment.key if moment else None)
+    place = min(max(place, 0), len(compared.pairs))
+    state.run.seek(compared.a_at(place))
+    state.workspace.work.comparison = replace(choice, moment=compared.pairs[place - 1][:2] if place else None)
     state.options = state.options.moved()
 
 

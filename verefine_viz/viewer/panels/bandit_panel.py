@@ -173,9 +173,9 @@ def scene_curves(snapshot: Snapshot) -> Curves:
 
 
 def compared_curves(sides: ComparisonSnapshot) -> Curves:
-    """Of two runs, over the refiner calls that both have spent."""
+    """Curves of two runs, over the iterations that stand beside each other."""
     curves, alike = sides.curves, "" if sides.scores_alike else ", each by its own settings"
-    x = [float(n) for n in curves.calls]
+    x = [float(k) for k in range(len(curves.score_a))]
 
     def pair(a: Sequence[float], b: Sequence[float]) -> list[Line]:
         named = ("A", sides.name_a, a, 2.5), ("B", sides.name_b, b, 2.0)

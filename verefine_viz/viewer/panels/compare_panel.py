@@ -45,10 +45,10 @@ class ComparePanel:
     def __init__(self, gui: viser.GuiApi, send: Send) -> None:
         self._words = Block(gui, "tight")
         self._progress = gui.add_progress_bar(0.0, visible=False, animated=True)
-        hint = "along the common timeline; First difference F, Swap X, B on/off T"
+        hint = "along the iterations; First difference F, Swap X, B on/off T"
         self.moves = add_buttons(gui, "Both", MOVES, send, hint, visible=False)
         self.slider = gui.add_slider(
-            "Moment", 0, 1, 1, 0, visible=False, hint="an object after the same number of refiner calls in both runs"
+            "Moment", 0, 1, 1, 0, visible=False, hint="an object after the same number of its iterations in both runs"
         )
         self.slider.on_update(by_user(lambda v: send(c.SeekMoment(int(v)))))
         add_style(gui, compact(self.moves, ROW_PX), unlabelled(self.moves), compact(self.slider, ROW_PX))
@@ -79,7 +79,7 @@ class ComparePanel:
         b = v.effort_b
         self._progress.value = 100.0 * b.iterations / max(b.planned, 1)
         self._words.show(sentence(parting(v)) + legend(v) + computing(v, snapshot.progress.running))
-        self.slider.max = max(len(v.timeline), 1)
+        self.slider.max = max(len(v.pairs), 1)
         self.slider.value = min(v.place, int(self.slider.max))
         self._now.show(f'<p class="dim">{text(where(v))}</p>{scores_note(v)}{now_table(v)}')
         self._outcome.show(outcome_table(v))

@@ -1,9 +1,10 @@
-"""One moment of a comparison, frozen: what the A/B panel and the 3D scene need to draw it."""
+"""A comparison of two runs, frozen: what the A/B panel and the 3D scene need to draw it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,8 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Best, StageName
 from verefine_viz.evaluation.pose_errors import PoseErrors
-from verefine_viz.run.compare import Differences, Moment, Timeline, Trace, name_of
-from verefine_viz.run.outcomes import Effort, Outcome, effort_of, outcomes
+from verefine_viz.run.compare import Departures, Effort, Outcome, Pair, effort_of, name_of, outcomes
+from verefine_viz.run.engine import Run
 from verefine_viz.run.variants import scores_alike, settings_between
 from verefine_viz.viewer.commands import SidePose
 from verefine_viz.viewer.state.branch import Branch
@@ -39,12 +40,11 @@ class DrawnPose:
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """One object in both runs over the refiner calls spent on it; a run that has ended stays where it was.
+    """One object in both runs over its iterations; a run that has ended stays where it was.
 
-    For the whole scene: means over all objects, over the moments of the timeline.
+    For the whole scene: means over all objects, over all pairs of iterations. The first point is before iteration 1.
     """
 
-    calls: tuple[int, ...]
     score_a: tuple[float, ...]
     """Of the best pose so far, by the rule of its own run."""
     score_b: tuple[float, ...]
@@ -65,15 +65,16 @@ class ComparisonSnapshot:
     """What differs in the settings: (dotted name, of A, of B)."""
     scores_alike: bool
     """Whether both score by the same rule."""
-    timeline: Timeline
+    pairs: tuple[Pair, ...]
+    """Iterations beside each other, in order."""
     place: int
-    moment: Moment | None
-    """The one shown; None = before the first."""
+    """Number of the pair shown, from 1; 0 = before the first."""
+    pair: Pair | None
     focus: str
     """Name of the object in focus."""
     curves_of: str
     """What the curves show, over what."""
-    differences: Differences
+    departures: Departures
     outcomes: tuple[Outcome, ...]
     """The answers so far, at the end of what is computed."""
     frame_scores: tuple[float, float] | None
@@ -101,34 +102,44 @@ def comparison_snapshot(
         comparison: which runs.
         a: the open one.
         focus: the object in focus.
-        chosen: whether the user chose it; else it is the one of the moment.
+        chosen: whether the user chose it; else it is the one that is worked on.
         whole_scene: whether curves are of all objects together.
     """
     compared, b, choice = comparison.compared(), comparison.branch_b(), comparison.choice
     if compared is None or b is None or choice is None:
         return None
-    evaluator, timeline = a.evaluator, compared.timeline
+    evaluator, pairs, problem = a.evaluator, compared.pairs, compared.a.problem
+    ids_a, ids_b = ([i.instance_id for i in run.problem.instances] for run in (compared.a, compared.b))
     place = comparison.place()
-    moment = timeline.moments[place - 1] if place else None
-    if moment is not None and not chosen and moment.instance_id in compared.a.instance_ids:
-        focus = compared.a.problem.target(moment.instance_id)
+    pair = pairs[place - 1] if place else None
+    if pair is not None and not chosen and pair.instance_id in ids_a:
+        focus = problem.target(pair.instance_id)
     own = focus.instance.instance_id
     # With what was changed on the way, as its answers are scored.
     alike = scores_alike(a.settings, b.settings)
     between = settings_between(a.settings, b.settings)
-    name, (name_a, name_b) = name_of(compared.a.problem, own), _names(a, b, between)
+    name, (name_a, name_b) = name_of(problem, own), _names(a, b, between)
+    done_a, done_b = {p.a for p in pairs[:place]}, {p.b for p in pairs[:place]}
     drawn = {
-        instance_id: _drawn(compared, place, instance_id, choice.poses, evaluator)
-        for instance_id in dict.fromkeys((*compared.a.instance_ids, *compared.b.instance_ids))
+        instance_id: (
+            _drawn(compared.a, done_a, instance_id, choice.poses, evaluator),
+            _drawn(compared.b, done_b, instance_id, choice.poses, evaluator),
+        )
+        for instance_id in dict.fromkeys((*ids_a, *ids_b))
     }
     now_a, now_b = drawn.get(own, (None, None))
 
     def score_of(target: Target, best: Best) -> float:
         """By the rule of A, whose own target of the same object may count other masks."""
         instance_id = target.instance.instance_id
-        ours = compared.a.problem.target(instance_id) if instance_id in compared.a.instance_ids else target
+        ours = problem.target(instance_id) if instance_id in ids_a else target
         return evaluator.score(ours, best.T_cam_obj).score
 
+    curves = (
+        _curves(compared, evaluator, [i for i in ids_a if i in ids_b and i in compared.a.best_at(0)], pairs)
+        if whole_scene
+        else _curves(compared, evaluator, [own], [p for p in pairs if p.instance_id == own])
+    )
     answers = outcomes(compared.a, compared.b, evaluator.errors, None if alike else score_of)
     return ComparisonSnapshot(
         name_a=name_a,
@@ -136,19 +147,19 @@ def comparison_snapshot(
         index_b=choice.b,
         settings=between,
         scores_alike=alike,
-        timeline=timeline,
+        pairs=pairs,
         place=place,
-        moment=moment,
+        pair=pair,
         focus=name,
-        curves_of="All objects, means over the moments" if whole_scene else f"{name}, by refiner calls",
-        differences=compared.differences,
+        curves_of="All objects, means" if whole_scene else f"{name}, by its iterations",
+        departures=compared.departures,
         outcomes=answers,
         frame_scores=_frame_scores(compared, a, b, answers),
         effort_a=effort_of(compared.a),
         effort_b=effort_of(compared.b),
         now_a=now_a,
         now_b=now_b,
-        curves=_scene_curves(compared, evaluator) if whole_scene else _curves(compared, evaluator, own),
+        curves=curves,
         poses={k: (x.T_cam_obj if x else None, y.T_cam_obj if y else None) for k, (x, y) in drawn.items()},
         which=choice.poses,
         shown=choice.shown,
@@ -157,26 +168,24 @@ def comparison_snapshot(
 
 
 def _drawn(
-    compared: Compared, place: int, instance_id: int, which: SidePose, evaluator: CachedEvaluator
-) -> tuple[DrawnPose | None, DrawnPose | None]:
-    """What is drawn of an object in both runs: the best pose so far, or the one that its latest iteration accepted."""
-
-    def of(trace: Trace, latest: int, until: int) -> DrawnPose | None:
-        best = trace.answers[min(until, len(trace.answers) - 1)].get(instance_id)
-        if best is None:
-            return None
-        errors, target = evaluator.errors, trace.problem.target(instance_id)
-        if which == "best" or latest == 0:
-            T = best.T_cam_obj
-            return DrawnPose(T, best.iteration, best.arm, best.stage, best.score.score, errors(target, T))
-        iteration = trace.iterations[latest - 1]
-        stage, T = iteration.accepted_stage, iteration.accepted_stage.T_cam_obj
-        score = stage.score.score if stage.score else None
-        return DrawnPose(T, latest, iteration.arm, stage.name, score, errors(target, T))
-
-    k_a, k_b = compared.timeline.latest(place, instance_id)
-    reach_a, reach_b = compared.timeline.a_at(place), _reach(compared.timeline, place)
-    return of(compared.a, k_a, reach_a), of(compared.b, k_b, max(k_b, reach_b))
+    run: Run, done: Set[int | None], instance_id: int, which: SidePose, evaluator: CachedEvaluator
+) -> DrawnPose | None:
+    """What is drawn of an object in one run after the iterations ``done``: its best pose so far, or the one that its
+    latest iteration accepted.
+    """
+    latest = max((i for i in run.iterations_of(instance_id) if i.index in done), key=lambda i: i.index, default=None)
+    # Up to where nothing is left out: iterations on others may change the answer, too.
+    reached = next(k for k in count() if k + 1 not in done)
+    best = run.best_at(max(reached, latest.index if latest else 0)).get(instance_id)
+    if best is None:
+        return None
+    errors, target = evaluator.errors, run.problem.target(instance_id)
+    if which == "best" or latest is None:
+        T = best.T_cam_obj
+        return DrawnPose(T, best.iteration, best.arm, best.stage, best.score.score, errors(target, T))
+    stage, T = latest.accepted_stage, latest.accepted_stage.T_cam_obj
+    score = stage.score.score if stage.score else None
+    return DrawnPose(T, latest.index, latest.arm, stage.name, score, errors(target, T))
 
 
 def _names(a: Branch, b: Branch, between: tuple[tuple[str, Any, Any], ...]) -> tuple[str, str]:
@@ -203,68 +212,40 @@ def _short(value: Any) -> str:
     return words if len(words) <= 24 else f"{words[:23]}…"
 
 
-def _reach(timeline: Timeline, place: int) -> int:
-    """Up to which iteration B is through at a place, without a gap."""
-    done = {m.b for m in timeline.moments[:place] if m.b is not None}
-    k = 0
-    while k + 1 in done:
-        k += 1
-    return k
+def _curves(compared: Compared, evaluator: CachedEvaluator, ids: Sequence[int], pairs: Sequence[Pair]) -> Curves:
+    """Means over objects along ``pairs``."""
+    score_a, error_a = _lines(compared.a, evaluator, ids, [pair.a for pair in pairs])
+    score_b, error_b = _lines(compared.b, evaluator, ids, [pair.b for pair in pairs])
+    known = error_a is not None and error_b is not None
+    return Curves(score_a, score_b, error_a if known else None, error_b if known else None)
 
 
-Line = list[tuple[float, float | None]]
-"""Score and ADD(-S) [mm] of the best pose so far, moment by moment."""
+def _lines(
+    run: Run, evaluator: CachedEvaluator, ids: Sequence[int], indices: Sequence[int | None]
+) -> tuple[tuple[float, ...], tuple[float, ...] | None]:
+    """Score and ADD(-S) [mm] of the best poses, means over objects, before and after each of the iterations; with None
+    they stay. Errors are None where one is unknown.
+    """
 
+    def error(instance_id: int, best: Best) -> float:
+        errors = evaluator.errors(run.problem.target(instance_id), best.T_cam_obj)
+        return errors.add_s_mm if errors else np.nan
 
-def _curves(compared: Compared, evaluator: CachedEvaluator, own: int) -> Curves:
-    """Of one object."""
-    moments = [m for m in compared.timeline.moments if m.instance_id == own]
-    line_a = _line(compared.a, evaluator, own, [m.a for m in moments])
-    line_b = _line(compared.b, evaluator, own, [m.b for m in moments])
-    return _as_curves((0, *(m.calls for m in moments)), line_a, line_b)
-
-
-def _scene_curves(compared: Compared, evaluator: CachedEvaluator) -> Curves:
-    """Means over the objects that both solve."""
-    moments = compared.timeline.moments
-    both = [i for i in compared.a.instance_ids if i in compared.b.instance_ids and i in compared.a.answers[0]]
-
-    def mean_line(trace: Trace, indices: Sequence[int | None]) -> Line:
-        places = list(zip(indices, moments, strict=True))
-        lines = [_line(trace, evaluator, own, [k if m.instance_id == own else None for k, m in places]) for own in both]
-        return [_mean(points) for points in zip(*lines, strict=True)]
-
-    line_a, line_b = mean_line(compared.a, [m.a for m in moments]), mean_line(compared.b, [m.b for m in moments])
-    return _as_curves(tuple(range(len(moments) + 1)), line_a, line_b)
-
-
-def _line(trace: Trace, evaluator: CachedEvaluator, own: int, indices: Sequence[int | None]) -> Line:
-    """Of one object, after each of the run's iterations; None = it stays where it was."""
-    target = trace.problem.target(own)
-
-    def point(best: Best | None) -> tuple[float, float | None]:
-        if best is None:
-            return 0.0, None
-        errors = evaluator.errors(target, best.T_cam_obj)
-        return best.score.score, errors.add_s_mm if errors else None
-
-    line = [point(trace.answers[0].get(own))]
+    iterations, start = run.iterations, run.best_at(0)
+    scores = {own: start[own].score.score if own in start else 0.0 for own in ids}
+    errors = {own: error(own, start[own]) if own in start else np.nan for own in ids}
+    lines = [(_mean(scores), _mean(errors))]
     for k in indices:
-        line.append(line[-1] if k is None else point(trace.iterations[k - 1].best))
-    return line
+        if k is not None and (own := iterations[k - 1].instance_id) in scores:
+            best = iterations[k - 1].best
+            scores[own], errors[own] = best.score.score, error(own, best)
+        lines.append((_mean(scores), _mean(errors)))
+    score, add_s_mm = zip(*lines, strict=True)
+    return score, None if np.isnan(add_s_mm).any() else add_s_mm
 
 
-def _mean(points: Sequence[tuple[float, float | None]]) -> tuple[float, float | None]:
-    errors = [e for _, e in points if e is not None]
-    mean_error = sum(errors) / len(errors) if len(errors) == len(points) else None
-    return sum(f for f, _ in points) / len(points), mean_error
-
-
-def _as_curves(calls: tuple[int, ...], *lines: Line) -> Curves:
-    scores = [tuple(f for f, _ in line) for line in lines]
-    errors = [tuple(e for _, e in line if e is not None) for line in lines]
-    known = all(len(e) == len(f) for e, f in zip(errors, scores, strict=True)) and bool(scores[0])
-    return Curves(calls, scores[0], scores[1], errors[0] if known else None, errors[1] if known else None)
+def _mean(values: Mapping[int, float]) -> float:
+    return sum(values.values()) / len(values) if values else np.nan
 
 
 def _frame_scores(compared: Compared, a: Branch, b: Branch, answers: tuple[Outcome, ...]) -> tuple[float, float] | None:

@@ -14,7 +14,6 @@ from verefine_viz.core.settings import Change, Session
 from verefine_viz.diagnosis.signs import Discarded, discarded
 from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.methods.registry import method_of
-from verefine_viz.run.compare import Key
 from verefine_viz.run.engine import Run
 from verefine_viz.run.session_file import changed
 from verefine_viz.viewer.commands import Changes, SidePose
@@ -72,8 +71,8 @@ class ComparisonChoice:
 
     b: int
     """Index of B among the frame's branches."""
-    moment: Key | None = None
-    """Where on the common timeline; None = where A's cursor is."""
+    moment: tuple[int, int] | None = None
+    """(instance_id, n): both after their n-th iteration on that object; None = where A's cursor is."""
     poses: SidePose = "best"
     shown: frozenset[str] = frozenset("AB")
     """Whose poses are drawn in 3D."""
@@ -155,7 +154,7 @@ class Branch:
         if run.length not in self._discarded:
             given_up: dict[int, Discarded] = {}
             for target, answer in zip(run.problem.targets, run.final_state.best, strict=True):
-                own = [i for i in run.iterations if i.instance_id == target.instance.instance_id]
+                own = run.iterations_of(target.instance.instance_id)
                 of_object = discarded(own, answer, partial(self._is_correct, target))
                 if of_object is not None:
                     given_up[target.instance.instance_id] = of_object

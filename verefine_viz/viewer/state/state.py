@@ -13,7 +13,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
-from verefine_viz.run.compare import Differences, Timeline, Trace, aligned, differences, trace_of
+from verefine_viz.run.compare import Departures, Pair, aligned, departures
 from verefine_viz.run.engine import Run
 from verefine_viz.viewer.commands import Command, Goal, RunB, RunTo
 from verefine_viz.viewer.state.batch_gallery import Browsing, Gallery
@@ -80,10 +80,18 @@ class Running:
 class Compared:
     """Two runs, as far as they are computed."""
 
-    a: Trace
-    b: Trace
-    timeline: Timeline
-    differences: Differences
+    a: Run
+    b: Run
+    pairs: tuple[Pair, ...]
+    departures: Departures
+
+    def place(self, moment: tuple[int, int] | None) -> int | None:
+        """Number of the pair that ``moment`` (instance_id, n) names, from 1; None = there is no such."""
+        return next((k for k, pair in enumerate(self.pairs, 1) if pair[:2] == moment), None)
+
+    def a_at(self, place: int) -> int:
+        """The latest iteration that A has made at that place; 0 = none."""
+        return max((pair.a for pair in self.pairs[:place] if pair.a is not None), default=0)
 
 
 class Comparison:
@@ -133,22 +141,21 @@ class Comparison:
         a, b = self._workspace.run, other.run
         key = (a, a.length, b, b.length)
         if self._known is None or self._known[0] != key:
-            trace_a, trace_b = trace_of(a), trace_of(b)
-            timeline = aligned(trace_a, trace_b)
-            self._known = key, Compared(trace_a, trace_b, timeline, differences(trace_a, trace_b, timeline))
+            pairs = aligned(a.iterations, b.iterations)
+            self._known = key, Compared(a, b, pairs, departures(a, b, pairs))
         return self._known[1]
 
     def place(self) -> int:
-        """Where both are on their timeline; 0 before the first moment."""
+        """The pair of iterations that both are at, from 1; 0 before the first."""
         compared, choice, cursor = self.compared(), self.choice, self._workspace.run.cursor
         assert compared is not None
         assert choice is not None
-        place = compared.timeline.place(choice.moment)
-        if place is not None and compared.timeline.a_at(place) == cursor:
+        place = compared.place(choice.moment)
+        if place is not None and compared.a_at(place) == cursor:
             return place
-        if cursor == len(compared.a.iterations) and compared.a.is_done:
-            return len(compared.timeline)
-        return compared.timeline.of_a(cursor)
+        if compared.a.at_end:
+            return len(compared.pairs)
+        return next((k for k, pair in enumerate(compared.pairs, 1) if pair.a == cursor), 0)
 
 
 class State:

@@ -1,0 +1,96 @@
+"""A run that was read is the run that was written, and goes on like it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.fakes import box_problem
+from tests.recording.runs import new_run, run_file, session
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.problem import Problem
+from verefine_viz.recording.verify import first_difference
+from verefine_viz.run.engine import Run
+from verefine_viz.run.record import RunRecord
+from verefine_viz.run.run_file import RunFile, as_read, read_run_file
+
+METHODS = ("refine", "phys_after", "pir", "sir", "rir", "even", "expl")
+
+
+def recorded(folder: Path, name: str, problem: Problem | None = None) -> tuple[Run, RunRecord]:
+    run = run_file(folder / "a.vfrun", session(name, 2, maps=False), problem)
+    return run, read_run_file(folder / "a.vfrun")
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_it_is_the_run_that_was_recorded(tmp_path: Path, name: str) -> None:
+    run, record = recorded(tmp_path, name)
+    again = Run.from_record(record, run.problem)
+    assert (again.cursor, again.length, again.is_done) == (0, run.length, True)
+    assert first_difference(again.iterations, tuple(map(as_read, run.iterations))) is None
+    for k in range(run.length + 1):
+        ours, theirs = run.state_at(k), again.state_at(k)
+        assert first_difference(ours.initial, theirs.initial) is None
+        assert first_difference(ours.best, theirs.best) is None
+        for one, other in zip(ours.objects, theirs.objects, strict=True):
+            assert [len(arm.entries) for arm in one.arms] == [len(arm.entries) for arm in other.arms]
+            assert [arm.plays for arm in one.arms] == [arm.plays for arm in other.arms]
+            if len(one.arms) > 1:  # Else nobody looks at them.
+                np.testing.assert_allclose([a.mean for a in one.arms], [a.mean for a in other.arms], atol=1e-12)
+
+
+@pytest.mark.parametrize("k", [0, 1, 3])
+def test_a_fork_goes_on_as_that_of_the_run_itself(tmp_path: Path, k: int) -> None:
+    run, record = recorded(tmp_path, "rir")
+    again = Run.from_record(
+        record, run.problem, again=lambda: new_run(session("rir", 2, maps=False), box_problem(3, 2))
+    )
+    pose = run.problem.instances[0].hypotheses[0].T_cam_obj
+    ours, theirs = (r.fork(k, edit=(0, 1, pose)) for r in (run, again))
+    for r in (ours, theirs):
+        r.finish()
+    assert first_difference(ours.iterations, theirs.iterations) is None
+    assert first_difference(ours.final_state.best, theirs.final_state.best) is None
+
+
+def test_a_run_that_was_stopped_goes_on_from_its_last_iteration(tmp_path: Path) -> None:
+    s, problem = session("rir", 2, maps=False), box_problem(3, 2)
+    run = new_run(s, problem, (RunFile(tmp_path / "a.vfrun", s),))
+    for _ in range(4):
+        run.step()
+    again = Run.from_record(read_run_file(tmp_path / "a.vfrun"), problem, again=lambda: new_run(s, problem))
+    gone_on = again.fork(4)
+    gone_on.finish()
+    run.finish()
+    assert first_difference(gone_on.iterations, run.iterations) is None
+
+
+def test_showing_a_run_writes_the_same_file(tmp_path: Path) -> None:
+    run, record = recorded(tmp_path, "rir")
+    file = RunFile(tmp_path / "b.vfrun", session("rir", 2, maps=False))
+    Run.from_record(record, run.problem).show([file])
+    back = read_run_file(file.path)
+    assert first_difference(back.header, record.header) is None
+    assert first_difference(back.iterations, record.iterations) is None
+
+
+def test_data_that_changed_since_are_reported(tmp_path: Path) -> None:
+    _, record = recorded(tmp_path, "sir")
+    with pytest.raises(InputError, match="made from 3 initial poses of box, its session now gives 2"):
+        Run.from_record(record, box_problem(2, 2))
+    with pytest.raises(InputError, match=r"made of box \(#1\), which frame 0/1 does not hold"):
+        Run.from_record(record, box_problem(3, 1))
+
+
+@pytest.mark.parametrize(("n", "said"), [(0, "no iterations are"), (1, "1 iteration is"), (4, "4 iterations are")])
+def test_one_that_ended_early_says_so(tmp_path: Path, n: int, said: str) -> None:
+    s, problem = session(maps=False), box_problem(3, 2)
+    run = new_run(s, problem, (RunFile(tmp_path / "a.vfrun", s),))
+    for _ in range(n):
+        run.step()
+    notes = Run.from_record(read_run_file(tmp_path / "a.vfrun"), problem).problem.notes
+    assert notes[-1] == f"the run ended early (it was stopped or cut off); {said} in it"
+    _, whole = recorded(tmp_path, "rir")
+    assert Run.from_record(whole, problem).problem.notes == problem.notes

@@ -1,0 +1,249 @@
+"""Run files: every bit comes back, whatever of a file is there is read, and nothing else passes for a run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.changing import replace
+from tests.fakes import box_problem
+from tests.methods.test_physim_mcts import method_of
+from tests.recording.runs import END, new_run, run_file, session
+from verefine_viz.core.errors import InputError
+from verefine_viz.methods.registry import METHOD_NAMES
+from verefine_viz.recording.verify import first_difference
+from verefine_viz.run.engine import Run
+from verefine_viz.run.record import Answer, RunEnd, RunHeader, session_of
+from verefine_viz.run.run_file import MAGIC, RunFile, as_read, framed, read_run_file
+
+SHORT = session(maps=False, iterations=2)
+
+
+@pytest.mark.parametrize("name", [*METHOD_NAMES, "physim_mcts"])
+def test_every_bit_of_every_iteration_comes_back(tmp_path: Path, name: str) -> None:
+    problem, file = box_problem(3, 2), RunFile(tmp_path / "a.vfrun", session())
+    if name == "physim_mcts":
+        run = Run(method_of(problem), problem, (file,))
+    else:
+        run = new_run(session(name, iterations=3), problem, (file,))
+    run.finish()
+    file.finish(END)
+    record = read_run_file(file.path)
+    assert record.is_complete
+    assert record.missing == ""
+    assert len(record.iterations) == run.length
+    for back, iteration in zip(record.iterations, run.iterations, strict=True):
+        assert first_difference(replace(back, path=None), replace(iteration, path=None)) is None
+        assert first_difference(back, as_read(iteration)) is None
+        assert [s.ms for s in back.stages] == [s.ms for s in iteration.stages]
+
+
+@pytest.mark.parametrize("name", ["sir", "vf_depth"])
+def test_the_simulated_path_comes_back_in_single_precision(tmp_path: Path, name: str) -> None:
+    run = run_file(tmp_path / "a.vfrun", session(name, maps=False))
+    for back, iteration in zip(read_run_file(tmp_path / "a.vfrun").iterations, run.iterations, strict=True):
+        ours, theirs = back.path, iteration.path
+        assert ours is not None
+        assert theirs is not None
+        np.testing.assert_array_equal(ours.Ts_cam_obj, theirs.Ts_cam_obj.astype(np.float32))
+        assert len(ours.contacts) == len(theirs.contacts)
+        assert first_difference(ours.contacts[-1], theirs.contacts[-1]) is None
+
+
+def test_the_header_lets_it_run_again(tmp_path: Path) -> None:
+    s = session("sir")
+    run = run_file(tmp_path / "a.vfrun", s)
+    header = read_run_file(tmp_path / "a.vfrun", with_iterations=False).header
+    assert session_of(header) == s
+    assert (header.title, header.frame) == ("boxes", "0/1")
+    assert {"python", "numpy", "numba", "pybullet"} <= set(header.versions)
+    for one, target, scores in zip(header.objects, run.problem.targets, run.state_at(0).initial, strict=True):
+        assert (one.instance_id, one.obj_id) == (target.instance.instance_id, target.instance.obj_id)
+        assert first_difference(one.T_cam_obj_gt, target.instance.T_cam_obj_gt) is None
+        for ours, theirs in zip(one.hypotheses, target.instance.hypotheses, strict=True):
+            assert first_difference(ours, theirs) is None
+        assert first_difference(one.initial, tuple(scores[j] for j in range(len(scores)))) is None
+
+
+floats = st.none() | st.floats(allow_nan=False)
+
+
+@given(
+    score=floats, mm=floats, name=st.text(), status=st.sampled_from(["ok", "no_answer", "left_out", "failed"]),
+    n=st.integers(0, 2**40), T=st.none() | st.just(np.eye(4)),
+)  # fmt: skip
+@settings(max_examples=30, deadline=None)
+def test_answers_come_back(tmp_path_factory: pytest.TempPathFactory, score, mm, name, status, n, T) -> None:
+    answer = Answer(frame="0/1", name=name, status=status, score=score, add_s_mm=mm, n_iterations=n, T_cam_obj=T)
+    end = RunEnd(answers=(answer,), stages_ms={"read": 1.5}, doubts=(name,), seconds=2.0)
+    file = RunFile(tmp_path_factory.mktemp("answers") / "a.vfrun", SHORT)
+    file.begin(RunHeader(1, "", "0/1", "", {}, ()))
+    file.finish(end)
+    assert first_difference(read_run_file(file.path).end, end) is None
+
+
+def test_an_iteration_is_in_the_file_when_the_next_one_begins(tmp_path: Path) -> None:
+    path = tmp_path / "a.vfrun"
+    run = new_run(SHORT, box_problem(3, 2), (RunFile(path, SHORT),))
+    for k in range(5):
+        record = read_run_file(path)
+        assert (len(record.iterations), record.end) == (k, None)
+        run.step()
+
+
+def test_a_file_cut_anywhere_gives_the_iterations_before_and_says_so(tmp_path: Path) -> None:
+    run = run_file(tmp_path / "a.vfrun", SHORT)
+    content, whole = (tmp_path / "a.vfrun").read_bytes(), read_run_file(tmp_path / "a.vfrun")
+    n_read, lengths = list[int](), list[int]()
+    for cut in range(len(content) - 1, 0, -97):
+        (tmp_path / "cut.vfrun").write_bytes(content[:cut])
+        try:
+            record = read_run_file(tmp_path / "cut.vfrun")
+        except InputError:  # Not even the header is whole.
+            lengths.append(cut)
+            continue
+        n = len(record.iterations)
+        n_read.append(n)
+        assert first_difference(record.iterations, whole.iterations[:n]) is None
+        assert (record.is_complete, record.damaged, record.end) == (False, False, None)
+        assert record.missing.startswith("the run ended early (it was stopped or cut off); ")
+    assert n_read == sorted(n_read, reverse=True)
+    assert max(lengths) < len(content) / 4
+    assert {*n_read} == {*range(run.length + 1)}
+
+
+def test_changed_bytes_in_the_middle_end_the_run_before_them(tmp_path: Path) -> None:
+    run = run_file(tmp_path / "a.vfrun", SHORT)
+    content = (tmp_path / "a.vfrun").read_bytes()
+    for at in range(len(content) // 2, len(content), 331):
+        changed = bytearray(content)
+        changed[at] ^= 1
+        (tmp_path / "b.vfrun").write_bytes(changed)
+        record = read_run_file(tmp_path / "b.vfrun")
+        assert len(record.iterations) <= run.length
+        assert (record.is_complete, record.end) == (False, None)
+        assert "the run ended early" in record.missing
+    changed = bytearray(content)
+    changed[len(content) // 2] ^= 1
+    (tmp_path / "b.vfrun").write_bytes(changed)
+    assert read_run_file(tmp_path / "b.vfrun").damaged
+    assert "bytes in the middle are damaged" in read_run_file(tmp_path / "b.vfrun").missing
+
+
+def packed(array: np.ndarray) -> list[Any]:
+    """An array as it is written."""
+    return [array.dtype.str, array.shape, array.tobytes()]
+
+
+def refused(path: Path) -> str:
+    with pytest.raises(InputError) as caught:
+        read_run_file(path)
+    assert "\n" not in str(caught.value)
+    assert path.name in str(caught.value)
+    return str(caught.value)
+
+
+def bodies_of(path: Path) -> list[bytes]:
+    content, at, bodies = path.read_bytes(), len(MAGIC), []
+    while at < len(content):
+        length = int.from_bytes(content[at : at + 4], "little")
+        bodies.append(content[at + 8 : at + 8 + length])
+        at += 8 + length
+    return bodies
+
+
+NAN_POSE = packed(np.full((4, 4), np.nan))
+ITERATIONS: list[tuple[Callable[[Any], object] | bytes, str]] = [
+    (b"\xc1", "is damaged"),
+    (b"\x91" * 5000, "is damaged"),
+    (b"\xdd\xff\xff\xff\xff", "is damaged"),
+    (msgspec.msgpack.encode(5), "is damaged"),
+    (lambda v: v.pop("stages"), "is damaged"),
+    (lambda v: v.update(index=3), "iteration 2 is missing"),
+    (lambda v: v.update(arm=99), "iteration 2 is about hypothesis 100 of instance 0, which has 3"),
+    (lambda v: v.update(arm=-1), "iteration 2 is about hypothesis 0"),
+    (lambda v: v.update(instance_id=7), "hypothesis 1 of instance 7, which has 0"),
+    (lambda v: v.update(stages=[]), "iteration 2 accepted its"),
+    (lambda v: v.update(accepted="edited"), "iteration 2 accepted its edited pose, and has none"),
+    (lambda v: v.update(accepted="\x1b[31m\nx"), "is damaged"),
+    (lambda v: v["stages"][0].update(T_cam_obj=NAN_POSE), "holds NaN"),
+    (lambda v: v["stages"][0].update(T_cam_obj=packed(np.ones(3))), "has shape (3,), expected 4×4"),
+    (lambda v: v["best"].update(T_cam_obj="x"), "$.best.T_cam_obj"),
+    (lambda v: v["choice"].update(mean=packed(np.zeros(0))), "another number of hypotheses than 3"),
+    (lambda v: v["path"].update(Ts_cam_obj=packed(np.zeros((0, 3)))), "is damaged"),
+    (lambda v: v["path"].update(contacts=5), "$.path"),
+    (lambda v: v.update(placed=[{"instance_id": 9, "T_cam_obj": packed(np.eye(4))}]), "places instance 9"),
+]
+HEADERS: list[tuple[Callable[[dict[str, Any]], object], str]] = [
+    (lambda h: h.update(format=99), "was written by a later version (format 99, this one reads 1); update"),
+    (lambda h: h.update(format="x"), "is damaged"),
+    (lambda h: h.pop("session"), "is damaged"),
+    (lambda h: h.update(frame="../.."), "'../..' is no frame"),
+    (lambda h: h.update(versions=[]), "is damaged"),
+    (lambda h: h.update(objects=5), "$.objects"),
+    (lambda h: h.update(objects=[]), "iteration 1 is about hypothesis"),
+    (lambda h: h["objects"].append(h["objects"][0]), "an object is in it twice"),
+    (lambda h: h["objects"][0].update(instance_id=99), "of instance 0, which has 0"),
+    (lambda h: h["objects"][0].update(initial=[]), ""),
+    (lambda h: h["objects"][0]["hypotheses"].pop(), "has 2 hypotheses and 3 scores"),
+    (lambda h: h["objects"][0]["hypotheses"][0].update(T_cam_obj=NAN_POSE), "holds NaN"),
+]
+
+
+def test_damaged_iterations_and_headers_are_one_line(tmp_path: Path) -> None:
+    """Where lengths and checksums are right all the same."""
+    run_file(tmp_path / "a.vfrun", SHORT)
+    bodies = bodies_of(tmp_path / "a.vfrun")
+    path = tmp_path / "b.vfrun"
+    for place, changes in ((2, ITERATIONS), (0, HEADERS)):
+        for change, expected in changes:
+            body = bodies[place]
+            if isinstance(change, bytes):
+                body = body[:1] + change
+            else:
+                values = msgspec.msgpack.decode(body[1:])
+                change(values)
+                body = body[:1] + msgspec.msgpack.encode(values)
+            path.write_bytes(MAGIC + b"".join(map(framed, [*bodies[:place], body, *bodies[place + 1 :]])))
+            if expected:
+                assert expected in refused(path), expected
+
+
+FILES: list[tuple[Callable[[Path], object], str]] = [
+    (lambda path: None, "does not exist"),
+    (os.mkdir, "is a folder"),
+    (os.mkfifo, "is a pipe"),
+    (lambda path: path.symlink_to("/dev/zero"), "is a device"),
+    (lambda path: path.symlink_to(path), "cannot be read: Too many levels of symbolic links"),
+    (lambda path: path.write_bytes(b""), "is no run file"),
+    (lambda path: path.write_bytes(b"hello"), "is no run file"),
+    (lambda path: path.write_bytes(MAGIC[:5]), "is no run file"),
+    (lambda path: path.write_bytes(MAGIC), "holds nothing of a run"),
+    (lambda path: path.write_bytes(MAGIC + bytes(60)), "holds nothing of a run"),
+    (lambda path: path.write_bytes(MAGIC + bytes(range(256)) * 40), "holds nothing of a run"),
+]
+
+
+def test_what_is_no_run_file_is_one_line(tmp_path: Path) -> None:
+    for k, (make, expected) in enumerate(FILES):
+        path = tmp_path / f"{k}.vfrun"
+        make(path)
+        assert expected in refused(path)
+
+
+def test_a_disk_that_takes_no_more_is_one_line(tmp_path: Path) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full here")
+    with pytest.raises(InputError, match=r"^cannot write /dev/full: No space left on device$"):
+        new_run(SHORT, box_problem(3, 2), (RunFile(Path("/dev/full"), SHORT),))
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(InputError, match=r"^cannot write .*a\.vfrun: "):
+        new_run(SHORT, box_problem(3, 2), (RunFile(tmp_path / "file" / "a.vfrun", SHORT),))
