@@ -18,7 +18,7 @@ AXIS = np.array([0.36, 0.48, 0.8])
 
 
 def answered(session: Session, frame: str, out: Path) -> RunRecord:
-    """Some 20 kB in the run file, 3 kB in frames.csv, 1 kB in results.csv; the same for the same frame."""
+    """Some 8.5 kB in the run file, 1.6 kB in frames.csv, 3 kB in results.csv; the same for the same frame."""
     im_id = int(frame.partition("/")[2])
     pose = transform(axis_angle(AXIS, 0.1 + im_id), np.array([0.1, 0.2, 0.7]) / 3)
     rows = [

@@ -13,6 +13,7 @@ from tests.scenes.bop_folder import Made
 from verefine_viz.batch import solve_frame as causes
 from verefine_viz.batch.journal import Runs
 from verefine_viz.batch.solve_frame import FrameTask, explain_frame, solve_frame
+from verefine_viz.core.errors import InputError
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.evaluation.landscape import landscape
 from verefine_viz.recording.reader import read_recording
@@ -209,3 +210,16 @@ def test_a_row_has_what_the_page_shows_of_the_score_around_the_answer(tmp_path: 
         assert row.undetermined_deg == around.undetermined_deg > 0
     (column,) = (column for column in COLUMNS if column.name == "undetermined_mm")
     assert column.cell(result.answers[0]) == f"{result.answers[0].undetermined_mm:.3f}"
+
+
+def test_a_frame_is_finished_only_once_its_recording_is(
+    tmp_path: Path, made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(recorder: Recorder, run: bytes | None = None) -> None:
+        raise InputError("cannot write the recording: No space left on device")
+
+    monkeypatch.setattr(Recorder, "close", refused)
+    end = solved(toolbox(tmp_path, made, "all"), "7/0", tmp_path)
+    assert end.failed
+    assert Runs(tmp_path / "runs").path("7/0").exists()
+    assert Runs(tmp_path / "runs").entry("7/0") is None
