@@ -215,7 +215,10 @@ def test_a_row_has_what_the_page_shows_of_the_score_around_the_answer(tmp_path: 
 def test_a_frame_is_finished_only_once_its_recording_is(
     tmp_path: Path, made: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    close = Recorder.close
+
     def refused(recorder: Recorder, run: bytes | None = None) -> None:
+        close(recorder)
         raise InputError("cannot write the recording: No space left on device")
 
     monkeypatch.setattr(Recorder, "close", refused)
