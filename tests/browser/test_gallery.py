@@ -11,9 +11,9 @@ import pytest
 
 from tests.browser.conftest import SIZE, SLOW_MS, Screen, Show, is_seen, until_true
 from tests.browser.test_layout import WINDOWS, boxes_of
+from tests.made_runs import answer, finished
 from verefine_viz.batch.answer_cards import WRONG
 from verefine_viz.batch.folder import RunFolder
-# NAMES Estimate,FrameResult,Answer,write_frames_csv
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import DATA_FIRST
 from verefine_viz.run.session_file import resolve
@@ -30,22 +30,20 @@ EVIDENCE = "The refiner led the mug astray."
 
 def written(folder: Path, session: Session) -> None:
     """A batch run whose answers are the first hypotheses, and whose numbers are made up."""
-    run, method, results = RunFolder(folder, session), session.method.name, []
+    run, method = RunFolder(folder, session), session.method.name
     for im_id in (0, 1):
         targets = demo_problem("clutter", session.scene, session.hypotheses, f"0/{im_id}").targets
         objects = tuple(
-            answer(scene_id=0, im_id=im_id, instance_id=t.instance.instance_id, obj_id=t.model.obj_id, name=t.model.name,
+            answer(
+                0, im_id, instance_id=t.instance.instance_id, obj_id=t.model.obj_id, name=t.model.name,
+                T_cam_obj=t.instance.hypotheses[0].T_cam_obj,
                 method=method, has_truth=True, status="ok", score=0.9 - 0.005 * error_mm, add_s_mm=error_mm,
                 diameter_mm=1e3 * t.model.diameter_m, worst_iteration=2 + k, n_iterations=4,
                 cause=("refiner", "score")[k] if error_mm > 15 else "", evidence=EVIDENCE if error_mm > 15 else "",
             )
             for k, (t, error_mm) in enumerate(zip(targets, ERRORS_MM[method, im_id], strict=True))
         )  # fmt: skip
-        poses = [tuple(t.instance.hypotheses[0].T_cam_obj.ravel().tolist()) for t in targets]
-        estimates = tuple(Estimate(obj_id=r.obj_id or 0, score=0.5, T_cam_obj=T) for r, T in zip(objects, poses))  # noqa: B905
-        results.append(FrameResult(frame=f"0/{im_id}", failed=False, seconds=1.0, objects=objects, estimates=estimates))
-        run.journal.save(results[-1])
-    write_frames_csv(folder / "frames.csv", results)
+        run.runs.save(session, finished(f"0/{im_id}", objects))
     run.write_json("run.json", {"status": "finished"})
     run.close()
 

@@ -23,9 +23,11 @@ from verefine_viz.recording import entities, rerun_viewer
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.refiners.registry import REFINERS, Identity
+from verefine_viz.run.record import RunEnd
 from verefine_viz.run.run_file import SUFFIX, RunFile
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
+from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.viewer import app as page_app
 from verefine_viz.viewer.commands import OpenRecording, RunUntil, ShowRefinerCrops, Step
 from verefine_viz.viewer.debugger import Debugger
@@ -80,7 +82,7 @@ def make_recording(path: Path, session: Session) -> None:
     recorder = Recorder(path, session, problem, toolbox.verifier_of, refiner_of=toolbox.refiner_of)
     file = RunFile(path.with_suffix(SUFFIX), session)
     toolbox.run(problem, [file, recorder]).finish()
-    file.close()
+    file.finish(RunEnd(answers=(answer(*parse_frame(problem.frame)),)))
     recorder.close(file.path)
 
 

@@ -71,7 +71,7 @@ def test_runs_without_a_finished_frame_are_refused(
 ) -> None:
     batch_run(tmp_path / "empty", "rir", ())
     assert main(["view", str(tmp_path)]) == 2
-    assert "holds no finished frame" in capsys.readouterr().err
+    assert "empty has no finished frame yet: the batch is running or was killed" in capsys.readouterr().err
     assert served == {}
 
 

@@ -15,9 +15,9 @@ from tests.evaluation import demo_set, reference
 from tests.evaluation.demo_set import DemoSet, T_of, disturbed, perfect, table
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.evaluation.answers import correct_share, mean_errors
 from verefine_viz.evaluation.bop_scores import Scores, bop_scores
 from verefine_viz.evaluation.ground_truth import ProblemGroundTruth, Targets, visible_targets
+from verefine_viz.evaluation.matched_estimates import correct_share, mean_errors
 from verefine_viz.evaluation.pose_table import OwnPart, PoseTable, read_pose_table
 from verefine_viz.scenes.results_csv import ResultRow, write_results
 

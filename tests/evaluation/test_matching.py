@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from tests.evaluation import reference, vectors
 from tests.evaluation.vectors import Vectors
 from verefine_viz.core.errors import InputError
-from verefine_viz.evaluation.answers import match_poses, match_thresholds
 from verefine_viz.evaluation.averages import DETECTION_THRESHOLDS as DETECTION_THRESHOLDS
 from verefine_viz.evaluation.averages import IGNORED, THRESHOLDS, Detections, Tally, average_precision, average_recalls
+from verefine_viz.evaluation.matched_estimates import match_poses, match_thresholds
 from verefine_viz.evaluation.pose_table import read_pose_table
 
 

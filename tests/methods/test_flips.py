@@ -21,11 +21,9 @@ from verefine_viz.core.settings import HypothesesSettings, MethodSettings, Recor
 from verefine_viz.evaluation.near_symmetry import flips, sought
 from verefine_viz.methods.object_method import LEAST_GAIN, Flips
 from verefine_viz.methods.registry import METHOD_NAMES, METHODS, make_method
-from verefine_viz.recording.playback import played
-from verefine_viz.recording.reader import read_recording
-from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.run.engine import Run
+from verefine_viz.run.run_file import RunFile, read_run_file
 
 HALF_TURNS = np.array([np.diag([1.0, -1, -1, 1]), np.diag([-1.0, 1, -1, 1]), np.diag([-1.0, -1, 1, 1])])
 """Of a box."""
@@ -235,11 +233,10 @@ def test_a_recording_has_them(tmp_path: Path, processes: None) -> None:
         method=MethodSettings(name="rir", iterations=3),
         recording=RecordingSettings(maps=False),
     )
-    file = tmp_path / "run.rrd"
-    run = Run(run_of("rir", problem).method, problem, (Recorder(file, session, problem),))
+    file = RunFile(tmp_path / "run.vfrun", session)
+    run = Run(run_of("rir", problem).method, problem, (file,))
     run.finish()
-    recorded = read_recording(file)
-    again = played(recorded, problem)
+    again = Run.from_record(read_run_file(file.path), problem)
     stages = [[s.name for s in i.stages] for i in run.iterations]
     assert [[s.name for s in i.stages] for i in again.iterations] == stages
     assert any("flipped" in names for names in stages)

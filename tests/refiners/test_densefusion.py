@@ -12,15 +12,16 @@ from scipy.spatial.transform import Rotation
 
 from tests.learned.test_densefusion_steps import OFFSET, QUAT, coloured_target
 from tests.learned.tiny_network import pose_network, refine_network
+from tests.recording.runs import END
 from verefine_viz.core.algorithm_settings import DenseFusionSettings
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.settings import Session
 from verefine_viz.estimators.registry import make_estimator
 from verefine_viz.pictures.refiner_crops import step_picture
-from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.verify import first_difference, verify
 from verefine_viz.refiners.registry import WEIGHTS, make_refiner
+from verefine_viz.run.run_file import RunFile
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.session_refiners import weights_of
 from verefine_viz.run.toolbox import Toolbox
@@ -192,9 +193,10 @@ def test_stepping_headless_and_replaying_are_the_same(tmp_path: Path) -> None:
     whole = box.problem(box.frames[0])
     problem = whole.only([i.instance_id for i in whole.instances[:2]])
     assert {h.source for i in problem.instances for h in i.hypotheses} == {"densefusion"}
-    file = tmp_path / "run.rrd"
-    headless = box.run(problem, (Recorder(file, box.session, problem),))
+    file = RunFile(tmp_path / "run.vfrun", box.session)
+    headless = box.run(problem, (file,))
     headless.finish()
+    file.finish(END)
     assert any(it.stage("refined") is not None for it in headless.iterations)
     stepped = box.run(problem)
     while not stepped.at_end:
@@ -206,7 +208,7 @@ def test_stepping_headless_and_replaying_are_the_same(tmp_path: Path) -> None:
     other = Toolbox(resolve(raw)).run(problem)
     other.finish()
     assert first_difference(headless.iterations, other.iterations) is None
-    again = verify(file)
+    again = verify(file.path)
     assert again.difference is None
     assert again.n_compared == headless.length
 

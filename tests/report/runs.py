@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,12 +18,12 @@ from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import resolve, save_session
 
 
-def row(im_id: int, instance_id: int = 0, **values: Any) -> Answer:
+def row(im_id: int, instance_id: int = 0, scene_id: int = 1, **values: Any) -> Answer:
     """An object that was solved, right unless ``values`` say otherwise."""
     known = {"obj_id": 1 + instance_id, "name": f"object {1 + instance_id}", "method": "rir", "diameter_mm": 100.0}
     known |= {"has_truth": True, "add_s_mm": 2.0, "rotation_deg": 1.0, "translation_mm": 1.0, "score": 0.9}
     known |= {"n_iterations": 25, "ms_refine": 10.0, "ms_simulate": 5.0, "ms_score": 15.0, "ms_total": 40.0}
-    return Answer(**{"frame": f"1/{im_id}", "instance_id": instance_id, "status": "ok", **known, **values})
+    return Answer(**{"frame": f"{scene_id}/{im_id}", "instance_id": instance_id, "status": "ok", **known, **values})
 
 
 def write_run(
@@ -31,6 +32,7 @@ def write_run(
     """A finished batch of these rows; every object that was solved stands at ``T_cam_obj``, or at the identity."""
     pose = np.eye(4) if T_cam_obj is None else T_cam_obj
     folder.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(folder / "runs", ignore_errors=True)
     save_session(resolve(session or {"title": "A made-up run"}), folder / "session.toml")
     placed = [replace(r, T_cam_obj=pose) if r.status == "ok" else r for r in rows]
     results = [

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.changing import replace
 from tests.made_runs import answer
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
@@ -144,9 +145,7 @@ def test_hard_is_what_most_groups_get_wrong_with_most_seeds() -> None:
 
 def test_the_gallery_takes_as_many_of_each_group_and_an_object_once() -> None:
     worse = frames(4, (0, 1)), (row(0, add_s_mm=60.0), *frames(4, (2,))[1:])
-    worse = tuple(
-        tuple(r.model_copy(update={"cause": "pool"}) if r.add_s_mm != 2.0 else r for r in mine) for mine in worse
-    )
+    worse = tuple(tuple(replace(r, cause="pool") if r.add_s_mm != 2.0 else r for r in mine) for mine in worse)
     found = group_gallery([group("pir", *worse), group("rir", frames(4, (3,)))], 4, lambda done, of: None)
     assert [(card.pick.group, card.row.im_id, card.row.add_s_mm) for card in found.failures] == [
         ("pir", 0, 60.0),

@@ -11,6 +11,7 @@ import pytest
 from tests.report.runs import row, write_run
 from verefine_viz.core.errors import InputError
 from verefine_viz.report.groups import Groups, differing, load_groups
+from verefine_viz.report.run_results import load
 
 GONE = {"source": "bop", "dataset": "/nowhere/at/all"}
 
@@ -58,11 +59,11 @@ def test_runs_that_are_not_finished_or_damaged_are_left_out_with_the_reason(tmp_
     whole, running, broken = (write(tmp_path, name) for name in ("whole", "running", "broken"))
     run = json.loads((running / "run.json").read_text())
     (running / "run.json").write_text(json.dumps({**run, "status": "running"}))
-    (broken / "frames.csv").write_text("nonsense\n1\n")
+    (broken / "run.json").write_text(json.dumps({**run, "totals": {"objects": len(load(broken).rows) + 1}}))
     found = load_groups([whole, running, broken])
     assert [r.folder for r in found.runs] == [whole]
     assert dict(found.left_out)["running"] == "not finished (running)"
-    assert "frames.csv is not what a batch writes" in dict(found.left_out)["broken"]
+    assert "it was changed or cut off" in dict(found.left_out)["broken"]
     with pytest.raises(InputError, match=r"none of the 2 runs .* running: not finished"):
         load_groups([running, broken])
 

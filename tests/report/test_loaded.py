@@ -27,7 +27,7 @@ def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
 def test_what_is_no_run_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "is no folder of a batch" in refused(capsys, tmp_path)
     assert "does not exist; expected the folder of a batch run" in refused(capsys, tmp_path / "nowhere")
-    assert "without a single finished frame" in refused(capsys, write_run(tmp_path / "a", []))
+    assert "has no finished frame yet" in refused(capsys, write_run(tmp_path / "a", []))
 
 
 def test_runs_that_cannot_be_compared_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -61,16 +61,16 @@ def test_answers_belong_to_their_instances_and_two_runs_are_called_a_and_b(tmp_p
 @pytest.mark.parametrize(
     ("damage", "why"),
     [
-        (lambda file: file.write_text("{"), "000001_000001.json is damaged: invalid JSON"),
-        (lambda file: file.write_text(file.read_text().replace("1.0", "2.0")), "the pose is not rigid"),
+        (lambda file: file.write_text("{"), "000001_000001.vfrun is no run file"),
+        (lambda file: file.write_bytes(file.read_bytes()[:-1] + b"x"), "bytes in the middle are damaged"),
         (Path.unlink, "says nothing about frame 1/1; the same batch command solves it again"),
     ],
 )
-def test_answers_that_the_journal_has_lost_are_not_scored_as_missing(
+def test_answers_whose_run_file_is_lost_are_not_scored_as_missing(
     damage: Callable[[Path], object], why: str, tmp_path: Path
 ) -> None:
     folder = write_run(tmp_path / "run", [row(0), row(1)])
-    damage(folder / "frames" / "000001_000001.json")
+    damage(folder / "runs" / "000001_000001.vfrun")
     with pytest.raises(InputError) as caught:
         list(run_rows(load(folder), ("1/0", "1/1")))
     assert why in str(caught.value)

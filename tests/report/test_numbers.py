@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.made_runs import answer
+from tests.changing import replace
+from tests.made_runs import answer, written
 from tests.report.runs import row, write_run
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import BatchInfo, Runs
@@ -70,10 +70,10 @@ def test_failed_frames_and_what_they_held_are_counted_apart() -> None:
 def test_solving_takes_as_long_as_results_csv_says(tmp_path: Path) -> None:
     rows = [row(1, 0), row(1, 1), row(2, 0), row(3, 0, **NO_ANSWER), row(9, status="failed", add_s_mm=None)]
     folder = write_run(tmp_path / "a", rows)
-    journal = Runs(folder / "runs")
     stages_ms = {"read": 900.0, "start": 300.0, "iterate": 100.0, "record": 500.0}
-    for k, result in enumerate(list(journal.results(["1/1", "1/2", "1/3", "1/9"])), start=1):
-        journal.save(result.model_copy(update={"stages_ms": {name: k * ms for name, ms in stages_ms.items()}}))
+    for k, record in enumerate(list(Runs(folder / "runs").records(["1/1", "1/2", "1/3", "1/9"])), start=1):
+        end = replace(record.end, stages_ms={name: k * ms for name, ms in stages_ms.items()})
+        written(folder, replace(record, end=end))
     run = load(folder)
     # The time of results.csv is that of first scores and iterations, of images with an answer.
     assert numbers_of(run).solving_ms == pytest.approx(600.0)

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.recording.runs import END
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration
 from verefine_viz.evaluation.pose_errors import pose_errors
@@ -24,6 +25,7 @@ from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.recording.verify import first_difference, verify
 from verefine_viz.run.engine import Run
+from verefine_viz.run.run_file import RunFile
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 
@@ -131,9 +133,10 @@ def upside_down(flips: bool, weight: float = 0.1) -> Toolbox:
 def test_with_flips_stepping_headless_and_rewinding_are_the_same(tmp_path: Path) -> None:
     box = upside_down(flips=True)
     problem = box.problem(box.frames[0])
-    file = tmp_path / "run.rrd"
-    headless = box.run(problem, (Recorder(file, box.session, problem),))
+    file = RunFile(tmp_path / "run.vfrun", box.session)
+    headless = box.run(problem, (file,))
     headless.finish()
+    file.finish(END)
     assert any(it.accepted == "flipped" for it in headless.iterations)
     stepped = box.run(problem)
     while not stepped.at_end:
@@ -142,7 +145,7 @@ def test_with_flips_stepping_headless_and_rewinding_are_the_same(tmp_path: Path)
         if not fork.at_end:
             fork.step()
     assert first_difference(headless.iterations, stepped.iterations) is None
-    again = verify(file)
+    again = verify(file.path)
     assert again.difference is None
     assert again.n_compared == headless.length
 
@@ -170,8 +173,11 @@ def test_with_a_learned_refiner_stepping_headless_and_replaying_are_the_same(tmp
         stepped.step()
     assert first_difference(headless.iterations, stepped.iterations) is None
     recorder = Recorder(tmp_path / "run.rrd", box.session, problem, box.verifier_of, refiner_of=box.refiner_of)
-    recorded = box.run(problem, [recorder])
+    file = RunFile(tmp_path / "run.vfrun", box.session)
+    recorded = box.run(problem, [recorder, file])
     recorded.finish()
+    file.finish(END)
+    recorder.close(file.path)
     assert first_difference(headless.iterations, recorded.iterations) is None
     drawn = [chunk for chunk in chunks_of(tmp_path / "run.rrd") if chunk.entity_path == entities.REFINER]
     assert sum(chunk.num_rows for chunk in drawn) == len(headless.iterations)

@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.recording.runs import END
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
-from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.verify import first_difference, verify
 from verefine_viz.run.engine import Run
+from verefine_viz.run.run_file import RunFile
 from verefine_viz.run.session_file import load_session, resolve, save_session
 from verefine_viz.run.toolbox import Toolbox
 
@@ -72,11 +73,12 @@ def test_stepped_headless_rewound_saved_and_recorded_are_the_same(name: str, tmp
     save_session(kept, tmp_path / "kept.toml")
     box = Toolbox(load_session(tmp_path / "kept.toml"))
     problem = box.problem(box.frames[0])
-    recorder = Recorder(tmp_path / "run.rrd", box.session, problem, lambda _: box.verifier)
-    loaded = box.run(problem, (recorder,))
+    file = RunFile(tmp_path / "run.vfrun", box.session)
+    loaded = box.run(problem, (file,))
     loaded.finish()
+    file.finish(END)
     assert first_difference(fork.iterations, loaded.iterations) is None
-    found = verify(tmp_path / "run.rrd")
+    found = verify(file.path)
     assert (found.difference, found.ends_early, found.n_compared) == (None, False, fork.length)
 
 

@@ -15,7 +15,7 @@ from verefine_viz.core.problem import Problem, RecordedStep
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import resolve, session_toml
-from verefine_viz.run.track import Answer, Track, tracked_poses, with_its_tracked, with_tracked
+from verefine_viz.run.track import EarlierPose, Track, tracked_poses, with_its_tracked, with_tracked
 
 FRAMES = ("1/4", "1/2", "2/1", "1/3", "2/2", "1/1")
 """In any order, as the page lists them."""
@@ -27,8 +27,8 @@ def at(x: float) -> np.ndarray:
 
 def answer(
     frame: str, x: float = 0.0, obj_id: int = 1, instance_id: int = 0, camera: np.ndarray | None = None
-) -> Answer:
-    return Answer(frame, obj_id, instance_id, at(x), camera)
+) -> EarlierPose:
+    return EarlierPose(frame, obj_id, instance_id, at(x), camera)
 
 
 class Solved:
@@ -38,7 +38,7 @@ class Solved:
         self.frames: list[str] = []
         self.failing = failing
 
-    def __call__(self, frame: str) -> tuple[Answer, ...]:
+    def __call__(self, frame: str) -> tuple[EarlierPose, ...]:
         self.frames.append(frame)
         if frame in self.failing:
             raise InputError("no depth")

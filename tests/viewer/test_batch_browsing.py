@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests import made_runs
+from tests.made_runs import answer, finished
 from tests.viewer.conftest import SESSION
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.batch.answer_cards import RIGHT, WRONG
@@ -13,10 +15,9 @@ from verefine_viz.batch.answer_tags import TAGS_FILE, Arrangement
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import BatchInfo
-
-# NAMES FrameResult,Answer,write_frames_csv
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
+from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import AT_ITS_START, changed
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
@@ -29,8 +30,8 @@ EVIDENCE = "No hypothesis of the box leads to the truth: the nearest starts 30°
 
 
 def row(im_id: int, instance_id: int = 0, **values: object) -> Answer:
-    known = {"scene_id": 0, "obj_id": 1, "name": "box", "status": "ok", "diameter_mm": 100.0, "score": 0.5}
-    return Answer.model_validate({**known, "im_id": im_id, "instance_id": instance_id, **values})
+    known = {"obj_id": 1, "name": "box", "diameter_mm": 100.0, "score": 0.5}
+    return answer(0, im_id, instance_id=instance_id, **{**known, **values})
 
 
 RIR_ROWS = (
@@ -224,8 +225,8 @@ def written(folder: Path, session: Session, rows: tuple[Answer, ...], is_finishe
     run = RunFolder(folder, session)
     run.write_json("run.json", {"status": "finished" if is_finished else "running"})
     if is_finished:
-        results = [FrameResult(frame=r.frame, failed=False, seconds=1.0, objects=(r,)) for r in rows]
-        write_frames_csv(folder / "frames.csv", results)
+        for frame in dict.fromkeys(r.frame for r in rows):
+            made_runs.written(folder, finished(frame, [r for r in rows if r.frame == frame]))
     run.close()
 
 
@@ -245,7 +246,7 @@ def test_finished_runs_of_a_folder_are_read_and_the_rest_is_counted(tmp_path: Pa
     alone = read_gallery(tmp_path / "a")
     assert not alone.has_several_runs
     assert alone.opens(alone.worst).run == ""
-    with pytest.raises(InputError, match="not there yet"):
+    with pytest.raises(InputError, match="has no finished frame yet"):
         read_gallery(tmp_path / "c")
 
 

@@ -9,8 +9,9 @@ import pytest
 
 from tests.viewer.fake_tools import DRAGGED
 from tests.viewer.two_runs import SESSION, SIR, TWO, Numbered, page, record, same, sides
-from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.settings import MethodSettings, SceneSettings, Session
+from verefine_viz.recording.verify import first_difference
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.drawing.comparison_tables import parting
@@ -65,26 +66,25 @@ def test_two_recordings_from_disk(recordings: Recordings) -> None:
     assert [o.winner for o in ours.outcomes] == [o.winner for o in theirs.outcomes]
 
 
-def test_a_recording_is_not_continued_but_can_be_run_again(recordings: Recordings) -> None:
-    path = recordings.rir
-    d = page().carry_out([c.OpenRecording(str(path)), c.Seek(3)])
-    with pytest.raises(InputError, match=r"rir\.rrd was read from a file and cannot be continued"):
-        d.carry_out([c.Fork((("method.exploration", 5.0),))])
-    d.carry_out([c.CompareRun((("method.exploration", 5.0),))])
+def test_a_recording_goes_on_from_any_iteration_as_the_run_itself_would(recordings: Recordings) -> None:
+    fork = c.Fork((("method.exploration", 5.0),), run=True)
+    read = page().carry_out([c.OpenRecording(str(recordings.rir)), c.Seek(3), fork])
+    made = page().carry_out([TWO, c.RunUntil("end"), c.Seek(3), fork])
+    assert first_difference(read.workspace.run.iterations, made.workspace.run.iterations) is None
+    d = page().carry_out([c.OpenRecording(str(recordings.rir)), c.CompareRun((("method.exploration", 5.0),))])
     assert sides(d).effort_b.iterations == 12
     d.carry_out([c.Restart()])
     assert d.workspace.run.length == 0
-    d.carry_out([c.RunUntil("end"), c.CompareRecording(str(path))])
+    d.carry_out([c.RunUntil("end"), c.CompareRecording(str(recordings.rir))])
     assert sides(d).departures == (None, None)
 
 
-def test_a_pose_in_a_recording_can_be_moved_to_see_its_score_and_is_not_gone_on_from(recordings: Recordings) -> None:
-    d = page().carry_out([c.OpenRecording(str(recordings.rir)), c.Seek(3), c.EditPose()])
-    assert "was read from a file" in d.message
-    with pytest.raises(InputError, match=r"rir\.rrd was read from a file and cannot be continued; .*press Restart"):
-        d.apply(c.ForkFromPose())
-    d.carry_out([c.EditPose(on=False), c.Restart(), c.EditPose(), DRAGGED, c.ForkFromPose()])
-    assert len(d.workspace.run.edits) == 1
+def test_a_pose_in_a_recording_can_be_moved_and_gone_on_from(recordings: Recordings) -> None:
+    moves = [c.Seek(3), c.EditPose(), DRAGGED, c.ForkFromPose(), c.RunUntil("end")]
+    read = page().carry_out([c.OpenRecording(str(recordings.rir)), *moves])
+    made = page().carry_out([TWO, c.RunUntil("end"), *moves])
+    assert len(read.workspace.run.edits) == 1
+    assert first_difference(read.workspace.run.iterations, made.workspace.run.iterations) is None
 
 
 def test_recordings_that_do_not_fit_are_refused_in_one_line(recordings: Recordings, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.changing import replace
 from tests.made_runs import answer
 from tests.viewer.client import until
 from tests.viewer.conftest import SESSION
@@ -25,7 +26,7 @@ from verefine_viz.viewer.state.batch_gallery import Gallery
 
 
 def row(im_id: int, status: str = "ok", add_s_mm: float | None = None, worst: int | None = None) -> Answer:
-    return answer(scene_id=0, im_id=im_id, instance_id=0, obj_id=1, name="<b>box</b>", status=status, score=0.5,  # type: ignore[arg-type]
+    return answer(scene_id=0, im_id=im_id, instance_id=0, obj_id=1, name="<b>box</b>", status=status, score=0.5,
         add_s_mm=add_s_mm, diameter_mm=100.0, worst_iteration=worst, events="score_fell", message="no depth <i>",
     )  # fmt: skip
 
@@ -47,8 +48,8 @@ def test_tiles_lead_to_the_worst_iteration_and_names_are_text(tmp_path: Path) ->
 
 def test_what_a_tile_has_no_room_for_is_in_its_tooltip(tmp_path: Path) -> None:
     name = "a_model_with_a_name_that_no_card_has_room_for"
-    wrong = row(2, add_s_mm=42.0).model_copy(update={"name": name, "method": "rir", "cause": "score"})
-    failed = row(1, "failed").model_copy(update={"name": name, "method": "rir"})
+    wrong = replace(row(2, add_s_mm=42.0), name=name, method="rir", cause="score")
+    failed = replace(row(1, "failed"), name=name, method="rir")
     tips = [tip(entry) for entry in gallery(tmp_path, wrong, failed).entries]
     assert all(words.startswith(name) for words in tips)
     assert "42% of the diameter: score ranks a wrong pose above the ground truth" in tips[0]
@@ -56,8 +57,8 @@ def test_what_a_tile_has_no_room_for_is_in_its_tooltip(tmp_path: Path) -> None:
 
 
 def test_objects_of_failed_frames_and_those_left_out_count_as_missed(tmp_path: Path) -> None:
-    lost = [row(2, status).model_copy(update={"has_truth": True}) for status in ("failed", "left_out")]
-    unknown = row(3, "failed").model_copy(update={"obj_id": None, "instance_id": None, "name": ""})
+    lost = [replace(row(2, status), has_truth=True) for status in ("failed", "left_out")]
+    unknown = replace(row(3, "failed"), obj_id=None, instance_id=None, name="")
     found = gallery(tmp_path, row(1, add_s_mm=5.0), *lost, unknown)
     for count in ("1 of 3 objects", "2 have no answer", "1 frame failed"):
         assert count in found.outcome
@@ -70,14 +71,14 @@ def test_objects_of_failed_frames_and_those_left_out_count_as_missed(tmp_path: P
 
 def test_data_in_doubt_are_reported_on_the_card_and_above_all_cards(tmp_path: Path) -> None:
     evidence = "The score misleads. Look at the data first: objects appear larger: check cam_K."
-    doubted = row(1, add_s_mm=42.0).model_copy(update={"cause": "score", "evidence": evidence})
-    found = gallery(tmp_path, doubted, row(2, add_s_mm=42.0).model_copy(update={"cause": "score"}))
+    doubted = replace(row(1, add_s_mm=42.0), cause="score", evidence=evidence)
+    found = gallery(tmp_path, doubted, replace(row(2, add_s_mm=42.0), cause="score"))
     assert "in frame 0/1, objects appear larger: check cam_K" in found.doubt
     told, plain = (entry_of(found, entry, 0) for entry in found.entries)
     assert "data in doubt" in told
     assert "data in doubt" not in plain
     assert gallery(tmp_path, row(2, add_s_mm=42.0)).doubt == ""
-    twice = gallery(tmp_path, doubted, doubted.model_copy(update={"im_id": 3}), row(2, add_s_mm=42.0))
+    twice = gallery(tmp_path, doubted, replace(doubted, frame="0/3"), row(2, add_s_mm=42.0))
     assert "in 2 of 3 frames, such as 0/1, objects" in twice.doubt
     runs = [
         BatchIndex(tmp_path / name, SESSION, BatchInfo(), found.runs[tmp_path.name].rows) for name in ("rir", "sir")
@@ -87,12 +88,12 @@ def test_data_in_doubt_are_reported_on_the_card_and_above_all_cards(tmp_path: Pa
 
 def test_a_card_says_where_it_leads(tmp_path: Path) -> None:
     for worst, best, said in ((3, 5, "at iteration 3"), (None, 5, "at iteration 5"), (None, 0, "before iteration 1")):
-        found = gallery(tmp_path, row(2, add_s_mm=42.0, worst=worst).model_copy(update={"best_iteration": best}))
+        found = gallery(tmp_path, replace(row(2, add_s_mm=42.0, worst=worst), best_iteration=best))
         assert said in tip(found.entries[0]), (worst, best)
 
 
 def test_filters_can_be_chosen_where_there_is_a_choice(tmp_path: Path) -> None:
-    rows = row(1, add_s_mm=5.0), row(2, add_s_mm=50.0).model_copy(update={"name": "mug"})
+    rows = row(1, add_s_mm=5.0), replace(row(2, add_s_mm=50.0), name="mug")
     page = gallery_html(gallery(tmp_path, *rows))
     assert 'aria-label="Object"' in page
     assert "<option>mug</option>" in page
@@ -104,7 +105,7 @@ def test_filters_can_be_chosen_where_there_is_a_choice(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("processes")
 def test_the_page_holds_all_tiles_and_says_what_is_open(tmp_path: Path) -> None:
     batch = gallery(tmp_path, row(1, add_s_mm=1.0, worst=1), row(2, add_s_mm=90.0, worst=3))
-    app = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path, batch=batch).start()  # type: ignore[arg-type]
+    app = App(SESSION, port=0, make_tools=FakeTools, folder=tmp_path, batch=batch).start()
     try:
         app.wait_until_ready(60)
         assert cursor(app) == 0, "nothing is computed before an answer is opened"

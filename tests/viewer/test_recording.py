@@ -15,6 +15,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, PhysicsSettings, SceneSettings, Session
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.verify import verify
+from verefine_viz.run.record import session_of
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes import demo
 from verefine_viz.viewer import commands as c
@@ -64,7 +65,7 @@ def exported(debugger: Debugger) -> Path:
     assert path.is_absolute()
     recorded = read_recording(path)
     assert recorded.is_complete
-    assert len(recorded.entries) == debugger.workspace.run.length
+    assert len(recorded.iterations) == debugger.workspace.run.length
     return path
 
 
@@ -102,10 +103,11 @@ def test_of_a_fork_with_a_moved_pose_and_other_settings(debugger: Debugger) -> N
     debugger.carry_out([*moved(debugger, 0.004), c.RunTo(3)])
     changes = (("method.exploration", 0.4), ("physics.steps", 6), ("icp.max_iterations", 4))
     debugger.carry_out([c.Fork(changes, run=True)])
-    recorded = read_recording(exported(debugger))
-    assert len(recorded.session.edits) == 1
-    assert recorded.session.changes[0].after_iteration == 3
-    assert verify(recorded.path).difference is None
+    path = exported(debugger)
+    session = session_of(read_recording(path).header)
+    assert len(session.edits) == 1
+    assert session.changes[0].after_iteration == 3
+    assert verify(path).difference is None
 
 
 @pytest.mark.parametrize("changes", [(("method.name", "sir"),), (("physics.enabled", False), ("score.tau_m", 0.03))])
@@ -117,9 +119,10 @@ def test_of_a_fork_before_the_first_iteration(debugger: Debugger, changes: c.Cha
 
 def test_of_a_fork_from_before_a_change_keeps_the_change(debugger: Debugger) -> None:
     debugger.carry_out([c.RunTo(3), c.Fork((("physics.steps", 7),), 2, run=True), c.Fork((), 1, run=True)])
-    recorded = read_recording(exported(debugger))
-    assert [(k.after_iteration, k.settings) for k in recorded.session.changes] == [(1, {"physics": {"steps": 7}})]
-    assert verify(recorded.path).difference is None
+    path = exported(debugger)
+    session = session_of(read_recording(path).header)
+    assert [(k.after_iteration, k.settings) for k in session.changes] == [(1, {"physics": {"steps": 7}})]
+    assert verify(path).difference is None
 
 
 def test_of_forks_of_a_session_that_changes_on_the_way(debugger: Debugger, tmp_path: Path) -> None:
@@ -135,7 +138,7 @@ def test_of_forks_of_a_session_that_changes_on_the_way(debugger: Debugger, tmp_p
 def test_of_b_after_it_became_the_open_run(debugger: Debugger) -> None:
     debugger.carry_out([c.RunUntil("end"), c.CompareRun((("method.name", "sir"),)), c.SwapSides()])
     path = exported(debugger)
-    assert read_recording(path).session.method.name == "sir"
+    assert session_of(read_recording(path).header).method.name == "sir"
     assert verify(path).difference is None
 
 

@@ -11,21 +11,21 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.changing import replace
+from tests.made_runs import answer
 from tests.viewer.conftest import SESSION
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import BatchInfo, Runs
-
-# NAMES Estimate,FrameResult,Answer
+from verefine_viz.batch.journal import BatchInfo
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.palette import STAGE_COLORS
+from verefine_viz.run.record import Answer
 from verefine_viz.scenes.demo import demo_problem
 from verefine_viz.viewer.drawing.thumbnails import WIDTH_PX, Painter, Thumbnails
 from verefine_viz.viewer.state.batch_gallery import Entry, Gallery
 
 
 def row(instance_id: int | None, im_id: int = 0) -> Answer:
-    known = {"scene_id": 0, "im_id": im_id, "obj_id": 1, "status": "ok", "add_s_mm": 50.0, "diameter_mm": 100.0}
-    return Answer.model_validate({**known, "instance_id": instance_id})
+    return answer(0, im_id, instance_id=instance_id, obj_id=1, add_s_mm=50.0, diameter_mm=100.0)
 
 
 ENTRIES = tuple(Entry("run", row(k)) for k in range(5))
@@ -93,11 +93,7 @@ def test_the_painter_draws_answer_and_ground_truth(tmp_path: Path) -> None:
     assert truth is not None
     moved = np.array(truth)
     moved[0, 3] += 0.04
-    found = row(target.instance.instance_id).model_copy(update={"obj_id": target.model.obj_id})
-    estimate = Estimate(obj_id=target.model.obj_id, score=0.5, T_cam_obj=tuple(moved.ravel().tolist()))
-    (tmp_path / "runs").mkdir()
-    result = FrameResult(frame="0/0", failed=False, seconds=1.0, objects=(found,), estimates=(estimate,))
-    Runs(tmp_path / "runs").save(result)
+    found = replace(row(target.instance.instance_id), obj_id=target.model.obj_id, T_cam_obj=moved)
     gallery = Gallery([BatchIndex(tmp_path, SESSION, BatchInfo(), (found, row(77), row(None), row(0, im_id=99)))])
     painter = Painter(gallery)
     image = np.asarray(Image.open(io.BytesIO(painter(gallery.entries[0]))).convert("RGB")).astype(int)

@@ -73,8 +73,7 @@ def test_where_colours_tell_the_turn_the_page_tries_a_score_in_which_they_count(
 def test_what_the_batch_told_is_not_told_twice(solved: tuple[Diagnosis, Debugger]) -> None:
     told, debugger = solved
     view = seen(debugger, debugger.workspace.run.length)
-    row = answer(scene_id=0, im_id=0, instance_id=0, status="ok", add_s_mm=50.0, diameter_mm=100.0, cause=str(told.cause),
-        evidence=told.sentence,
-    )  # fmt: skip
+    wrong = {"add_s_mm": 50.0, "diameter_mm": 100.0, "cause": str(told.cause), "evidence": told.sentence}
+    row = answer(0, 0, instance_id=0, **wrong)
     batch = Entry("run", row)
     assert sum(told.sentence in one.text for one in findings(replace(view, entry=batch))) == 1

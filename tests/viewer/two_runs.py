@@ -10,6 +10,8 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.verify import first_difference
+from verefine_viz.run.record import Answer, RunEnd
+from verefine_viz.run.run_file import SUFFIX, RunFile
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.debugger import Debugger
 from verefine_viz.viewer.snapshot.comparison_snapshot import ComparisonSnapshot
@@ -53,7 +55,11 @@ class Numbered(FakeTools):
 def record(path: Path, session: Session, frame: str = "0/2") -> Path:
     tools = Numbered(session)
     problem = tools.problem(frame)
-    tools.run(problem, (Recorder(path, session, problem, None),)).finish()
+    recorder, file = Recorder(path, session, problem, None), RunFile(path.with_suffix(SUFFIX), session)
+    tools.run(problem, (recorder, file)).finish()
+    file.finish(RunEnd(answers=(Answer(frame=frame, status="ok"),)))
+    recorder.close(file.path)
+    file.path.unlink()
     return path
 
 

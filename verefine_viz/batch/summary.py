@@ -17,8 +17,8 @@ from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.data_doubts import answer_doubts
 from verefine_viz.diagnosis.signs import discarded
-from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.landscape import Landscape, undetermined
+from verefine_viz.evaluation.matched_estimates import CORRECT
 from verefine_viz.evaluation.pose_errors import add_s_mm, add_where_add_s_is_below, pose_errors
 from verefine_viz.grasping.grasp_answer import AnswerGrasps
 from verefine_viz.methods.registry import method_of

@@ -24,10 +24,10 @@ from verefine_viz.batch.index import is_batch_folder
 from verefine_viz.batch.progress import counted_bar
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.paths import open_input
-from verefine_viz.evaluation.answers import correct_share, mean_errors
 from verefine_viz.evaluation.averages import Precision, Recalls
 from verefine_viz.evaluation.bop_scores import Scores
 from verefine_viz.evaluation.ground_truth import Task
+from verefine_viz.evaluation.matched_estimates import correct_share, mean_errors
 from verefine_viz.evaluation.pose_table import Coverage, Covered, OwnPart
 from verefine_viz.evaluation.results_scores import Evaluation, evaluate_files
 from verefine_viz.run.session_file import load_session

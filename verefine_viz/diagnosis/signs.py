@@ -16,7 +16,7 @@ from verefine_viz.core.protocols import Refiner
 from verefine_viz.core.records import Best, Iteration, Stage
 from verefine_viz.core.refiner_steps import TrainedRange, TrainedRefiner
 from verefine_viz.core.scores import PoseScore
-from verefine_viz.evaluation.answers import CORRECT
+from verefine_viz.evaluation.matched_estimates import CORRECT
 from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.evaluation.trained_range import Start, start_of
 

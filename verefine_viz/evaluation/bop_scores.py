@@ -15,7 +15,6 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import SettingsError
-from verefine_viz.evaluation.answers import Answer, answers, match_thresholds
 from verefine_viz.evaluation.averages import (
     DETECTION_THRESHOLDS,
     IGNORED,
@@ -28,6 +27,7 @@ from verefine_viz.evaluation.averages import (
     Tally,
 )
 from verefine_viz.evaluation.ground_truth import VISIB_FRACT, GtInstance, GtSource, Targets, Task
+from verefine_viz.evaluation.matched_estimates import Answer, answers, match_thresholds
 from verefine_viz.evaluation.pair_errors import Drawn, pair_errors
 from verefine_viz.evaluation.pose_table import Image, OwnPart, PoseTable
 from verefine_viz.evaluation.vertex_errors import adi_by_index_mm, adi_mm

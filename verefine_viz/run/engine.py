@@ -19,7 +19,7 @@ from verefine_viz.core.protocols import Method, RunState, Verifier, Watcher
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.settings import Edit
 from verefine_viz.run.record import RunRecord
-from verefine_viz.run.recorded_steps import RecordedSteps
+from verefine_viz.run.recorded_run import RecordedSteps
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ class Run:
             record: what was read.
             problem: its frame.
             watchers: see all of it.
-            again: begins the same run anew, for a fork, which computes the shared iterations again; None = no forks.
+            again: begins the same run again, for a fork, which computes the shared iterations again; None = no forks.
 
         Raises:
             InputError: the frame does not hold what was recorded.
@@ -133,7 +133,7 @@ class Run:
         self._watchers = tuple(watchers)
         self._finished = False
         self._again: Callable[[], Run] | None = None
-        """Of a record: begins the run anew."""
+        """Of a record: begins the run again."""
         self.cursor = len(iterations)
         """The iteration that is shown; 0 = before the first."""
         for watcher in self._watchers:

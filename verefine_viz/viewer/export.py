@@ -132,8 +132,7 @@ class Exporter:
         )
         try:
             run.show((Watched(self._progress, run.length, (file, recorder)),))
-            if run.is_done:
-                file.finish(run_end(run, space.session, recorder.landscapes, grasps_of(run.final_state)))
+            file.finish(run_end(run, space.session, recorder.landscapes, grasps_of(run.final_state)))
             recorder.close(file.path)
         except Cancelled:
             recorder.close()

@@ -25,11 +25,6 @@ ONLY_SCORED = (
     "one: for that, press “Cancel”, go back on the timeline, then edit."
 )
 
-OF_RECORDING = (
-    "Drag the arrows and rings in 3D, or type numbers, to see how poses score. This run was read from a file, and "
-    "cannot go on from one: for that, press “Cancel”, then “Restart” to run it here, then edit."
-)
-
 CANCEL = c.EditPose(False)
 
 
@@ -67,7 +62,7 @@ def _edit(state: State, command: c.EditPose) -> None:
 def _hint_for(state: State, snapshot: Snapshot, T_cam_obj: Float) -> str:
     """What can be done with a moved pose of the object in focus; the method itself is asked for iterations."""
     if state.workspace.branch.recording is not None:
-        return OF_RECORDING
+        return CAN_CONTINUE  # Asking would compute the run again.
     run = state.run
     tried = run.fork(run.cursor, edit=(snapshot.target.instance.instance_id, snapshot.arm, T_cam_obj))
     return CAN_CONTINUE if state_of(tried.state, snapshot.target).edited_arms else ONLY_SCORED

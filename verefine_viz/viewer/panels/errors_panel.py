@@ -5,7 +5,7 @@ from __future__ import annotations
 import viser
 
 from verefine_viz.batch.totals import misranked_share
-from verefine_viz.evaluation.answers import CORRECT
+from verefine_viz.evaluation.matched_estimates import CORRECT
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.drawing.markup import carries, sentence, text
 from verefine_viz.viewer.drawing.plausibility_picture import LIGHTS

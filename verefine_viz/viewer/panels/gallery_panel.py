@@ -69,7 +69,7 @@ def gallery_html(gallery: Gallery) -> str:
     """The bar and all tiles."""
     notes = [gallery.doubt, *gallery.tag_faults.values()]
     if gallery.n_unfinished:
-        notes.append(f"Runs that are not finished are left out: {gallery.n_unfinished}.")
+        notes.append(f"Runs without a finished frame are left out: {gallery.n_unfinished}.")
     tiles = "".join(entry_of(gallery, entry, k) for k, entry in enumerate(gallery.entries))
     bar = bar_html(list(gallery.values.values()), has_tags=True)
     doubts = "".join(warning(note, red=True, folded=True) for note in notes if note)

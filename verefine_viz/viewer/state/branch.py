@@ -12,7 +12,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.settings import Change, Session
 from verefine_viz.diagnosis.signs import Discarded, discarded
-from verefine_viz.evaluation.answers import CORRECT
+from verefine_viz.evaluation.matched_estimates import CORRECT
 from verefine_viz.methods.registry import method_of
 from verefine_viz.run.engine import Run
 from verefine_viz.run.session_file import changed

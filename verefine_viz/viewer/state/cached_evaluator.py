@@ -21,8 +21,8 @@ from verefine_viz.core.scores import PoseScore, ScoreMaps
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.ambiguity import OtherPose, other_pose, run_poses
 from verefine_viz.diagnosis.symmetry import UndeclaredTurn, undeclared_turn
-from verefine_viz.evaluation.answers import CORRECT
 from verefine_viz.evaluation.landscape import Landscape, Slice, landscape, score_slice
+from verefine_viz.evaluation.matched_estimates import CORRECT
 from verefine_viz.evaluation.near_symmetry import NearSymmetry, flips, near_symmetries
 from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
 

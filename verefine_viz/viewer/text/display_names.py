@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from verefine_viz.core.palette import ARM_COLORS, RGB
 from verefine_viz.core.problem import Hypothesis, Target
 from verefine_viz.core.surroundings import SUPPORT_ID, unknown_number
-from verefine_viz.evaluation.answers import CORRECT
+from verefine_viz.evaluation.matched_estimates import CORRECT
 from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.methods.registry import method_of
 from verefine_viz.viewer.snapshot.scene_state import ObjectState

@@ -17,7 +17,7 @@ from verefine_viz.diagnosis.ambiguity import in_short
 from verefine_viz.diagnosis.causes import TITLES, Cause, cause_title
 from verefine_viz.diagnosis.score_causes import blamed_pixels
 from verefine_viz.diagnosis.signs import Lost, far_start, ground_truth_is_unfit, is_low, leaks, out_of_range, starved
-from verefine_viz.evaluation.answers import CORRECT
+from verefine_viz.evaluation.matched_estimates import CORRECT
 from verefine_viz.evaluation.pose_errors import add_where_add_s_is_below
 from verefine_viz.methods.registry import method_of
 from verefine_viz.run.breakpoints import hits
