@@ -5,27 +5,38 @@ from __future__ import annotations
 from multiprocessing import connection
 from pathlib import Path
 
-# NAMES Estimate,FrameResult,Answer
+import numpy as np
+
+from tests.made_runs import answer, finished
+from verefine_viz.batch.journal import Runs
+from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.settings import Session
+from verefine_viz.run.record import RunRecord, failed_run
 
-POSE = tuple(float(k % 5 == 0) for k in range(16))
+AXIS = np.array([0.36, 0.48, 0.8])
 
 
-def answer(frame: str) -> FrameResult:
-    """Some 10 kB in the journal, 3 kB in frames.csv, 4.5 kB in results.csv; the same for the same frame."""
+def answered(session: Session, frame: str, out: Path) -> RunRecord:
+    """Some 8.5 kB in the run file, 1.6 kB in frames.csv, 3 kB in results.csv; the same for the same frame."""
     im_id = int(frame.partition("/")[2])
-    rows = tuple(
-        answer(scene_id=7, im_id=im_id, instance_id=k, obj_id=5, status="ok", score=0.5, message="long " * 180)
-        for k in range(3)
-    )
-    estimates = tuple(Estimate(obj_id=5, score=1 / (im_id + k + 1), T_cam_obj=POSE) for k in range(50))
-    return FrameResult(frame=frame, failed=False, seconds=0.1, objects=rows, estimates=estimates)
+    pose = transform(axis_angle(AXIS, 0.1 + im_id), np.array([0.1, 0.2, 0.7]) / 3)
+    rows = [
+        answer(7, im_id, instance_id=k, obj_id=5, score=1 / (im_id + k + 1), T_cam_obj=pose, message="long " * 10)
+        for k in range(12)
+    ]
+    record = finished(frame, rows, seconds=0.1)
+    try:
+        Runs(out / "runs").save(session, record)
+    except VerefineError as error:
+        return failed_run(session, frame, str(error))
+    return record
 
 
 def work(channel: connection.Connection, session: Session, out: Path, task: str) -> None:
     """Answers until the channel closes."""
     while True:
         try:
-            channel.send(answer(channel.recv()))
+            channel.send(answered(session, channel.recv(), out))
         except EOFError:
             return

@@ -6,41 +6,55 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tests.batch.answering import POSE
+import numpy as np
 
-# NAMES Estimate,FrameResult,Answer,file_stem
+from tests.made_runs import answer, finished, written
+from verefine_viz.batch.journal import file_stem
 from verefine_viz.batch.run_batch import Backend, Workers
 from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.settings import Session
+from verefine_viz.run.record import RunRecord, failed_run
 
 
-def solved(frame: str) -> FrameResult:
-    """One object with five estimates."""
+def solved(frame: str) -> RunRecord:
+    """Five objects."""
     im_id = int(frame.partition("/")[2])
-    row = answer(scene_id=0, im_id=im_id, status="ok", score=0.5, events="arm_switched 3; score_fell 1" * 10)
-    estimate = Estimate(obj_id=1, score=0.5, T_cam_obj=POSE)
-    return FrameResult(frame=frame, failed=False, seconds=0.1, objects=(row,), estimates=(estimate,) * 5)
+    rows = [
+        answer(0, im_id, instance_id=k, obj_id=1, score=0.5, T_cam_obj=np.eye(4), events="arm_switched 3; score_fell 1")
+        for k in range(5)
+    ]
+    return finished(frame, rows, seconds=0.1)
+
+
+def failed(frame: str, message: str) -> RunRecord:
+    """Nobody knows what is in it."""
+    return failed_run(Session(), frame, message)
 
 
 @dataclass
 class AtOnce:
     """The workers."""
 
-    answer: Callable[[str], FrameResult | str | None] = solved
+    answer: Callable[[str], RunRecord | str | None] = solved
     needs: str = ""
     warning: str = ""
     is_closed: bool = False
-    recordings: Path | None = None
-    """Where each frame leaves one, as those of real workers do; empty files."""
+    leaves_recordings: bool = True
+    """Empty files, a frame each."""
+    out: Path = Path()
+    """Folder of the batch."""
 
-    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult | str | None]:
-        return map(self._recorded, frames)
+    def solve(self, frames: Iterable[str]) -> Iterator[RunRecord | str | None]:
+        return map(self.done, frames)
 
-    def _recorded(self, frame: str) -> FrameResult | str | None:
+    def done(self, frame: str) -> RunRecord | str | None:
+        """The answer, with what real workers write: run files of frames that did not fail, and recordings."""
         answer = self.answer(frame)
-        if self.recordings is not None:
-            self.recordings.mkdir(parents=True, exist_ok=True)
-            (self.recordings / f"{file_stem(frame)}.rrd").touch()
+        if isinstance(answer, RunRecord) and not (answer.end and answer.end.failed):
+            written(self.out, answer)
+        if self.leaves_recordings:
+            (self.out / "recordings").mkdir(parents=True, exist_ok=True)
+            (self.out / "recordings" / f"{file_stem(frame)}.rrd").touch()
         return answer
 
     def close(self) -> None:
@@ -54,5 +68,5 @@ class AtOnceBackend(Backend):
     made: AtOnce = field(default_factory=AtOnce)
 
     def workers(self, session: Session, out: Path, task: TaskName) -> Workers:
-        self.made.recordings = out / "recordings"
+        self.made.out = out
         return self.made

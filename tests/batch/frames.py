@@ -18,11 +18,10 @@ import pytest
 from tests.scenes.bop_folder import Made, make
 from verefine_viz import cli
 from verefine_viz.batch import batch_command, worker_pool
-
-# NAMES FrameResult
 from verefine_viz.batch.solve_frame import TASKS
 from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.settings import Session
+from verefine_viz.run.record import RunRecord
 from verefine_viz.run.toolbox import Toolbox
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -89,7 +88,7 @@ class PoolHere:
     def switch_to(self, session: Session, out: Path) -> None:
         self._toolbox, self._out = Toolbox(session), out
 
-    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult]:
+    def solve(self, frames: Iterable[str]) -> Iterator[RunRecord]:
         for frame in frames:
             yield self._task(self._toolbox, frame, self._out)
 

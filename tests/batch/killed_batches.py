@@ -15,8 +15,10 @@ from pathlib import Path
 
 import psutil
 
-# NAMES TIME_COLUMNS
+from tests.batch.outputs import done
+from verefine_viz.run.answers import COLUMNS
 
+TIMES = {column.name for column in COLUMNS if column.kind == "time"}
 PATIENCE_S = 600.0
 
 
@@ -34,7 +36,7 @@ def without_times(out: Path) -> tuple[list[list[str]], list[dict[str, str]]]:
     with (out / "results.csv").open(newline="") as file:
         results = [row[:-1] for row in csv.reader(file)]
     with (out / "frames.csv").open(newline="") as file:
-        frames = [{k: v for k, v in row.items() if k not in TIME_COLUMNS} for row in csv.DictReader(file)]
+        frames = [{k: v for k, v in row.items() if k not in TIMES} for row in csv.DictReader(file)]
     return results, frames
 
 
@@ -64,14 +66,14 @@ def killed_until_done(
         left = psutil.wait_procs(workers, timeout=PATIENCE_S)[1]
         if left:
             raise RuntimeError(f"{len(left)} workers of a killed batch still run")
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise RuntimeError(f"the last start failed: {done.stderr}")
+    last = subprocess.run(command, capture_output=True, text=True, check=False)
+    if last.returncode != 0:
+        raise RuntimeError(f"the last start failed: {last.stderr}")
     return Killed(len(at), tuple(at))
 
 
 def _n_done(out: Path) -> int:
-    return len(list((out / "frames").glob("*.json")))
+    return len(done(out))
 
 
 def _wait_for(child: subprocess.Popen[bytes], out: Path, n_done: int) -> None:

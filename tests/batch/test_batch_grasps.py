@@ -10,8 +10,7 @@ import pytest
 from tests.batch.frames import batch_here, make_frames, write_session
 from tests.report.pages import GONE, figures
 from tests.report.runs import row, write_run
-
-# NAMES read_frames_csv
+from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.session_check import check
 from verefine_viz.batch.solve_frame import solve_frame
 from verefine_viz.core.errors import InputError
@@ -65,9 +64,10 @@ def test_a_file_that_holds_no_grasps_of_an_object_is_noted_and_the_answer_stays(
         tmp_path, made, method={"name": "refine", "refiner": "identity", "iterations": 1},
         grasp={"answers": True, "folder": str(tmp_path)},
     )  # fmt: skip
-    result = solve_frame(Toolbox(load_session(session)), "7/0", tmp_path)
-    assert {row.status for row in result.objects} == {"ok"}
-    refused = [row for row in result.objects if row.obj_id == 5]
+    result = solve_frame(Toolbox(load_session(session)), "7/0", tmp_path).end
+    assert result is not None
+    assert {row.status for row in result.answers} == {"ok"}
+    refused = [row for row in result.answers if row.obj_id == 5]
     assert refused
     assert {row.grasp for row in refused} == {""}
     notes = [note for note in result.notes if said in note]

@@ -22,7 +22,7 @@ from distributed import LocalCluster
 from tests.batch.conftest import N_FRAMES
 from tests.batch.frames import batch_here, started_batch
 from tests.batch.killed_batches import without_times
-from tests.batch.outputs import journal, stop_in_the_middle
+from tests.batch.outputs import done, stop_in_the_middle
 from verefine_viz import cli
 from verefine_viz.batch import cluster
 from verefine_viz.batch.dask_worker import WorkerTools
@@ -78,8 +78,8 @@ def test_a_running_cluster_gives_the_same_and_keeps_nothing_of_ours(
     running: LocalCluster, session: Path, whole: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    done = batch_here(session, out, "--cluster", running.scheduler_address)
-    assert done.returncode == 0, done.stderr
+    ended = batch_here(session, out, "--cluster", running.scheduler_address)
+    assert ended.returncode == 0, ended.stderr
     assert without_times(out) == without_times(whole)
     assert len(list((out / "recordings").glob("*.rrd"))) == N_FRAMES
     # The cluster is somebody else's: it goes on, with nothing of ours left on it.
@@ -104,10 +104,12 @@ def test_a_scheduler_that_is_lost_ends_the_batch_which_goes_on_elsewhere(
     assert str(caught.value) == (
         f"the scheduler at {backend.cluster} is gone; what is done is saved: start it again and repeat the command"
     )
-    n_done = len(journal(out))
+    n_done = len(done(out))
     assert 1 <= n_done < N_FRAMES
     outcome = run_here(loaded, out, Backend())
-    assert (outcome.n_resumed, outcome.n_failed) == (n_done, 0)
+    # Workers that lose their scheduler may finish their frames.
+    assert n_done <= outcome.n_resumed <= N_FRAMES
+    assert outcome.n_failed == 0
     assert without_times(out)[0] == without_times(whole)[0]
 
 

@@ -6,20 +6,28 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
+import msgspec
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec import structs
 
 from tests.batch.at_once import AtOnce, AtOnceBackend, solved
 from tests.batch.test_runner import contents, frames
+from tests.made_runs import written
 from verefine_viz.batch.batch_command import run_jobs
+from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.jobs import Job
 from verefine_viz.batch.journal import Runs
-
-# NAMES FrameResult,read_frames_csv
 from verefine_viz.batch.run_batch import Progress, run_batch
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
+from verefine_viz.run.answers import table_lines
+from verefine_viz.run.record import FORMAT, RunRecord
+from verefine_viz.run.run_file import MAGIC, decoded, framed
+
+ENCODER = msgspec.msgpack.Encoder()
 
 
 def cut(file: Path) -> None:
@@ -42,7 +50,7 @@ def put_a_folder(file: Path) -> None:
 
 @pytest.mark.parametrize("table", ["frames.csv", "results.csv"])
 @pytest.mark.parametrize("damage", [cut, empty, lengthen, Path.unlink])
-def test_a_table_of_a_finished_batch_is_written_again_from_the_journal(
+def test_a_table_of_a_finished_batch_is_written_again_from_the_run_files(
     table: str, damage: Callable[[Path], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     frames(4, monkeypatch)
@@ -51,12 +59,12 @@ def test_a_table_of_a_finished_batch_is_written_again_from_the_journal(
     damage(tmp_path / table)
     again = run_batch(Session(), tmp_path, AtOnceBackend(made=AtOnce(never)))
     assert (again.was_finished, again.is_whole) == (False, True)
-    assert again.notes == (f"written again, as it differed from the journal: {table}",)
+    assert again.notes == (f"written again, as it differed from the run files: {table}",)
     assert (tmp_path / table).read_bytes() == whole
     assert run_batch(Session(), tmp_path, AtOnceBackend()).was_finished
 
 
-def never(frame: str) -> FrameResult:
+def never(frame: str) -> RunRecord:
     raise AssertionError(f"{frame} was solved again")
 
 
@@ -75,7 +83,7 @@ def test_frames_that_are_lost_while_the_batch_runs_are_no_success(
     frames(5, monkeypatch)
     out = tmp_path / "out"
 
-    def answer(frame: str) -> FrameResult:
+    def answer(frame: str) -> RunRecord:
         if frame == at:
             shutil.rmtree(out)
         return solved(frame)
@@ -85,13 +93,13 @@ def test_frames_that_are_lost_while_the_batch_runs_are_no_success(
     lost = [f"0/{k}" for k in range(int(at[2:]))]
     assert f"{len(lost)} frames of the session are missing ({', '.join(lost)})" in capsys.readouterr().out
     assert json.loads((out / "run.json").read_text())["status"] == "incomplete"
-    assert [row.frame for row in read_batch(out).rows] == [f"0/{k}" for k in range(len(lost), 5)]
+    assert [*dict.fromkeys(row.frame for row in read_batch(out).rows)] == [f"0/{k}" for k in range(len(lost), 5)]
     # The same command solves what is missing, and nothing else.
     asked: list[str] = []
     again = AtOnceBackend(made=AtOnce(lambda frame: asked.append(frame) or solved(frame)))
     assert run_jobs([job], out, again) == 0
     assert asked == lost
-    assert len(read_batch(out).rows) == 5
+    assert len(read_batch(out).frames) == 5
 
 
 def test_recordings_that_are_gone_are_named_and_made_again_when_asked_for(
@@ -119,42 +127,42 @@ def test_recordings_that_were_not_asked_for_are_not_missed(
 ) -> None:
     frames(3, monkeypatch)
     session = Session.model_validate({"recording": {"keep": keep}})
-    made = AtOnce()
-    made.solve = lambda frames: map(solved, frames)  # type: ignore[method-assign]
+    made = AtOnce(leaves_recordings=False)
     assert run_batch(session, tmp_path, AtOnceBackend(made=made)).notes == ()
 
 
-def pose(value: Any) -> Callable[[dict[str, Any]], Any]:
-    return lambda entry: entry["estimates"][0].update(T_cam_obj=value)
-
-
-NAN_POSE = [float("nan")] + [float(k % 5 == 0) for k in range(1, 16)]
+def flipped(content: bytes, at: int) -> bytes:
+    """One bit is another; ``at`` from the end where it is negative."""
+    changed = bytearray(content)
+    changed[at] ^= 8
+    return bytes(changed)
 
 
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        (pose(NAN_POSE), "estimates.0.T_cam_obj.0 = nan: input should be a finite number"),
-        (pose([0.0, 0.0, 1.0]), "estimates.0.T_cam_obj = [0.0, 0.0, 1.0]: tuple should have at least 16 items"),
-        (pose([2.0 * (k % 5 == 0) for k in range(16)]), "the pose is not rigid"),
-        (pose("here"), "estimates.0.T_cam_obj = 'here'"),
-        (lambda entry: entry.pop("objects"), "objects is missing"),
-        (lambda entry: entry.update(objects=[]), "it holds no object"),
-        (lambda entry: entry.update(objects=[], failed=True), "a failed frame has a row that says why"),
-        (lambda entry: entry["objects"][0].update(score=float("inf")), "objects.0.score = inf"),
-        (lambda entry: entry.update(frame="0/7"), "it is about frame 0/7"),
+        (lambda content: flipped(content, -9), "is damaged: the run ended early (bytes in the middle are damaged)"),
+        (lambda content: flipped(content, len(MAGIC) + 12), "holds nothing of a run"),
+        (lambda content: flipped(content, 0), "is no run file"),
+        (lambda content: b"", "is no run file"),
+        (lambda content: b"7,0,5,0.9", "is no run file"),
+        (lambda content: content[: len(MAGIC) + 20], "holds nothing of a run"),
+        (lambda content: changed_header(content, format=FORMAT + 1), "was written by a later version"),
+        (lambda content: changed_header(content, frame="0/7"), "is damaged: it is about frame 0/7"),
+        (lambda content: changed_header(content, frame="here"), "is damaged: 'here' is no frame"),
+        (lambda content: content[:-1], None),
+        (lambda content: content[: len(content) // 2], None),
     ],
 )
-def test_a_damaged_entry_of_the_journal_is_said_and_its_frame_solved_again(
-    change: Callable[[dict[str, Any]], Any], why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_damaged_run_file_is_said_and_its_frame_solved_again(
+    change: Callable[[bytes], bytes], why: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """One whose end is missing is as a kill leaves it, and nothing to tell."""
     frames(3, monkeypatch)
     run_batch(Session(), tmp_path, AtOnceBackend())
     before = {name: (tmp_path / name).read_bytes() for name in ("frames.csv", "results.csv")}
-    file = tmp_path / "frames" / "000000_000001.json"
-    entry = json.loads(file.read_text())
-    change(entry)
-    file.write_text(json.dumps(entry))
+    file = Runs(tmp_path / "runs").path("0/1")
+    file.write_bytes(change(file.read_bytes()))
     assert Runs(tmp_path / "runs").read("0/1") is None
     asked: list[str] = []
     told: list[str] = []
@@ -165,11 +173,56 @@ def test_a_damaged_entry_of_the_journal_is_said_and_its_frame_solved_again(
     made = AtOnce(lambda frame: asked.append(frame) or solved(frame))
     assert run_batch(Session(), tmp_path, AtOnceBackend(made=made), look).is_whole
     assert asked == ["0/1"]
-    (note,) = [one for one in told if one.startswith("note: ")]
-    assert note.startswith(f"note: {file} is damaged: ")
-    assert note.endswith("; its frame is solved again")
-    assert why in note
+    notes = [one for one in told if one.startswith("note: ")]
+    assert len(notes) == (why is not None)
+    for note in notes:
+        assert str(file) in note
+        assert why in note
+        assert note.endswith("; its frame is solved again")
+        assert "\n" not in note
     assert {name: (tmp_path / name).read_bytes() for name in before} == before
+
+
+def changed_header(content: bytes, **values: object) -> bytes:
+    """A run file whose header says something else, with checksums that fit."""
+    header = decoded(content, "it").header
+    was, now = (framed(b"H" + ENCODER.encode(one)) for one in (header, structs.replace(header, **values)))
+    assert was in content
+    return content.replace(was, now)
+
+
+@given(st.data())
+def test_no_changed_bit_and_no_cut_gives_other_answers(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    folder = tmp_path_factory.mktemp("runs")
+    record = written(folder, solved("0/1"))
+    runs = Runs(folder / "runs")
+    file = runs.path("0/1")
+    content = file.read_bytes()
+    at = data.draw(st.integers(0, len(content) - 1))
+    changed = bytearray(content)
+    changed[at] ^= 1 << data.draw(st.integers(0, 7))
+    file.write_bytes(data.draw(st.sampled_from([bytes(changed), content[:at]])))
+    assert runs.read("0/1") is None
+    assert list(runs.records(["0/1"])) == []
+    file.write_bytes(content)
+    (again,) = runs.records(["0/1"])
+    assert table_lines(again) == table_lines(record)
+
+
+def test_every_damaged_run_file_counts_and_the_first_are_quoted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = frames(5, monkeypatch)
+    run_batch(Session(), tmp_path, AtOnceBackend())
+    for frame in names:
+        Runs(tmp_path / "runs").path(frame).write_bytes(b"no run")
+    told: list[str] = []
+    run_batch(Session(), tmp_path, AtOnceBackend(), lambda now: told.append(now.doing))
+    (note,) = filter(None, told)
+    assert note.count("is no run file") == 3
+    assert note.endswith(" and 2 more; these frames are solved again")
 
 
 @pytest.mark.parametrize("run", ['{"seconds": "x"}', '{"status": 3}', '{"totals": {"frames": "three"}}'])

@@ -7,14 +7,13 @@ from pathlib import Path
 import pytest
 
 from tests.calibration.sizes import WithoutTruth, scene, written
+from tests.made_runs import finished
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.journal import BatchInfo, Runs
-
-# NAMES FrameResult
 from verefine_viz.batch.solve_frame import explain_frame
 from verefine_viz.batch.totals import Totals
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, RecordingSettings, SceneSettings, Session
-from verefine_viz.run.record import DATA_FIRST
+from verefine_viz.run.record import DATA_FIRST, RunRecord
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.viewer.state.batch_gallery import Gallery
 
@@ -37,8 +36,9 @@ def test_a_wrong_focal_length_is_noted_where_answers_are_wrong(
         method=unmoved,
         recording=RecordingSettings(keep="none"),
     )
-    result = explain_frame(Toolbox(session), "0/0", tmp_path)
-    assert any(row.cause for row in result.objects) == (translation_mm > 0)
+    result = explain_frame(Toolbox(session), "0/0", tmp_path).end
+    assert result is not None
+    assert any(row.cause for row in result.answers) == (translation_mm > 0)
     assert any("fx and fy of cam_K look too small" in doubt for doubt in result.doubts) == noted
 
 
@@ -51,24 +51,24 @@ def test_without_ground_truth_every_answer_of_the_frame_says_so(tmp_path: Path, 
         method=MethodSettings(name="rir", iterations=2),
         recording=RecordingSettings(keep="none"),
     )
-    result = explain_frame(WithoutTruth(session), "0/0", tmp_path)
+    result = explain_frame(WithoutTruth(session), "0/0", tmp_path).end
+    assert result is not None
     assert len(result.doubts) == in_doubt
-    assert all(row.evidence.startswith(DATA_FIRST) == bool(in_doubt) for row in result.objects)
-    journal = Runs(tmp_path)
-    journal.save(result)
-    assert journal.read("0/0") == result, "a batch that goes on later still knows"
+    assert all(row.evidence.startswith(DATA_FIRST) == bool(in_doubt) for row in result.answers)
     totals = Totals()
-    rows = [row for one in totals.passing(journal.results(["0/0"])) for row in one.objects]
+    # A batch that goes on later still knows.
+    (record,) = totals.passing(Runs(tmp_path / "runs").records(["0/0"]))
+    assert record.end is not None
+    assert record.end.doubts == result.doubts
+    rows = record.end.answers
     said = totals.as_json(1)["data_in_doubt"]
     assert said.startswith(f"{DATA_FIRST} in frame 0/0, ") == bool(in_doubt)
-    assert Gallery([BatchIndex(tmp_path, session, BatchInfo(), tuple(rows))]).doubt.startswith(DATA_FIRST) == bool(
-        in_doubt
-    )
+    assert Gallery([BatchIndex(tmp_path, session, BatchInfo(), rows)]).doubt.startswith(DATA_FIRST) == bool(in_doubt)
 
 
 def test_the_end_of_a_batch_counts_the_frames_and_says_which_have_which_reason() -> None:
-    def result(k: int, *doubts: str) -> FrameResult:
-        return FrameResult(frame=f"0/{k}", failed=False, seconds=1.0, objects=(), doubts=doubts)
+    def result(k: int, *doubts: str) -> RunRecord:
+        return finished(f"0/{k}", (), doubts=doubts)
 
     totals = Totals()
     for _ in totals.passing([result(1), result(2, "it is odd: check it"), result(3, "cam_K is odd: check it")]):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-# NAMES Answer
+from tests.made_runs import answer
 from verefine_viz.batch.totals import Doubts, doubts_in_words
-from verefine_viz.run.record import DATA_FIRST
+from verefine_viz.run.record import DATA_FIRST, Answer
 
 LARGE = "objects appear 11% larger: check cam_K"
 LARGER = "objects appear 12.5% larger: check cam_K"

@@ -8,25 +8,31 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.made_runs import answer, finished
 from verefine_viz.batch.folder import RunFolder, first_change
 from verefine_viz.batch.journal import BatchInfo, read_run
-
-# NAMES FrameResult,Answer,failed_frame
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.settings import Session
+from verefine_viz.run.answers import table_lines
+from verefine_viz.run.record import RunRecord, failed_run
 from verefine_viz.run.session_file import load_session, resolve
 
 SESSION = resolve({"title": "a", "method": {"name": "sir"}})
 
 
-def finished(frame: str, score: float = 0.5) -> FrameResult:
-    row = answer(scene_id=1, im_id=2, status="ok", score=score)
-    return FrameResult(frame=frame, failed=False, seconds=0.1, objects=(row,))
+def solved(frame: str, score: float = 0.5) -> RunRecord:
+    return finished(frame, [answer(1, 2, score=score)])
+
+
+def tables(records: Iterable[RunRecord]) -> list[tuple[str, str]]:
+    """What they say, frame by frame."""
+    return [(record.header.frame, table_lines(record)) for record in records]
 
 
 def test_a_new_folder_holds_the_session_that_runs(tmp_path: Path) -> None:
@@ -36,28 +42,31 @@ def test_a_new_folder_holds_the_session_that_runs(tmp_path: Path) -> None:
 
 def test_finished_frames_are_found_again(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path, SESSION)
-    folder.journal.save(finished("1/2", 1 / 3))
-    folder.journal.save(finished("1/3"))
+    two, three = solved("1/2", 1 / 3), solved("1/3")
+    for one in (two, three):
+        folder.runs.save(SESSION, one)
     folder.close()
     again = RunFolder(tmp_path, SESSION)
-    assert list(again.journal.results(["1/3", "1/4", "1/2"])) == [finished("1/3"), finished("1/2", 1 / 3)]
+    assert tables(again.runs.records(["1/3", "1/4", "1/2"])) == tables([three, two])
+    assert again.runs.frames == ("1/2", "1/3")
     again.close()
 
 
 def test_damaged_entries_do_not_count(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path, SESSION)
-    failed = failed_frame("1/2", "no depth", SESSION)
-    folder.journal.save(failed)
-    folder.journal.save(finished("1/3"))
-    (tmp_path / "frames" / "000001_000004.json").write_text('{"frame": "1/4", "fai')
-    (tmp_path / "frames" / "000001_000005.json").write_text(finished("1/6").model_dump_json())
-    half = tmp_path / "frames" / "000001_000007.json.12-34.part"
-    half.write_text(finished("1/7").model_dump_json())
-    assert list(folder.journal.results(f"1/{k}" for k in range(10))) == [failed, finished("1/3")]
-    assert (failed.objects[0].method, failed.objects[0].seed) == ("sir", 0)
+    runs, failed, other = folder.runs, failed_run(SESSION, "1/2", "no depth"), solved("1/3")
+    runs.save(SESSION, failed)
+    runs.save(SESSION, other)
+    runs.path("1/4").write_bytes(runs.path("1/3").read_bytes()[:-20])
+    runs.path("1/5").write_bytes(runs.path("1/3").read_bytes())
+    runs.path("1/7").write_text("1,3,0.5")
+    assert tables(runs.records(f"1/{k}" for k in range(10))) == tables([failed, other])
+    with pytest.raises(InputError, match=r"000001_000005\.vfrun is damaged: it is about frame 1/3"):
+        runs.entry("1/5")
+    runs.forget("1/2")
+    runs.forget("1/2")
+    assert runs.entry("1/2") is None
     folder.close()
-    RunFolder(tmp_path, SESSION).close()
-    assert not half.exists()
 
 
 def test_another_session_is_refused_by_its_first_difference(tmp_path: Path) -> None:
@@ -126,8 +135,7 @@ def test_half_written_files_of_killed_processes_go_and_those_of_others_stay(tmp_
     RunFolder(tmp_path, SESSION).close()
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
-    gone = ["frames.csv.1-2.part", "recordings/000001_000002.rrd.part", "recordings/000001_000002.rrd.journal"]
-    gone += ["errors/000001_000002.txt.1-2.part", f"report.html.{ended.pid}-1.part"]
+    gone = ["frames.csv.1-2.part", "errors/000001_000002.txt.1-2.part", f"report.html.{ended.pid}-1.part"]
     kept = ["recordings/000001_000003.rrd", f"report.html.{os.getpid()}-1.part", "mine.part"]
     for name in (*gone, *kept):
         (tmp_path / name).parent.mkdir(exist_ok=True)
@@ -177,17 +185,19 @@ def test_nothing_is_half_written_on_a_full_disk(tmp_path: Path, monkeypatch: pyt
     folder.write_json("run.json", {"version": "old"})
     before = (tmp_path / "run.json").read_text()
 
-    def full(self: Path, *_: object, **__: object) -> int:
-        self.touch()
+    def full(self: Path | int, *_: object, **__: object) -> int:
+        if isinstance(self, Path):
+            self.touch()
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(Path, "write_text", full)
     with pytest.raises(InputError, match=r"cannot write .*run\.json: No space left on device"):
         folder.write_json("run.json", {"version": "new"})
-    with pytest.raises(InputError, match=r"cannot write .*000001_000002\.json: No space left on device"):
-        folder.journal.save(finished("1/2"))
     assert (tmp_path / "run.json").read_text() == before
-    assert list((tmp_path / "frames").iterdir()) == []
+    monkeypatch.setattr(os, "write", full)
+    with pytest.raises(InputError, match=r"cannot write .*000001_000002\.vfrun: No space left on device"):
+        folder.runs.save(SESSION, solved("1/2"))
+    assert folder.runs.read("1/2") is None
     folder.close()
 
 

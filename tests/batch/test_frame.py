@@ -11,13 +11,15 @@ import pytest
 from tests.batch.frames import depth_file, make_frames, write_session
 from tests.scenes.bop_folder import Made
 from verefine_viz.batch import solve_frame as causes
-
-# NAMES FRAMES_HEADER,STAGES,FrameResult,failed_frame,frames_lines
-from verefine_viz.batch.solve_frame import explain_frame, solve_frame
+from verefine_viz.batch.journal import Runs
+from verefine_viz.batch.solve_frame import FrameTask, explain_frame, solve_frame
+from verefine_viz.core.errors import InputError
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.evaluation.landscape import landscape
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.run.answers import COLUMNS, STAGES, solving_s, table_lines
+from verefine_viz.run.record import RunEnd
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.bop_source import BopSource
@@ -38,6 +40,19 @@ def toolbox(folder: Path, made: Made, keep: str, **hypotheses: object) -> Toolbo
     return Toolbox(load_session(session))
 
 
+def solved(tools: Toolbox, frame: str, out: Path, task: FrameTask = solve_frame) -> RunEnd:
+    """How the frame ended; its run file says the same, and there is none where it failed."""
+    record = task(tools, frame, out)
+    assert record.end is not None
+    path = Runs(out / "runs").path(frame)
+    written = Runs(out / "runs").entry(frame) if path.exists() else None
+    assert (written is None) == record.end.failed
+    if written is not None:
+        assert table_lines(written) == table_lines(record)
+        assert written.header.session == record.header.session
+    return record.end
+
+
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize(
     ("keep", "translation_mm", "n_kept"),
@@ -47,12 +62,12 @@ def test_the_recordings_that_were_asked_for_are_kept(
     tmp_path: Path, made: Made, keep: str, translation_mm: float, n_kept: int
 ) -> None:
     tools = toolbox(tmp_path, made, keep, rotation_deg=0.0, translation_mm=translation_mm)
-    result = solve_frame(tools, "7/0", tmp_path)
-    assert [row.is_correct for row in result.objects] == [translation_mm == 0.0] * 3
+    result = solved(tools, "7/0", tmp_path)
+    assert [row.is_correct for row in result.answers] == [translation_mm == 0.0] * 3
     recordings = list((tmp_path / "recordings").glob("*"))
     assert len(recordings) == n_kept
     for file in recordings:
-        assert len(read_recording(file).entries) == 9  # 3 objects, 3 iterations: the whole history
+        assert len(read_recording(file).iterations) == 9  # 3 objects, 3 iterations: the whole history
 
 
 @pytest.mark.parametrize("keep", ["all", "failures"])
@@ -65,11 +80,11 @@ def test_recording_is_no_part_of_the_time_of_solving(
     monkeypatch.setattr(Recorder, "on_start", slow)
     monkeypatch.setattr(Recorder, "on_iteration", slow)
     monkeypatch.setattr(Recorder, "on_finish", slow)
-    result = solve_frame(toolbox(tmp_path, made, keep, rotation_deg=0.0, translation_mm=60.0), "7/0", tmp_path)
+    result = solved(toolbox(tmp_path, made, keep, rotation_deg=0.0, translation_mm=60.0), "7/0", tmp_path)
     n_calls = 1 + 9 + 1  # start, iterations, end
     assert result.stages_ms["record"] > 300 * n_calls
-    assert result.solving_s == pytest.approx(1e-3 * (result.stages_ms["start"] + result.stages_ms["iterate"]))
-    assert result.solving_s < result.seconds - 0.3 * n_calls
+    assert solving_s(result) == pytest.approx(1e-3 * (result.stages_ms["start"] + result.stages_ms["iterate"]))
+    assert solving_s(result) < result.seconds - 0.3 * n_calls
     assert sum(result.stages_ms.values()) < 1e3 * result.seconds
 
 
@@ -88,12 +103,12 @@ def test_models_are_prepared_at_the_first_frame_and_that_is_no_reading(
         return solids(*arguments)
 
     tools = toolbox(tmp_path, made, "none", rotation_deg=0.0, translation_mm=0.0)
-    before = solve_frame(tools, "7/0", tmp_path).stages_ms
+    before = solved(tools, "7/0", tmp_path).stages_ms
     monkeypatch.setattr(BopSource, "_models", slow_reading)
     monkeypatch.setattr(Toolbox, "_solvable", slow_solids)
-    after = solve_frame(tools, "7/0", tmp_path).stages_ms
+    after = solved(tools, "7/0", tmp_path).stages_ms
     assert after["prepare"] > 700
-    assert list(after) == list(before) == ["prepare", "read", "start", "iterate", "summarise", "record"]
+    assert list(after) == list(before) == ["prepare", "read", "record", "start", "iterate", "summarise"]
 
 
 @pytest.mark.parametrize("what", ["mask", "model"])
@@ -105,22 +120,21 @@ def test_an_object_whose_mask_or_model_is_gone_is_a_row_and_a_miss(tmp_path: Pat
     file, said = files[what]
     file.unlink()
     tools = toolbox(tmp_path, made, "none", rotation_deg=0.0, translation_mm=60.0)
-    result = explain_frame(tools, "7/0", tmp_path)
+    result = solved(tools, "7/0", tmp_path, explain_frame)
     assert not result.failed
-    assert [row.status for row in result.objects] == ["ok", "ok", "left_out"]
-    row = result.objects[-1]
+    assert [row.status for row in result.answers] == ["ok", "ok", "left_out"]
+    row = result.answers[-1]
     assert (row.instance_id, row.obj_id, row.has_truth, row.visib_fract) == (1, 5, True, 0.6)
     assert said in row.message
     assert row.cause == ""
-    assert len(result.estimates) == 2
+    assert [row.T_cam_obj is None for row in result.answers] == [False, False, True]
 
 
 def test_a_frame_that_cannot_be_read_is_a_row(tmp_path: Path, made: Made) -> None:
     depth_file(made, 0).unlink()
-    result = solve_frame(toolbox(tmp_path, made, "all"), "7/0", tmp_path)
+    result = solved(toolbox(tmp_path, made, "all"), "7/0", tmp_path)
     assert result.failed
-    assert result.seconds > 0
-    (row,) = result.objects
+    (row,) = result.answers
     assert (row.scene_id, row.im_id, row.status) == (7, 0, "failed")
     assert "depth" in row.message
     assert not (tmp_path / "errors").exists()
@@ -135,22 +149,25 @@ def test_an_error_that_nobody_foresaw_leaves_its_traceback(
         raise ZeroDivisionError("division by zero")
 
     monkeypatch.setattr(tools, "problem", broken)
-    (row,) = solve_frame(tools, "7/0", tmp_path).objects
+    (row,) = solved(tools, "7/0", tmp_path).answers
     assert row.message == "ZeroDivisionError: division by zero (see errors/000007_000000.txt)"
     assert "Traceback" in (tmp_path / "errors" / "000007_000000.txt").read_text()
 
 
 def test_causes_are_asked_for_where_the_answer_is_wrong(tmp_path: Path, made: Made) -> None:
     near = toolbox(tmp_path, made, "none", rotation_deg=0.0, translation_mm=0.0)
-    assert {row.cause for row in explain_frame(near, "7/0", tmp_path).objects} == {""}
+    assert {row.cause for row in solved(near, "7/0", tmp_path, explain_frame).answers} == {""}
     far = toolbox(tmp_path, made, "none", rotation_deg=0.0, translation_mm=60.0)
-    asked = explain_frame(far, "7/0", tmp_path)
-    for row in asked.objects:
+    asked = solved(far, "7/0", tmp_path, explain_frame)
+    for row in asked.answers:
         assert row.cause in set(Cause)
         assert row.evidence
-    plain = solve_frame(far, "7/0", tmp_path)
-    assert {row.cause for row in plain.objects} == {""}
-    assert asked.estimates == plain.estimates
+    plain = solved(far, "7/0", tmp_path)
+    assert {row.cause for row in plain.answers} == {""}
+    for one, other in zip(asked.answers, plain.answers, strict=True):
+        assert one.T_cam_obj is not None
+        assert other.T_cam_obj is not None
+        assert one.T_cam_obj.tobytes() == other.T_cam_obj.tobytes()
     assert asked.stages_ms["explain"] > 0
     assert set(asked.stages_ms) <= set(STAGES)
 
@@ -161,9 +178,9 @@ def test_a_diagnosis_that_breaks_costs_no_answer(tmp_path: Path, made: Made, mon
 
     monkeypatch.setattr(causes, "diagnose", broken)
     tools = toolbox(tmp_path, made, "none", rotation_deg=0.0, translation_mm=60.0)
-    result = explain_frame(tools, "7/0", tmp_path)
+    result = solved(tools, "7/0", tmp_path, explain_frame)
     assert not result.failed
-    assert {row.evidence for row in result.objects} == {"no diagnosis: ZeroDivisionError: division by zero"}
+    assert {row.evidence for row in result.answers} == {"no diagnosis: ZeroDivisionError: division by zero"}
 
 
 def test_a_pool_without_hypotheses_is_no_failure(tmp_path: Path, made: Made) -> None:
@@ -171,10 +188,10 @@ def test_a_pool_without_hypotheses_is_no_failure(tmp_path: Path, made: Made) -> 
     csv = tmp_path / "r.csv"
     csv.write_text("7,0,5,0.9,1 0 0 0 1 0 0 0 1,0 80 600,-1\n")
     session = write_session(tmp_path, made, hypotheses={"source": "results", "files": [str(csv)]})
-    result = solve_frame(Toolbox(load_session(session)), "7/0", tmp_path)
+    result = solved(Toolbox(load_session(session)), "7/0", tmp_path)
     assert not result.failed
-    assert {row.status for row in result.objects} == {"no_answer", "ok"}
-    assert len(result.estimates) == 1
+    assert {row.status for row in result.answers} == {"no_answer", "ok"}
+    assert sum(row.T_cam_obj is not None for row in result.answers) == 1
 
 
 @pytest.mark.parametrize("keep", ["none", "all"])
@@ -183,20 +200,29 @@ def test_a_row_has_what_the_page_shows_of_the_score_around_the_answer(tmp_path: 
     session = toolbox(tmp_path, made, keep, rotation_deg=2.0, translation_mm=3.0).session
     recording = session.recording.model_copy(update={"maps": True})
     tools = Toolbox(session.model_copy(update={"recording": recording}))
-    result = solve_frame(tools, "7/0", tmp_path)
+    result = solved(tools, "7/0", tmp_path)
     page = Toolbox(tools.session)
     problem = page.problem("7/0")
     best = page.run(problem).finish().best
-    for row, target, answer in zip(result.objects, problem.targets, best, strict=True):
+    for row, target, answer in zip(result.answers, problem.targets, best, strict=True):
         around = landscape(page.verifier, target, answer.T_cam_obj)
         assert row.undetermined_mm == around.undetermined_mm > 0
         assert row.undetermined_deg == around.undetermined_deg > 0
-    columns, cells = (text.splitlines()[0].split(",") for text in (FRAMES_HEADER, frames_lines(result)))
-    assert cells[columns.index("undetermined_mm")] == f"{result.objects[0].undetermined_mm:.3f}"
+    (column,) = (column for column in COLUMNS if column.name == "undetermined_mm")
+    assert column.cell(result.answers[0]) == f"{result.answers[0].undetermined_mm:.3f}"
 
 
-def test_a_journal_of_before_the_widths_were_known_is_read() -> None:
-    old = failed_frame("7/0", "no depth image").model_dump()
-    for row in old["objects"]:
-        del row["undetermined_mm"], row["undetermined_deg"]
-    assert FrameResult.model_validate(old).objects[0].undetermined_deg is None
+def test_a_frame_is_finished_only_once_its_recording_is(
+    tmp_path: Path, made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    close = Recorder.close
+
+    def refused(recorder: Recorder, run: bytes | None = None) -> None:
+        close(recorder)
+        raise InputError("cannot write the recording: No space left on device")
+
+    monkeypatch.setattr(Recorder, "close", refused)
+    end = solved(toolbox(tmp_path, made, "all"), "7/0", tmp_path)
+    assert end.failed
+    assert Runs(tmp_path / "runs").path("7/0").exists()
+    assert Runs(tmp_path / "runs").entry("7/0") is None

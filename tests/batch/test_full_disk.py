@@ -19,19 +19,18 @@ import psutil
 import pytest
 
 from tests.batch import answering
-from tests.batch.at_once import AtOnce, AtOnceBackend, solved
+from tests.batch.at_once import AtOnce, AtOnceBackend, failed, solved
 from tests.batch.conftest import N_FRAMES
 from tests.batch.frames import ROOT, PoolHere, batch_here, command, started_batch
 from tests.batch.killed_batches import without_times
-from tests.batch.outputs import journal, stop_in_the_middle
+from tests.batch.outputs import done, stop_in_the_middle
 from verefine_viz import cli
 from verefine_viz.batch import run_batch as runner
 from verefine_viz.batch import worker_pool as pool
-
-# NAMES FrameResult,failed_frame
 from verefine_viz.batch.run_batch import run_batch as run_here
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
+from verefine_viz.run.record import RunRecord
 
 pytestmark = pytest.mark.usefixtures("processes")
 
@@ -55,8 +54,8 @@ def said(capsys: pytest.CaptureFixture[str]) -> str:
 class Answering(PoolHere):
     """Has an answer for every frame at once."""
 
-    def solve(self, frames: Iterable[str]) -> Iterator[FrameResult]:
-        return map(answering.answer, frames)
+    def solve(self, frames: Iterable[str]) -> Iterator[RunRecord]:
+        return (answering.answered(self._toolbox.session, frame, self._out) for frame in frames)
 
 
 @pytest.fixture(scope="module")
@@ -73,9 +72,9 @@ def answered(session: Path, tmp_path_factory: pytest.TempPathFactory, processes:
     ("n_bytes", "refused"),
     [
         (1000, "session.toml"),
-        (5_000, "frames/000007_000000.json"),
-        (15_000, "frames.csv"),
-        (20_000, "results.csv"),
+        (3_000, "runs/000007_000000.vfrun"),
+        (9_000, "frames.csv"),
+        (12_000, "results.csv"),
     ],
 )
 def test_a_batch_names_the_file_and_goes_on_when_there_is_room(
@@ -89,7 +88,7 @@ def test_a_batch_names_the_file_and_goes_on_when_there_is_room(
         assert cli.main(batch) == 2
     assert said(capsys) == f"cannot write {out / refused}: File too large"
     assert not list(out.rglob("*.part"))
-    n_done = len(journal(out))
+    n_done = len(done(out))
     assert cli.main(batch) == 0
     assert (f"({n_done} done before)" in capsys.readouterr().out) == (n_done > 0)
     assert without_times(out) == without_times(answered)
@@ -100,14 +99,17 @@ def test_a_disk_that_fills_in_the_middle_loses_nothing(session: Path, whole: Pat
     with started_batch(session, out, "--workers", 1) as child:
         n_done = stop_in_the_middle(child, out, N_FRAMES)
         process = psutil.Process(child.pid)
-        process.rlimit(psutil.RLIMIT_FSIZE, (100, process.rlimit(psutil.RLIMIT_FSIZE)[1]))
+        for one in (process, *process.children()):
+            one.rlimit(psutil.RLIMIT_FSIZE, (100, one.rlimit(psutil.RLIMIT_FSIZE)[1]))
         process.resume()
         _, errors = child.communicate(timeout=120)
     assert child.returncode == 2
     (line,) = errors.splitlines()
-    assert line.startswith(f"verefine-viz: cannot write {out / 'frames' / '000007_'}")
-    assert line.endswith(".json: File too large")
-    assert len(journal(out)) == n_done
+    assert line.startswith(f"verefine-viz: cannot write {out / 'runs' / '000007_'}")
+    assert line.endswith(".vfrun: File too large")
+    # The worker may have finished its frame.
+    assert n_done <= len(done(out)) <= n_done + 1
+    n_done = len(done(out))
     again = batch_here(session, out, "--workers", 1)
     assert again.returncode == 0, again.stderr
     assert f"({n_done} done before)" in again.stdout
@@ -118,12 +120,11 @@ def test_a_disk_that_fills_in_the_middle_loses_nothing(session: Path, whole: Pat
 def test_a_frame_whose_recording_is_refused_fails_with_its_name(session: Path, whole: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     with file_limit(20_000):  # a recording takes some 300 kB
-        done = batch_here(session, out, "--workers", 1, "--scene.frames", "7/0")
-    assert done.returncode == 1, done.stderr
+        refused = batch_here(session, out, "--workers", 1, "--scene.frames", "7/0")
+    assert refused.returncode == 1, refused.stderr
     recording = out / "recordings" / "000007_000000.rrd"
-    assert f"frame 7/0 failed: cannot write the recording {recording}.part: File too large" in done.stdout
-    assert "The same command with --retry-failed tries them again." in done.stdout
-    assert not list(out.rglob("*.rrd"))
+    assert f"frame 7/0 failed: cannot write the recording {recording}: File too large" in refused.stdout
+    assert "The same command with --retry-failed tries them again." in refused.stdout
     again = batch_here(session, out, "--workers", 1, "--scene.frames", "7/0", "--retry-failed")
     assert again.returncode == 0, again.stderr
     assert sorted(p.name for p in (out / "recordings").iterdir()) == ["000007_000000.rrd"]
@@ -136,7 +137,7 @@ def test_a_full_disk_ends_the_batch_instead_of_failing_every_frame(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(runner, "check", lambda session: (("0/0", "0/1", "0/2"), ()))
-    refused = AtOnce(lambda f: failed_frame(f, "cannot write it", Session()) if f == "0/1" else solved(f))
+    refused = AtOnce(lambda f: failed(f, "cannot write it") if f == "0/1" else solved(f))
     monkeypatch.setattr(runner, "free_bytes", lambda folder: 0)
     with pytest.raises(InputError) as caught:
         run_here(Session(), tmp_path, AtOnceBackend(made=refused))
@@ -144,7 +145,7 @@ def test_a_full_disk_ends_the_batch_instead_of_failing_every_frame(
         f"the disk of {tmp_path} is full: frame 0/1 failed, cannot write it; "
         "what is done is saved: free some space and repeat the command"
     )
-    assert journal(tmp_path) == ["000000_000000.json"]
+    assert done(tmp_path) == ["0/0"]
     outcome = run_here(Session(), tmp_path, AtOnceBackend(made=AtOnce()))
     assert (outcome.n_resumed, outcome.n_failed) == (1, 0)
 
@@ -158,10 +159,10 @@ def test_a_full_disk_of_temporary_files_is_named_where_none_can_be_made(
     monkeypatch.setattr(tempfile, "gettempdir", refuses)
     monkeypatch.setattr(runner, "check", lambda session: (("0/0",), ()))
     monkeypatch.setattr(runner, "free_bytes", lambda folder: 0 if folder == Path("/tmp") else 10**9)
-    refused = AtOnce(lambda f: failed_frame(f, "cannot write it", Session()))
+    refused = AtOnce(lambda f: failed(f, "cannot write it"))
     with pytest.raises(InputError, match="the disk of /tmp is full: frame 0/0 failed, cannot write it"):
         run_here(Session(), tmp_path, AtOnceBackend(made=refused))
-    assert journal(tmp_path) == []
+    assert done(tmp_path) == []
 
 
 def test_a_report_is_whole_or_not_there(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -194,10 +195,10 @@ def test_a_study_goes_on_when_there_is_room(session: Path, tmp_path: Path, capsy
         assert cli.main([*words, str(out)]) == 2
     assert f"cannot write {out / 'robustness.png'}: " in capsys.readouterr().err.splitlines()[-1]
     assert not list(out.glob("*.part"))
-    done = {file.name: file.stat().st_mtime_ns for file in (out / "robustness.journal").glob("* seed 0.json")}
-    assert len(done) > 1
+    before = {file.name: file.stat().st_mtime_ns for file in (out / "robustness.journal").glob("* seed 0.json")}
+    assert len(before) > 1
     assert cli.main([*words, str(out)]) == 0
-    assert {file.name: file.stat().st_mtime_ns for file in (out / "robustness.journal").glob("* seed 0.json")} == done
+    assert {file.name: file.stat().st_mtime_ns for file in (out / "robustness.journal").glob("* seed 0.json")} == before
     assert _objects(out) == _objects(tmp_path / "whole")
 
 
@@ -210,9 +211,9 @@ def _objects(out: Path) -> list[dict[str, str]]:
 @pytest.mark.parametrize("words", ["datasets", "replay {whole}/recordings/000007_000000.rrd --verify"])
 def test_output_that_goes_to_a_full_disk(words: str, whole: Path) -> None:
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run(
+        ended = subprocess.run(
             command(*words.format(whole=whole).split()), stdout=full, stderr=subprocess.PIPE, text=True, cwd=ROOT,
             env=os.environ | {"COLUMNS": "200"}, check=False,
         )  # fmt: skip
-    assert done.returncode == 2
-    assert done.stderr == "verefine-viz: cannot write the output: No space left on device\n"
+    assert ended.returncode == 2
+    assert ended.stderr == "verefine-viz: cannot write the output: No space left on device\n"

@@ -6,9 +6,12 @@ import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
+from tests.made_runs import answer, finished
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import (
     BatchIndex,
@@ -19,17 +22,16 @@ from verefine_viz.batch.index import (
     named_runs,
     read_batch,
 )
-from verefine_viz.batch.journal import BatchInfo
-
-# NAMES FrameResult,Answer,failed_frame,write_frames_csv
+from verefine_viz.batch.journal import BatchInfo, Runs
 from verefine_viz.core.errors import InputError, SettingsError
+from verefine_viz.run.record import Answer, failed_run
 from verefine_viz.run.session_file import resolve
 
 SESSION = resolve({"title": "t"})
 
 
-def row(im_id: int, **values: object) -> Answer:
-    return Answer.model_validate({"scene_id": 1, "im_id": im_id, "status": "ok", "diameter_mm": 100.0, **values})
+def row(im_id: int, **values: Any) -> Answer:
+    return answer(1, im_id, **{"diameter_mm": 100.0, **values})
 
 
 ROWS = (
@@ -44,8 +46,8 @@ ROWS = (
 @pytest.fixture
 def index(tmp_path: Path) -> BatchIndex:
     folder = RunFolder(tmp_path, SESSION)
-    results = [FrameResult(frame=f"1/{r.im_id}", failed=False, seconds=1.0, objects=(r,)) for r in ROWS]
-    write_frames_csv(tmp_path / "frames.csv", [*results, failed_frame("1/5", "no depth")])
+    for record in (*(finished(row.frame, [row]) for row in ROWS), failed_run(SESSION, "1/5", "no depth")):
+        folder.runs.save(SESSION, record)
     folder.write_json("run.json", {"status": "finished"})
     folder.close()
     assert is_batch_folder(tmp_path)
@@ -60,9 +62,9 @@ def index(tmp_path: Path) -> BatchIndex:
         ("misleading", [2, 1, 3, 6, 4, 5]),
         ("cause", [2, 5, 4, 1, 6, 3]),
         ("object", [5, 4, 2, 6, 3, 1]),
-        ("frame", [1, 2, 3, 4, 6, 5]),
-        ("time", [1, 2, 3, 4, 6, 5]),
-        ("undetermined", [1, 2, 3, 4, 6, 5]),
+        ("frame", [1, 2, 3, 4, 5, 6]),
+        ("time", [1, 2, 3, 4, 5, 6]),
+        ("undetermined", [1, 2, 3, 4, 5, 6]),
     ],
 )
 def test_the_worst_come_first(index: BatchIndex, order: Order, expected: list[int]) -> None:
@@ -75,16 +77,42 @@ def test_frames_that_can_be_opened_come_before_failed_ones(index: BatchIndex) ->
     assert index.run == BatchInfo(status="finished")
 
 
-def test_a_table_that_lost_rows_since_it_was_counted_is_refused(tmp_path: Path, index: BatchIndex) -> None:
+def test_a_folder_that_lost_runs_since_they_were_counted_is_refused(tmp_path: Path, index: BatchIndex) -> None:
     run = {"status": "finished", "totals": {"frames": 6, "objects": 5}}
     (tmp_path / "run.json").write_text(json.dumps(run))
-    assert read_batch(tmp_path).rows == index.rows  # the failed frame's row is about no object
-    table = tmp_path / "frames.csv"
-    table.write_text("".join(table.read_text().splitlines(keepends=True)[:3]))
-    with pytest.raises(
-        InputError, match=r"frames\.csv holds 2 objects, but run\.json counted 5: it was changed or cut"
-    ):
+    assert len(read_batch(tmp_path).rows) == 6  # the failed frame's row is about no object
+    Runs(tmp_path / "runs").forget("1/6")
+    with pytest.raises(InputError, match=r"runs holds 4 objects, but run\.json counted 5: it was changed or cut"):
         read_batch(tmp_path)
+
+
+def test_a_batch_that_still_runs_shows_what_is_finished(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path, SESSION)
+    folder.write_json("run.json", {"status": "running", "totals": {"frames": 9, "frames_done": 0}})
+    with pytest.raises(InputError, match="has no finished frame yet: the batch is running or was killed; run it again"):
+        read_batch(tmp_path)
+    for k in (10, 2):
+        folder.runs.save(SESSION, finished(f"1/{k}", [row(k)]))
+    half = folder.runs.path("1/3")
+    half.write_bytes(folder.runs.path("1/2").read_bytes()[:-1])
+    (tmp_path / "frames.csv").write_text("nobody reads it")
+    assert [one.frame for one in read_batch(tmp_path).rows] == ["1/2", "1/10"]
+    folder.close()
+
+
+def test_answers_of_a_frame_are_its_poses(tmp_path: Path) -> None:
+    poses = np.eye(4), np.diag([1.0, -1.0, -1.0, 1.0])
+    folder = RunFolder(tmp_path, SESSION)
+    mine = [row(2, instance_id=k, obj_id=5, T_cam_obj=T) for k, T in enumerate(poses)]
+    folder.runs.save(SESSION, finished("1/2", [*mine, row(2, instance_id=7, status="no_answer")]))
+    folder.runs.save(SESSION, finished("1/3", [row(3, instance_id=0, obj_id=5, T_cam_obj=poses[1])]))
+    folder.write_json("run.json", {"status": "finished"})
+    folder.close()
+    answers = read_batch(tmp_path).answers("1/2")
+    assert [*answers] == [0, 1]
+    for k, T in enumerate(poses):
+        np.testing.assert_array_equal(answers[k], T)
+    assert read_batch(tmp_path).answers("1/9") == {}
 
 
 def test_an_unknown_order_names_those_that_exist(index: BatchIndex) -> None:

@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-# NAMES Answer
+from tests.made_runs import answer
 from verefine_viz.batch.totals import misranked_share
+from verefine_viz.run.record import Answer
 
 SCORES = st.lists(st.sampled_from([0.1, 0.5, 0.9]), min_size=1, max_size=8)
 
 
 def rows(scores: list[float], add_s_mm: float) -> list[Answer]:
-    known = {"scene_id": 0, "im_id": 0, "status": "ok", "diameter_mm": 100.0, "add_s_mm": add_s_mm}
-    return [Answer.model_validate({**known, "score": score}) for score in scores]
+    return [answer(diameter_mm=100.0, add_s_mm=add_s_mm, score=score) for score in scores]
 
 
 @given(SCORES, SCORES)

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from tests.batch.frames import batch_here
+from tests.made_runs import answer, finished
 from tests.scenes.test_pose_sequence import write_sequence
 from tests.scenes.test_trace import pose, write_box, write_trace
 from verefine_viz import cli
+from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.motion_table import (
     MOTION,
     NO_TURNS,
@@ -20,37 +22,33 @@ from verefine_viz.batch.motion_table import (
     read_tracks,
     write_motion,
 )
-
-# NAMES Estimate,FrameResult,Answer,failed_frame,read_frames_csv
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.pose_motion import NO_SYMMETRY
 from verefine_viz.recording.entities import SEQUENCE_FILE
+from verefine_viz.run.record import RunRecord, failed_run
 
 HALF_TURN = transform(axis_angle(np.array([0.0, 0, 1]), np.pi), np.zeros(3))
 
 
-def result(im_id: int, poses: dict[tuple[int, int], Float | None], scene_id: int = 0) -> FrameResult:
+def result(im_id: int, poses: dict[tuple[int, int], Float | None], scene_id: int = 0) -> RunRecord:
     """A frame with these answers, by (obj_id, instance_id); None: the object has none."""
-    rows = tuple(
+    rows = [
         answer(
-            scene_id=scene_id,
-            im_id=im_id,
+            scene_id,
+            im_id,
             instance_id=instance,
             obj_id=obj,
             name=f"object {obj}",
             status="no_answer" if T is None else "ok",
             score=0.5,
+            T_cam_obj=T,
         )
         for (obj, instance), T in poses.items()
-    )
-    estimates = tuple(
-        Estimate(obj_id=obj, score=0.5, T_cam_obj=tuple(T.ravel().tolist()), instance_id=instance)
-        for (obj, instance), T in poses.items()
-        if T is not None
-    )
-    return FrameResult(frame=f"{scene_id}/{im_id}", failed=False, seconds=0.0, objects=rows, estimates=estimates)
+    ]
+    return finished(f"{scene_id}/{im_id}", rows)
 
 
 def at(x_mm: float) -> Float:
@@ -73,7 +71,7 @@ class Shape:
         return self.turns
 
 
-def rows_of(results: list[FrameResult]) -> list[MotionRow]:
+def rows_of(results: list[RunRecord]) -> list[MotionRow]:
     return [*motion_rows(results, Shape())]
 
 
@@ -93,7 +91,7 @@ def test_several_of_a_model_are_followed_by_their_numbers() -> None:
 
 
 def test_each_scene_begins_again_and_a_frame_that_failed_has_no_pose() -> None:
-    first = [result(1, {(5, 0): at(0)}), failed_frame("0/2", "no depth"), result(3, {(5, 0): at(4)})]
+    first = [result(1, {(5, 0): at(0)}), failed_run(Session(), "0/2", "no depth"), result(3, {(5, 0): at(4)})]
     rows = rows_of([*first, result(1, {(5, 0): at(500)}, scene_id=2)])
     assert [(r.frame, r.kind, r.moved_mm) for r in rows] == [
         ("0/1", "moved", 0), ("0/2", "no pose", 0), ("0/3", "moved", pytest.approx(4)), ("2/1", "moved", 0),

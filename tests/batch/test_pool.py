@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import psutil
@@ -13,6 +13,7 @@ from tests.batch import fragile
 from verefine_viz.batch import worker_pool as pool_module
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.core.settings import Session
+from verefine_viz.run.record import RunEnd, RunRecord
 
 pytestmark = pytest.mark.usefixtures("processes")
 
@@ -29,8 +30,16 @@ def solved(frames: list[str], n_workers: int, out: Path) -> dict[str, str]:
         results = list(pool.solve(frames))
     finally:
         pool.close()
-    assert sorted(r.frame for r in results) == sorted(frames)
-    return {r.frame: r.objects[0].message if r.failed else "" for r in results}
+    assert sorted(ends(results)) == sorted(frames)
+    return {frame: end.answers[0].message if end.failed else "" for frame, end in ends(results).items()}
+
+
+def ends(results: Iterable[RunRecord | str | None]) -> dict[str, RunEnd]:
+    """How each frame ended; each is answered once."""
+    records = [result for result in results if isinstance(result, RunRecord)]
+    ends = {record.header.frame: record.end for record in records if record.end is not None}
+    assert len(ends) == len(records)
+    return ends
 
 
 def test_every_frame_is_answered_once(tmp_path: Path) -> None:
@@ -71,7 +80,7 @@ def test_frames_are_asked_for_only_when_a_worker_is_free(tmp_path: Path) -> None
 def test_a_worker_that_holds_too_much_is_replaced(tmp_path: Path) -> None:
     pool = Pool(Session(), tmp_path, 1, limit_bytes=1)
     assert pool.warning == ""
-    pids = [r.seconds for r in pool.solve(["0/1", "0/2", "0/3"])]
+    pids = [end.seconds for end in ends(pool.solve(["0/1", "0/2", "0/3"])).values()]
     pool.close()
     assert len(set(pids)) == 3
     assert "3 were restarted to free memory; fewer --workers" in pool.warning
@@ -80,7 +89,7 @@ def test_a_worker_that_holds_too_much_is_replaced(tmp_path: Path) -> None:
 
 def test_memory_is_shared_by_the_workers_that_frames_need(tmp_path: Path) -> None:
     pool = Pool(Session(), tmp_path, 100_000)
-    pids = [r.seconds for r in pool.solve(["0/1"])] + [r.seconds for r in pool.solve(["0/2"])]
+    pids = [end.seconds for k in (1, 2) for end in ends(pool.solve([f"0/{k}"])).values()]
     pool.close()
     assert len(set(pids)) == 1
     assert pool.warning == ""
@@ -92,7 +101,7 @@ def test_why_it_takes_long_is_said_once_and_every_frame_is_answered(tmp_path: Pa
     results = list(pool.solve(frames))
     pool.close()
     assert [r for r in results if isinstance(r, str)] == [fragile.WHY]
-    assert sorted(r.frame for r in results if not isinstance(r, str)) == sorted(frames)
+    assert sorted(ends(results)) == sorted(frames)
 
 
 def test_the_last_frame_may_kill_its_worker(tmp_path: Path) -> None:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-# NAMES FrameResult
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.run.kernel_compilation import COMPILING
+from verefine_viz.run.record import RunRecord
 from verefine_viz.run.session_file import resolve
 
 SESSION = resolve(
@@ -30,7 +30,7 @@ def test_convex_parts_are_named_by_name_when_they_are_made(tmp_path: Path, monke
             heard = list(pool.solve(["0/0"]))
         finally:
             pool.close()
-        assert [result.failed for result in heard if isinstance(result, FrameResult)] == [False]
+        assert [result.is_complete for result in heard if isinstance(result, RunRecord)] == [True]
         told.append([words for words in heard if isinstance(words, str) and words != COMPILING])
     assert [words for words in told[0] if "(bowl)" in words and "convex parts" in words] != []
     assert told[1] == []

@@ -4,35 +4,42 @@ from __future__ import annotations
 
 import io
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
+from tests.made_runs import answer, finished
 from verefine_viz.batch import progress
 from verefine_viz.batch.batch_command import in_short
 from verefine_viz.batch.progress import in_words, shown_progress
-
-# NAMES FrameResult,Answer,failed_frame,with_objects
 from verefine_viz.batch.run_batch import Outcome, Progress
 from verefine_viz.batch.totals import Counts, Totals
 from verefine_viz.core.problem import LeftOut
+from verefine_viz.core.settings import Session
+from verefine_viz.run.record import RunEnd, RunRecord, failed_run
 
 
-def solved(im_id: int, add_s_mm: float | None, status: str = "ok") -> FrameResult:
-    row = Answer.model_validate(
-        {"scene_id": 0, "im_id": im_id, "status": status, "add_s_mm": add_s_mm, "diameter_mm": 100.0, "score": 0.5,
-         "has_truth": True}
-    )  # fmt: skip
-    return FrameResult(frame=f"0/{im_id}", failed=False, seconds=1, objects=(row,), stages_ms={"read": 2.0})
+def solved(im_id: int, add_s_mm: float | None, status: str = "ok") -> RunRecord:
+    row = answer(0, im_id, status=status, add_s_mm=add_s_mm, diameter_mm=100.0, score=0.5, has_truth=True)
+    return finished(f"0/{im_id}", [row], seconds=1.0, stages_ms={"read": 2.0})
+
+
+def failed(frame: str, objects: Sequence[LeftOut] = ()) -> RunRecord:
+    return failed_run(Session(), frame, "no depth", objects)
+
+
+def end_of(record: RunRecord) -> RunEnd:
+    assert record.end is not None
+    return record.end
 
 
 RESULTS = [
     solved(0, 5.0),
     solved(1, 50.0),
     solved(2, None, "no_answer"),
-    failed_frame("0/3", "no depth"),
+    failed("0/3"),
     solved(4, 1.0),
 ]
 
@@ -40,7 +47,7 @@ RESULTS = [
 def counted() -> Counts:
     counts = Counts()
     for result in RESULTS:
-        counts.add(result)
+        counts.add(end_of(result))
     return counts
 
 
@@ -53,8 +60,8 @@ def test_objects_without_an_answer_are_missed() -> None:
 def test_objects_that_were_left_out_or_are_in_failed_frames_are_missed() -> None:
     counts = counted()
     objects = [LeftOut(k, 5, "mug", "its mask is missing", has_truth=True) for k in range(3)]
-    counts.add(with_objects(failed_frame("0/5", "no depth"), objects))
-    counts.add(solved(6, None, "left_out"))
+    counts.add(end_of(failed("0/5", objects)))
+    counts.add(end_of(solved(6, None, "left_out")))
     assert (counts.objects, counts.objects_with_truth, counts.objects_correct) == (8, 8, 2)
     assert (counts.objects_in_failed_frames, counts.objects_left_out, counts.answers_with_truth) == (3, 1, 3)
     assert counts.recall == 2 / 8
@@ -63,8 +70,7 @@ def test_objects_that_were_left_out_or_are_in_failed_frames_are_missed() -> None
 def test_the_summary_adds_up(tmp_path: Path) -> None:
     totals = Totals()
     objects = [LeftOut(k, 5, "mug", "", has_truth=True) for k in range(2)]
-    failed = with_objects(failed_frame("0/5", "no depth"), objects)
-    for _ in totals.passing([*RESULTS[:3], failed, solved(6, None, "left_out")]):
+    for _ in totals.passing([*RESULTS[:3], failed("0/5", objects), solved(6, None, "left_out")]):
         pass
     said = in_short(Outcome(tmp_path, totals.as_json(5), (), 0, 1.0, ""))
     assert said == (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import pathlib
 import tracemalloc
@@ -9,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.batch.at_once import AtOnce, AtOnceBackend, solved
+from tests.batch.at_once import AtOnce, AtOnceBackend, failed, solved
 from verefine_viz.batch import run_batch as runner
-
-# NAMES FrameResult,failed_frame,read_frames_csv
+from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.run_batch import Progress, run_batch
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
+from verefine_viz.run.record import RunRecord
 from verefine_viz.scenes.results_csv import read_results
 
 
@@ -48,9 +49,9 @@ def test_the_parent_does_not_grow_with_the_number_of_frames(tmp_path: Path, monk
         run_batch(Session(), tmp_path / "out", AtOnceBackend(), look)
     finally:
         tracemalloc.stop()
-    # A single result is about 5 kB of Python objects; 1100 of them would be 5 MB.
+    # A single record is about 5 kB of Python objects; 1100 of them would be 5 MB.
     assert held[1400] - held[300] < 200_000
-    assert len(read_batch(tmp_path / "out").rows) == 1500
+    assert len(read_batch(tmp_path / "out").frames) == 1500
 
 
 def test_tables_are_in_the_session_s_order_whatever_the_order_of_the_work(
@@ -58,12 +59,18 @@ def test_tables_are_in_the_session_s_order_whatever_the_order_of_the_work(
 ) -> None:
     names = frames(9, monkeypatch)
     backwards = AtOnce()
-    backwards.solve = lambda frames: map(solved, reversed(list(frames)))  # type: ignore[method-assign]
+    backwards.solve = lambda frames: map(backwards.done, reversed(list(frames)))  # type: ignore[method-assign]
     outcome = run_batch(Session(), tmp_path, AtOnceBackend(made=backwards))
     assert backwards.is_closed
     assert outcome.totals["frames_done"] == len(names)
-    assert [row.im_id for row in read_batch(tmp_path).rows] == list(range(9))
+    assert table_of(tmp_path) == list(range(9))
     assert [row.im_id for row in read_results(tmp_path / "results.csv")] == [k for k in range(9) for _ in range(5)]
+
+
+def table_of(folder: Path) -> list[int]:
+    """The images in frames.csv, in its order."""
+    with (folder / "frames.csv").open(newline="") as file:
+        return list(dict.fromkeys(int(row["im_id"]) for row in csv.DictReader(file)))
 
 
 def contents(folder: Path) -> dict[str, tuple[bytes, int]]:
@@ -73,9 +80,7 @@ def contents(folder: Path) -> dict[str, tuple[bytes, int]]:
 
 def test_a_finished_batch_is_left_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frames(4, monkeypatch)
-    backend = AtOnceBackend(
-        made=AtOnce(lambda frame: failed_frame(frame, "no depth") if frame == "0/2" else solved(frame))
-    )
+    backend = AtOnceBackend(made=AtOnce(lambda frame: failed(frame, "no depth") if frame == "0/2" else solved(frame)))
     first = run_batch(Session(), tmp_path, backend)
     assert not first.was_finished
     before = contents(tmp_path)
@@ -89,7 +94,7 @@ def test_a_finished_batch_is_left_as_it_is(tmp_path: Path, monkeypatch: pytest.M
     assert run_batch(Session(), tmp_path, AtOnceBackend(), retry_failed=True).was_finished
 
 
-@pytest.mark.parametrize("lost", ["frames.csv", "results.csv", "run.json", "frames/000000_000001.json"])
+@pytest.mark.parametrize("lost", ["frames.csv", "results.csv", "run.json", "runs/000000_000001.vfrun"])
 def test_what_a_finished_batch_has_lost_is_made_again(
     lost: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -108,14 +113,14 @@ def test_a_batch_of_fewer_frames_than_before_is_counted_anew(tmp_path: Path, mon
     run_batch(Session(), tmp_path, AtOnceBackend())
     frames(2, monkeypatch)
     assert not run_batch(Session(), tmp_path, AtOnceBackend()).was_finished
-    assert [row.im_id for row in read_batch(tmp_path).rows] == [0, 1]
+    assert table_of(tmp_path) == [0, 1]
     assert json.loads((tmp_path / "run.json").read_text())["totals"]["frames"] == 2
 
 
 def test_what_takes_long_is_passed_on_and_no_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     names = frames(3, monkeypatch)
     made = AtOnce()
-    made.solve = lambda frames: iter(["Compiling.", *map(solved, frames)])  # type: ignore[method-assign]
+    made.solve = lambda frames: iter(["Compiling.", *map(made.done, frames)])  # type: ignore[method-assign]
     seen: list[Progress] = []
     outcome = run_batch(Session(), tmp_path, AtOnceBackend(made=made), seen.append)
     assert [now.doing for now in seen] == ["", "Compiling.", "", "", ""]
@@ -128,7 +133,7 @@ def test_what_is_done_when_it_ends_early_is_there(
 ) -> None:
     frames(9, monkeypatch)
 
-    def answer(frame: str) -> FrameResult | None:
+    def answer(frame: str) -> RunRecord | None:
         if frame == "0/4":
             raise end
         return None if frame == "0/2" else solved(frame)
@@ -137,7 +142,7 @@ def test_what_is_done_when_it_ends_early_is_there(
     with pytest.raises(end if isinstance(end, type) else type(end)):
         run_batch(Session(), tmp_path, AtOnceBackend(made=made))
     assert made.is_closed
-    assert [row.im_id for row in read_batch(tmp_path).rows] == [0, 1, 3]
+    assert table_of(tmp_path) == [0, 1, 3]
     run = json.loads((tmp_path / "run.json").read_text())
     assert (run["status"], run["totals"]["frames"], run["totals"]["frames_done"]) == ("stopped", 9, 3)
     # Nobody holds the folder any more, and only the rest is asked for.
@@ -145,4 +150,5 @@ def test_what_is_done_when_it_ends_early_is_there(
     again = AtOnce(lambda frame: asked.append(frame) or solved(frame))
     assert run_batch(Session(), tmp_path, AtOnceBackend(made=again)).n_resumed == 3
     assert asked == [f"0/{k}" for k in (2, 4, 5, 6, 7, 8)]
-    assert [row.im_id for row in read_batch(tmp_path).rows] == list(range(9))
+    assert table_of(tmp_path) == list(range(9))
+    assert read_batch(tmp_path).frames == tuple(f"0/{k}" for k in range(9))

@@ -49,7 +49,7 @@ def test_a_run_of_a_sweep_has_the_bits_of_a_single_run(swept: Path, session: Pat
 
 def test_a_sweep_goes_on_where_it_was(swept: Path, session: Path) -> None:
     before = {path: without_times(path) for path in sorted(swept.iterdir())}
-    for lost in ("rir-0/frames/000007_000001.json", "pir-1/frames/000007_000002.json"):
+    for lost in ("rir-0/runs/000007_000001.vfrun", "pir-1/runs/000007_000002.vfrun"):
         (swept / lost).unlink()
     done = batch_here(session, swept, *SWEEP, "--workers", 1)
     assert done.returncode == 0, done.stderr

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from tests.made_runs import answer
 from tests.report.runs import row, write_run
 from verefine_viz.batch.batch_command import sweep_row, sweep_table, what_next
 from verefine_viz.batch.jobs import Job
-
-# NAMES Answer
 from verefine_viz.batch.run_batch import Outcome
 from verefine_viz.core.settings import SceneSettings
 from verefine_viz.report.group_comparison import FrameRecalls, compare
 from verefine_viz.report.groups import load_groups
+from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import resolve
 
 NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None, "ms_total": 0.0}

@@ -16,6 +16,7 @@ from verefine_viz.batch.run_batch import Backend, Progress, _after, run_batch
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.verify import verify
 from verefine_viz.run.data_folder import open_session
+from verefine_viz.run.record import session_of
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
 
@@ -63,7 +64,7 @@ def test_two_workers_and_a_batch_that_goes_on_give_the_same(sequence: Path, whol
     assert batch_here(sequence, tmp_path / "two", "--workers", 2, *OPTIONS).returncode == 0
     assert without_times(tmp_path / "two") == without_times(whole)
     # As a kill leaves it, and worse: a frame in the middle is gone, and those after it began with its answer.
-    (tmp_path / "two" / "frames" / "000000_000002.json").unlink()
+    (tmp_path / "two" / "runs" / "000000_000002.vfrun").unlink()
     reports: list[Progress] = []
     session = load_session(tmp_path / "two" / "session.toml")
     outcome = run_batch(session, tmp_path / "two", Backend(1), reports.append, task="explain")
@@ -75,9 +76,9 @@ def test_two_workers_and_a_batch_that_goes_on_give_the_same(sequence: Path, whol
 
 def test_the_page_begins_a_frame_as_the_batch_does(sequence: Path, whole: Path) -> None:
     overrides = {"method": {"name": "rir", "track": True, "iterations": 2}, "physics": {"enabled": False}}
-    problem = Toolbox(open_session(sequence, overrides)).problem(LAST)  # Without a journal: frames before are solved.
+    problem = Toolbox(open_session(sequence, overrides)).problem(LAST)  # Without a batch: frames before are solved.
     recorded = read_recording(whole / "recordings" / f"000000_{N:06d}.rrd")
-    (pose,) = (pose for pose in recorded.session.tracked if pose.frame == LAST)
+    (pose,) = (pose for pose in session_of(recorded.header).tracked if pose.frame == LAST)
     assert tuple(problem.instances[0].hypotheses[0].T_cam_obj.ravel()) == pose.T_cam_obj
     assert problem.instances[0].hypotheses[0].source == f"tracked, the answer of frame 0/{N - 1}"
 

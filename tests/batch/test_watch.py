@@ -18,11 +18,11 @@ from tests.run.kept_frames import box_mesh, found, kept
 from verefine_viz.batch import watch as watching
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex, read_batch
-
-# NAMES WAITING,FrameResult
+from verefine_viz.batch.journal import Runs
 from verefine_viz.batch.watch import TRIES, Watch, data_folders
 from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.settings import Session
+from verefine_viz.run.record import WAITING, RunRecord
 from verefine_viz.run.session_file import load_session, resolve
 
 QUICK = resolve({"method": {"name": "refine", "refiner": "identity"}, "physics": {"enabled": False}})
@@ -137,7 +137,7 @@ def test_a_data_set_without_a_session_needs_none(tmp_path: Path, mesh: Path) -> 
     watch = watch_of(tmp_path, None)
     watch.look()
     assert index(watch).session.hypotheses.source == "perturb"
-    assert index(watch).session.scene.dataset == str((tmp_path / "runs").resolve())
+    assert index(watch).session.scene.dataset == str((tmp_path / "frames").resolve())
     watch.close()
 
 
@@ -163,10 +163,10 @@ def test_a_folder_that_goes_takes_its_frames_along(tmp_path: Path, mesh: Path) -
     keep(tmp_path / "frames", mesh)
     watch = watch_of(tmp_path)
     watch.look()
-    (tmp_path / "runs").rename(tmp_path / "away")
+    (tmp_path / "frames").rename(tmp_path / "away")
     assert watch.look()
     assert shown(watch) == []
-    (tmp_path / "away").rename(tmp_path / "runs")
+    (tmp_path / "away").rename(tmp_path / "frames")
     assert watch.look()
     assert shown(watch) == [("frames", "1/1", WAITING)]
     watch.close()
@@ -175,11 +175,11 @@ def test_a_folder_that_goes_takes_its_frames_along(tmp_path: Path, mesh: Path) -
 def test_what_cannot_be_watched_is_refused_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="frames does not exist; expected the folder in which frames arrive"):
         watch_of(tmp_path)
-    (tmp_path / "runs").write_text("")
+    (tmp_path / "frames").write_text("")
     with pytest.raises(InputError, match="frames is a file"):
         watch_of(tmp_path)
-    (tmp_path / "runs").unlink()
-    (tmp_path / "runs").mkdir()
+    (tmp_path / "frames").unlink()
+    (tmp_path / "frames").mkdir()
     watch = watch_of(tmp_path)
     with pytest.raises(UnavailableError, match="another program watches with its results in"):
         watch_of(tmp_path)
@@ -210,7 +210,7 @@ def test_frames_kept_one_after_another_are_solved_and_leave_a_batch(
         # The tables follow when nothing else is to be solved.
         until(lambda: (tmp_path / "runs" / "frames" / "frames.csv").read_text().count("\n") == 4)
     assert watch.latest[1] == ""
-    run = read_batch(tmp_path / "runs" / "runs")
+    run = read_batch(tmp_path / "runs" / "frames")
     assert [row.frame for row in run.rows] == ["1/1", "1/2", "1/3"]
     assert [row.n_hypotheses for row in run.rows] == [2, 2, 4]
     assert not list((tmp_path / "runs").rglob("*.part"))
@@ -224,8 +224,8 @@ def test_a_data_set_that_comes_while_another_is_solved_is_solved_too(
     watch = watch_of(tmp_path)
     take = watching.Watched.take
 
-    def taken(self: watching.Watched, journal: Journal, result: FrameResult) -> None:
-        take(self, journal, result)
+    def taken(self: watching.Watched, runs: Runs, result: RunRecord) -> None:
+        take(self, runs, result)
         if not (tmp_path / "frames" / "right").exists():
             shutil.copytree(tmp_path / "elsewhere", tmp_path / "frames" / "right")
 
@@ -249,9 +249,9 @@ def test_a_frame_that_cannot_be_read_is_tried_again_and_then_shown_as_failed(
     tried: list[str] = []
     take = watching.Watched.take
 
-    def taken(self: watching.Watched, journal: Journal, result: FrameResult) -> None:
-        take(self, journal, result)
-        tried.append(result.frame)
+    def taken(self: watching.Watched, runs: Runs, result: RunRecord) -> None:
+        take(self, runs, result)
+        tried.append(result.header.frame)
         if tried.count("1/3") == 1:  # Now it is whole.
             (folder / "test" / "000001" / "depth" / "000003.png").write_bytes(whole[3])
 

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.made_runs import answer, finished
 from verefine_viz import cli
 from verefine_viz.batch.folder import RunFolder
-
-# NAMES FrameResult,Answer,write_frames_csv
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.problem import Placed, Target
@@ -24,8 +23,11 @@ from verefine_viz.recording import entities, rerun_viewer
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.refiners.registry import REFINERS, Identity
+from verefine_viz.run.record import RunEnd
+from verefine_viz.run.run_file import SUFFIX, RunFile
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
+from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.viewer import app as page_app
 from verefine_viz.viewer.commands import OpenRecording, RunUntil, ShowRefinerCrops, Step
 from verefine_viz.viewer.debugger import Debugger
@@ -78,7 +80,10 @@ def make_recording(path: Path, session: Session) -> None:
     toolbox = Toolbox(session)
     problem = toolbox.problem(toolbox.frames[0])
     recorder = Recorder(path, session, problem, toolbox.verifier_of, refiner_of=toolbox.refiner_of)
-    toolbox.run(problem, [recorder]).finish()
+    file = RunFile(path.with_suffix(SUFFIX), session)
+    toolbox.run(problem, [file, recorder]).finish()
+    file.finish(RunEnd(answers=(answer(*parse_frame(problem.frame)),)))
+    recorder.close(file.path)
 
 
 @pytest.fixture(scope="module")
@@ -193,9 +198,7 @@ def test_a_batch_is_opened_through_the_program_that_has_it(
     tmp_path: Path, served: dict[str, Any], refused: Refused
 ) -> None:
     run = RunFolder(tmp_path / "runs", resolve(SETTINGS))
-    row = answer(scene_id=0, im_id=0, instance_id=0, obj_id=1, status="ok")
-    result = FrameResult(frame="0/0", failed=False, seconds=1.0, objects=(row,))
-    write_frames_csv(tmp_path / "runs" / "frames.csv", [result])
+    run.runs.save(run.session, finished("0/0", [answer(0, 0, instance_id=0, obj_id=1)]))
     run.write_json("run.json", {"status": "finished"})
     run.close()
     line = refused("view", tmp_path / "runs")

@@ -10,8 +10,8 @@ from tests.fakes import box_problem
 from tests.recording.runs import new_run, recorded_run, session
 from verefine_viz import cli
 from verefine_viz.recording import verify
-from verefine_viz.recording.reader import Recorded
 from verefine_viz.run.engine import Run
+from verefine_viz.run.record import RunRecord, session_of
 
 EXPECTED = {"same.rrd": "no difference in 30 iterations", "other.rrd": "differs, recorded against now: iteration 1"}
 
@@ -33,8 +33,8 @@ def folder(recordings: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return recordings
 
 
-def again(recorded: Recorded) -> Run:
-    return new_run(recorded.session, box_problem(3, 2))
+def again(record: RunRecord) -> Run:
+    return new_run(session_of(record.header), box_problem(3, 2))
 
 
 @pytest.mark.usefixtures("processes")

@@ -50,8 +50,8 @@ REFUSED: list[tuple[list[str], str]] = [
     (["--method.refiner", "ipc"], "unknown refiner 'ipc'; did you mean 'icp'? available: icp"),
     (
         ["poses.csv"],
-        "poses.csv does not exist; expected a session (.toml), the folder of a batch run, or a recording "
-        "(.rrd); poses in a CSV are named by a session: [hypotheses] files",
+        "poses.csv does not exist; expected a session (.toml), the folder of a batch run, or a "
+        "recorded run (.vfrun, .rrd); poses in a CSV are named by a session: [hypotheses] files",
     ),
     ([str(ROOT / "README.md")], "README.md cannot be opened; expected a session (.toml), the folder of a batch"),
 ]

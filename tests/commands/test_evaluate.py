@@ -15,9 +15,8 @@ from PIL import Image
 
 from tests.commands.evaluating import BadInput, rows
 from tests.scenes.bop_folder import box_ply, cut, make
-
-# NAMES write_frames_csv
 from verefine_viz.commands.score_output import without_common_ends
+from verefine_viz.run.answers import write_table
 from verefine_viz.scenes.results_csv import HEADER, write_results
 
 POSE = "1 0 0 0 1 0 0 0 1,0 0 500"
@@ -299,7 +298,7 @@ def test_a_data_set_that_cannot_be_used(bad_input: BadInput) -> None:
 
 
 def test_a_batch_run_s_table_of_objects_is_reported_from_its_poses(bad_input: BadInput, tmp_path: Path) -> None:
-    write_frames_csv(tmp_path / "frames.csv", [])
+    write_table(tmp_path / "frames.csv", [])
     assert "; the poses of this run" not in bad_input.refused(tmp_path / "frames.csv")
     poses = tmp_path / "results.csv"
     poses.write_text(HEADER, encoding="utf-8")

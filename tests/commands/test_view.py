@@ -7,27 +7,22 @@ from typing import Any
 
 import pytest
 
+from tests.made_runs import answer, finished
 from verefine_viz.batch.folder import RunFolder
-
-# NAMES FrameResult,Answer,write_frames_csv
 from verefine_viz.cli import main
 from verefine_viz.run.session_file import resolve
 from verefine_viz.viewer import app as page_app
 from verefine_viz.viewer.state.batch_gallery import Gallery
 
 
-def batch_run(folder: Path, method: str, errors_mm: tuple[float, ...]) -> None:
-    """A finished run over frames 0/0, 0/1, … with one object each."""
+def batch_run(folder: Path, method: str, errors_mm: tuple[float, ...], status: str = "finished") -> None:
+    """A run over frames 0/0, 0/1, … with one object each."""
     folder.mkdir()
     run = RunFolder(folder, resolve({"method": {"name": method}, "scene": {"demo": "clutter"}}))
-    rows = [
-        answer(scene_id=0, im_id=k, instance_id=0, obj_id=1, status="ok", add_s_mm=error_mm, diameter_mm=100.0)
-        for k, error_mm in enumerate(errors_mm)
-    ]
-    write_frames_csv(
-        folder / "frames.csv", [FrameResult(frame=r.frame, failed=False, seconds=1.0, objects=(r,)) for r in rows]
-    )
-    run.write_json("run.json", {"status": "finished"})
+    for k, error_mm in enumerate(errors_mm):
+        row = answer(0, k, instance_id=0, obj_id=1, add_s_mm=error_mm, diameter_mm=100.0)
+        run.runs.save(run.session, finished(f"0/{k}", [row]))
+    run.write_json("run.json", {"status": status})
     run.close()
 
 
@@ -76,5 +71,11 @@ def test_runs_without_a_finished_frame_are_refused(
 ) -> None:
     batch_run(tmp_path / "empty", "rir", ())
     assert main(["view", str(tmp_path)]) == 2
-    assert "holds no finished frame" in capsys.readouterr().err
+    assert "empty has no finished frame yet: the batch is running or was killed" in capsys.readouterr().err
     assert served == {}
+
+
+def test_a_batch_that_still_runs_opens_with_its_finished_frames(tmp_path: Path, served: dict[str, Any]) -> None:
+    batch_run(tmp_path / "rir", "rir", (5.0, 40.0), "running")
+    assert main(["view", str(tmp_path / "rir")]) == 0
+    assert served["session"].scene.frames == ("0/1", "0/0")

@@ -14,9 +14,11 @@ from typing import Any
 import psutil
 import pytest
 
+from tests.batch.outputs import done
 from tests.fakes import box_problem
 from tests.run.kept_frames import box_mesh, found, kept
 from verefine_viz.batch.index import read_batch
+from verefine_viz.batch.journal import Runs
 from verefine_viz.cli import main
 from verefine_viz.run.session_file import resolve, save_session
 from verefine_viz.viewer import app as page_app
@@ -101,7 +103,7 @@ def test_killed_and_started_again_it_goes_on_and_ctrl_c_leaves_a_whole_batch(fra
     run = frames.parent / "frames-runs" / "frames"
 
     def solved() -> list[str]:
-        return sorted(path.name for path in (run / "frames").glob("*.json"))
+        return done(run)
 
     with program(frames) as child:
         until(child, lambda: len(solved()) == 1)
@@ -112,7 +114,7 @@ def test_killed_and_started_again_it_goes_on_and_ctrl_c_leaves_a_whole_batch(fra
         child.kill()
         assert child.wait() == -signal.SIGKILL
         assert not psutil.wait_procs(workers, timeout=60)[1], "workers outlived the program"
-    before = {name: (run / "frames" / name).stat().st_mtime_ns for name in solved()}
+    before = {file: file.stat().st_mtime_ns for file in map(Runs(run / "runs").path, solved())}
     with program(frames) as child:
         until(child, lambda: len(solved()) == 4)
         keep(frames)
@@ -124,7 +126,6 @@ def test_killed_and_started_again_it_goes_on_and_ctrl_c_leaves_a_whole_batch(fra
         assert "Traceback" not in said
         assert f"watching {frames}; results in {frames.parent / 'frames-runs'}\n" in said
         assert not psutil.wait_procs(workers, timeout=60)[1], "workers outlived the program"
-    assert before == {name: (run / "frames" / name).stat().st_mtime_ns for name in before}, "a frame was solved twice"
+    assert before == {file: file.stat().st_mtime_ns for file in before}, "a frame was solved twice"
     assert not list(run.rglob("*.part"))
-    assert not list(run.rglob("*.rrd.journal"))
     assert [row.frame for row in read_batch(run).rows] == [f"1/{k}" for k in range(1, 6)]

@@ -75,6 +75,12 @@ def is_batch_folder(path: Path) -> bool:
         return False
 
 
+def has_finished_frame(path: Path) -> bool:
+    """Whether there is anything to view in the folder of a batch."""
+    runs = Runs(path / "runs")
+    return next(runs.records(runs.frames), None) is not None
+
+
 @dataclass(frozen=True)
 class RunSelection:
     """The batch folders that are meant by a folder, by name."""

@@ -134,19 +134,22 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> RunRecord
             grasps = grasping(run.final_state)
             with watch("summarise"):
                 end = run_end(run, session, recorder.landscapes, grasps)
-            if keep == "failures" and end.is_failure:
+            is_recorded = keep == "all" or (keep == "failures" and end.is_failure)
+            if is_recorded and not timed:
                 run.show([_Timed(recorder, watch)])
             if explain and any(a.has_truth and a.is_correct is not True and a.was_asked_for for a in end.answers):
                 with watch("explain"):
                     end = with_causes(end, run, toolbox)
             end = structs.replace(end, seconds=time.perf_counter() - started, stages_ms=watch.stages_ms)
+            if is_recorded:
+                recorder.close(file.finished_as(end))
+            # Last: a frame whose run file is finished is never solved again.
             file.finish(end)
         except BaseException:
             # The recording so far is saved where it can be; the first error is the one to report.
             with suppress(VerefineError):
                 recorder.close()
             raise
-    recorder.close(file.path)
     return RunRecord(header_of(problem, run.state_at(0), recorded), (), end)
 
 

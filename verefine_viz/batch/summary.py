@@ -218,8 +218,8 @@ def _counted(iterations: Sequence[Iteration]) -> str:
 def _times(iterations: Sequence[Iteration]) -> dict[str, Any]:
     stages = [stage for iteration in iterations for stage in iteration.stages]
     return {
-        "ms_refine": sum(s.ms for s in stages if s.name == "refined"),
-        "ms_simulate": sum(s.ms for s in stages if s.name == "simulated"),
-        "ms_score": sum(i.score_ms for i in iterations),
-        "ms_total": sum(i.ms for i in iterations),
+        "ms_refine": sum((s.ms for s in stages if s.name == "refined"), 0.0),
+        "ms_simulate": sum((s.ms for s in stages if s.name == "simulated"), 0.0),
+        "ms_score": sum((i.score_ms for i in iterations), 0.0),
+        "ms_total": sum((i.ms for i in iterations), 0.0),
     }

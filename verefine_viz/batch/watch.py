@@ -330,7 +330,11 @@ def _free(name: str, taken: Iterable[str]) -> str:
 
 
 def _shown(latest: tuple[tuple[BatchIndex, ...], str]) -> object:
-    return [(index.folder, index.session, index.rows) for index in latest[0]], latest[1]
+    # What is solved is read once and kept; a frame that waits has another row each time.
+    return [
+        (index.folder, index.session, [row.frame if row.is_waiting else id(row) for row in index.rows])
+        for index in latest[0]
+    ], latest[1]
 
 
 def _accept_growth(watched: Watched) -> None:

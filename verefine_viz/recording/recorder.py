@@ -148,11 +148,11 @@ class Recorder:
             self._has_grasps = True
             log_grasps(self._file, self._problem, self._layout, grasps, self._session.grasp.opening_m)
 
-    def close(self, run: Path | None = None) -> None:
+    def close(self, run: Path | bytes | None = None) -> None:
         """Completes the file with what there is, also of a run that was left before its end. Later calls do nothing.
 
         Args:
-            run: the run file, whose bytes go into the recording; None = there is none.
+            run: the run file or its content, which goes into the recording; None = there is none.
 
         Raises:
             InputError: it could not be written.
@@ -167,7 +167,7 @@ class Recorder:
             )
         )
         if run is not None:
-            file.log_bytes(entities.RUN_FILE, read_input(run, "run file"))
+            file.log_bytes(entities.RUN_FILE, run if isinstance(run, bytes) else read_input(run, "run file"))
         file.close()
 
     @property

@@ -1,4 +1,4 @@
-"""The table of answers: its columns, each with what it says. ``docs/tables.md`` is written from it (make tables)."""
+"""The table of answers: its columns, each with what it says. ``docs/tables.md`` repeats it."""
 
 from __future__ import annotations
 

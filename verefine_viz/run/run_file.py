@@ -69,8 +69,16 @@ class RunFile:
         Raises:
             InputError: the disk does not take it.
         """
-        self._write(framed(_END + _ENCODER.encode(end)))
+        self._write(_ending(end))
         self.close()
+
+    def finished_as(self, end: RunEnd) -> bytes:
+        """The content that the file will have once it is finished with ``end``.
+
+        Raises:
+            InputError: what is written of it cannot be read.
+        """
+        return read_input(self.path, "run file") + _ending(end)
 
     def close(self) -> None:
         """Leave the run as it is; later calls do nothing."""
@@ -142,6 +150,10 @@ def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecor
         why = "bytes in the middle are damaged" if entries.damage == _DAMAGED else "it was stopped or cut off"
         missing = f"the run ended early ({why}); {left}"
     return RunRecord(header, tuple(iterations), end, entries.damage == _DAMAGED, missing)
+
+
+def _ending(end: RunEnd) -> bytes:
+    return framed(_END + _ENCODER.encode(end))
 
 
 def framed(body: bytes) -> bytes:

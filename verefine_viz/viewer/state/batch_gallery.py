@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 from verefine_viz.batch.answer_cards import WRONG, matches, places_of, values_of, words_of
 from verefine_viz.batch.answer_tags import Arrangement, TagFile, answer_key, checked_name, read_tags, save_tags
 from verefine_viz.batch.folder import SESSION_FILE
-from verefine_viz.batch.index import BatchIndex, Order, find_runs, read_batch
-from verefine_viz.batch.journal import Runs
+from verefine_viz.batch.index import BatchIndex, Order, find_runs, has_finished_frame, read_batch
 from verefine_viz.batch.totals import doubts_in_words
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.settings import Session
@@ -274,10 +273,8 @@ def read_gallery(folder: Path, overrides: Mapping[str, Any] | None = None) -> Ga
         InputError: there is none, none is finished, or a file is damaged.
     """
     folders = find_runs(folder).runs
-    finished = [path for path in folders if Runs(path / "runs").frames]
-    indices = [index for path in finished or folders[:1] if (index := read_batch(path)).rows]
-    if not indices:
-        raise InputError(f"{folder} holds no finished frame; run verefine-viz batch again")
+    finished = [path for path in folders if has_finished_frame(path)]
+    indices = [read_batch(path) for path in finished or folders[:1]]
     return Gallery(indices, len(folders) - len(finished), overrides)
 
 

@@ -1,136 +1,166 @@
-"""The rows of a batch: what they say, and that they survive their files."""
+"""The answers of a run: what they say, and the tables made of them."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Sequence
+import csv
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import structs
 
 from tests.changing import replace
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
-
-# NAMES FrameResult,Answer,failed_frame,file_stem,read_frames_csv,with_objects,write_frames_csv
+from tests.made_runs import answer, finished
+from verefine_viz.batch.journal import file_stem
 from verefine_viz.batch.summary import MUCH, run_end, worst_iteration
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import LeftOut, Placed, Problem, Target
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.methods.registry import make_method
+from verefine_viz.run.answers import COLUMNS, HEADER, result_rows, solving_s, table_lines, write_table
 from verefine_viz.run.engine import Run
-from verefine_viz.run.session_file import load_session
+from verefine_viz.run.record import Answer, RunEnd, RunRecord, Status, failed_run, header_of
+from verefine_viz.run.session_file import load_session, resolve
 from verefine_viz.run.toolbox import Toolbox
+from verefine_viz.scenes.frames import parse_frame
 
-finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
-rows = st.builds(
+number = st.floats(allow_nan=False, allow_infinity=False, width=64)
+text = st.text(st.characters(codec="utf-8", exclude_characters="\r\x00"), max_size=20)
+answers = st.builds(
     Answer,
-    scene_id=st.integers(0, 10**6),
-    im_id=st.integers(0, 10**6),
+    frame=st.builds("{}/{}".format, st.integers(0, 10**6), st.integers(0, 10**6)),
     instance_id=st.none() | st.integers(0, 99),
-    name=st.text(st.characters(codec="utf-8", exclude_characters="\r\x00"), max_size=20),
-    status=st.sampled_from(["ok", "no_answer", "left_out", "failed"]),
-    score=st.none() | finite,
+    obj_id=st.none() | st.integers(1, 99),
+    name=text,
+    method=text,
+    seed=st.none() | st.integers(0, 9),
+    visib_fract=st.none() | st.floats(0, 1),
+    has_truth=st.booleans(),
+    status=st.sampled_from(get_args(Status)),
+    T_cam_obj=st.none() | st.builds(np.eye, st.just(4)),
+    score=st.none() | number,
+    initial_score=st.none() | number,
     add_s_mm=st.none() | st.floats(0, 1e6),
-    message=st.text(max_size=20),
+    best_iteration=st.none() | st.integers(0, 10**6),
+    n_hypotheses=st.integers(0, 99),
+    ms_total=st.floats(0, 1e9),
+    evidence=text,
+    message=text,
 )
+
+
+def table(records: Sequence[RunRecord], folder: Path) -> list[dict[str, str]]:
+    """The rows of frames.csv."""
+    write_table(folder / "frames.csv", records)
+    with (folder / "frames.csv").open(encoding="utf-8", newline="") as file:
+        return [*csv.DictReader(file)]
 
 
 def solved(
     problem: Problem, method: str = "rir", refiner: FakeRefiner | None = None, session: Session | None = None
-) -> tuple[Run, FrameResult]:
+) -> tuple[Run, RunEnd]:
     chosen = MethodSettings(name=method, iterations=3)
     run = Run(make_method(chosen, FakeSimulator(), refiner or FakeRefiner(), FakeVerifier(), 3), problem)
     run.finish()
     return run, run_end(run, session or Session())
 
 
-@given(st.lists(rows, max_size=3), finite)
-def test_a_result_survives_the_journal(objects: list[Answer], seconds: float) -> None:
-    result = FrameResult(frame="3/14", failed=False, seconds=seconds, objects=tuple(objects))
-    assert FrameResult.model_validate_json(result.model_dump_json()) == result
+def failed(message: str, objects: Sequence[LeftOut] = ()) -> RunEnd:
+    record = failed_run(resolve({"method": {"name": "sir"}}), "2/7", message, objects)
+    assert record.end is not None
+    assert record.is_complete
+    return record.end
 
 
-def test_a_table_of_another_version_is_refused_in_one_clear_line(tmp_path: Path) -> None:
-    file = tmp_path / "frames.csv"
-    write_frames_csv(file, [failed_frame("2/7", "no depth")])
-    file.write_text(file.read_text().replace("best_hypothesis", "best_arm"))
-    with pytest.raises(InputError, match=r"another version wrote it \(its columns differ: best_arm, best_hypothesis\)"):
-        read_frames_csv(file)
+# The table
 
 
-def with_score(value: str) -> Callable[[str], str]:
-    return lambda text: text.replace(",0.5,", f",{value},", 1)
+def test_every_column_is_of_an_answer_and_only_times_differ_from_run_to_run() -> None:
+    names = [column.name for column in COLUMNS]
+    assert len({*names}) == len(names)
+    assert all(hasattr(answer(), name) for name in names)
+    assert f"{','.join(names)}\n" == HEADER
+    assert [c.name for c in COLUMNS if c.kind == "time"] == [name for name in names if name.startswith("ms_")]
+    left = {*Answer.__struct_fields__} - {*names}
+    assert left == {"frame", "T_cam_obj", "middle_m"}
 
 
-@pytest.mark.parametrize(
-    ("change", "why"),
-    [
-        (with_score("nan"), "line 2: score = 'nan': input should be a finite number"),
-        (with_score("-inf"), "line 2: score = '-inf': input should be a finite number"),
-        (with_score("high"), "line 2: score = 'high': input should be a valid number"),
-        (with_score("x" * 200_000), "field larger than field limit (131072)"),
-        (with_score("9" * 100_000), "line 2: score = '999"),
-        (lambda text: text.replace("ok", "perhaps"), "line 2: status = 'perhaps': input should be 'ok', "),
-        (lambda text: text[: len(text) - 20], "its end is missing"),
-        (lambda text: text[: len(text) - 5], "its end is missing"),
-        (lambda text: text[: len(text) // 2], "its end is missing"),
-        (lambda text: text[: len(text) - 20] + "\n", "line 2: it does not have "),
-        (lambda text: text.rstrip() + ",1,2\n", "line 2: it does not have "),
-        (lambda text: text.replace("ok", "o\x00k"), "line "),
-        (lambda text: text.replace("ok", "\udcff"), "line "),
-        (lambda text: "", "the file is empty"),
-    ],
-)
-def test_a_damaged_table_is_refused_in_one_line(change: Callable[[str], str], why: str, tmp_path: Path) -> None:
-    file = tmp_path / "frames.csv"
-    row = answer(scene_id=0, im_id=0, status="ok", score=0.5, message="all is well")
-    write_frames_csv(file, [FrameResult(frame="0/0", failed=False, seconds=0, objects=(row,))])
-    file.write_bytes(change(file.read_text()).encode(errors="surrogateescape"))
-    with pytest.raises(InputError) as refused:
-        read_frames_csv(file)
-    said = str(refused.value)
-    assert said.startswith(f"{file} is not what a batch writes: ")
-    assert why in said
-    assert said.endswith("; the same batch command writes it again")
-    assert len(said.splitlines()) == 1
-    assert len(said) < 400 + len(str(file))
+@given(answers)
+def test_a_row_says_what_the_answer_says(tmp_path_factory: pytest.TempPathFactory, one: Answer) -> None:
+    (row,) = table([finished(one.frame, [one])], tmp_path_factory.mktemp("csv"))
+    assert f"{row['scene_id']}/{row['im_id']}" == one.frame
+    for column in COLUMNS:
+        value, cell = getattr(one, column.name), row[column.name]
+        if value is None:
+            assert cell == ""
+        elif isinstance(value, float) and column.digits is None:
+            assert float(cell) == value
+        elif isinstance(value, float):
+            assert float(cell) == pytest.approx(value, abs=5e-4 * (1 + 1e-9))
+            assert len(cell.partition(".")[2]) == column.digits
+        else:
+            assert cell == str(value)
 
 
-@pytest.mark.parametrize("name", ["frames.csv", "pipe", "folder"])
-def test_what_is_no_table_is_refused_at_once(name: str, tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe")
-    (tmp_path / "folder").mkdir()
-    with pytest.raises(InputError, match=r"does not exist|is a pipe, expected a file|is a folder, expected a file"):
-        read_frames_csv(tmp_path / name)
+@given(st.lists(st.lists(answers, min_size=1, max_size=3), max_size=3))
+def test_the_table_has_the_answers_of_all_frames_one_after_another(
+    tmp_path_factory: pytest.TempPathFactory, frames: list[list[Answer]]
+) -> None:
+    folder = tmp_path_factory.mktemp("csv")
+    records = [finished(f"0/{k}", those) for k, those in enumerate(frames)]
+    rows = table(records, folder)
+    assert [row["score"] for row in rows] == [str(COLUMN["score"].cell(one)) for those in frames for one in those]
+    assert (folder / "frames.csv").read_bytes() == (HEADER + "".join(map(table_lines, records))).encode()
 
 
-@given(rows)
-def test_frames_csv_is_read_as_it_was_written(tmp_path_factory: pytest.TempPathFactory, row: Answer) -> None:
-    file = tmp_path_factory.mktemp("csv") / "frames.csv"
-    row = row.model_copy(update={"message": " ".join(row.message.split())})
-    write_frames_csv(file, [FrameResult(frame="0/0", failed=False, seconds=0, objects=(row,))])
-    (read,) = read_frames_csv(file)
-    assert read.name == row.name
-    assert read.message == row.message
-    assert (read.scene_id, read.im_id, read.instance_id, read.status) == (
-        row.scene_id,
-        row.im_id,
-        row.instance_id,
-        row.status,
-    )
-    assert read.score == row.score
-    assert (read.add_s_mm is None) == (row.add_s_mm is None)
-    if row.add_s_mm is not None:
-        assert read.add_s_mm == pytest.approx(row.add_s_mm, abs=5e-4 * (1 + 1e-9))
+COLUMN = {column.name: column for column in COLUMNS}
+
+
+# results.csv
+
+
+def test_the_answers_are_the_results() -> None:
+    run, end = solved(replace(box_problem(n_instances=2), left_out=(LeftOut(7, 3, "mug", "", has_truth=True),)))
+    end = structs.replace(end, seconds=9.0, stages_ms={"read": 500.0, "start": 40.0, "iterate": 460.0})
+    record = RunRecord(header_of(run.problem, run.state_at(0), Session()), (), end)
+    rows = [*result_rows(record)]
+    assert len(rows) == 2
+    for row, best, target in zip(rows, run.final_state.best, run.problem.targets, strict=True):
+        assert f"{row.scene_id}/{row.im_id}" == run.problem.frame
+        assert (row.obj_id, row.score, row.time_s) == (target.instance.obj_id, best.score.score, 0.5)
+        np.testing.assert_array_equal(row.T_cam_obj, best.T_cam_obj)
+
+
+def test_where_poses_were_only_estimated_all_hypotheses_are_results() -> None:
+    problem = box_problem(n_hypotheses=3, n_instances=2)
+    mine = [answer(*parse_frame(problem.frame), instance_id=k, obj_id=5) for k in (1, 0)]
+    record = RunRecord(header_of(problem, None, Session()), (), RunEnd(answers=tuple(mine), seconds=2.0))
+    rows = [*result_rows(record)]
+    expected = [h for k in (1, 0) for h in problem.targets[k].instance.hypotheses]
+    assert [(row.obj_id, row.score, row.time_s) for row in rows] == [(5, h.confidence, 2.0) for h in expected]
+    for row, hypothesis in zip(rows, expected, strict=True):
+        np.testing.assert_array_equal(row.T_cam_obj, hypothesis.T_cam_obj)
+
+
+@given(st.lists(answers, max_size=3))
+def test_an_object_without_an_answer_is_no_result(those: list[Answer]) -> None:
+    without = [structs.replace(one, frame="0/0", T_cam_obj=None, instance_id=None) for one in those]
+    assert [*result_rows(finished("0/0", without))] == []
+    failed = [structs.replace(one, frame="0/0", status="failed") for one in those]
+    assert [*result_rows(finished("0/0", failed))] == []
+
+
+# Answers
 
 
 def test_frame_names() -> None:
@@ -138,21 +168,23 @@ def test_frame_names() -> None:
 
 
 def test_a_failed_frame_is_one_row_with_one_line() -> None:
-    result = failed_frame("2/7", "first\nsecond  third")
-    (row,) = result.objects
-    assert result.failed
+    end = failed("first\nsecond  third")
+    (row,) = end.answers
+    assert end.failed
+    assert end.can_be_mended
     assert (row.scene_id, row.im_id, row.status, row.message) == (2, 7, "failed", "first second third")
+    assert (row.method, row.seed) == ("sir", 0)
 
 
 def test_objects_that_cannot_be_solved_have_a_row_of_their_own() -> None:
     problem = box_problem(n_hypotheses=2, n_instances=2)
     left_out = LeftOut(7, 3, "mug", "000001_000007.png is missing", has_truth=True, visib_fract=0.25)
     _, result = solved(replace(problem, left_out=(left_out,)))
-    assert [row.status for row in result.objects] == ["ok", "ok", "left_out"]
-    row = result.objects[-1]
+    assert [row.status for row in result.answers] == ["ok", "ok", "left_out"]
+    row = result.answers[-1]
+    assert row.T_cam_obj is None
     assert (row.instance_id, row.obj_id, row.name, row.visib_fract, row.has_truth) == (7, 3, "mug", 0.25, True)
     assert (row.message, row.is_correct, row.was_asked_for) == ("left out: 000001_000007.png is missing", None, False)
-    assert len(result.estimates) == 2
     assert not result.can_be_mended
 
 
@@ -164,11 +196,9 @@ def test_files_that_cannot_be_read_are_counted_as_what_somebody_can_mend() -> No
 
 
 def test_a_failed_frame_has_a_row_for_each_object_that_is_known_to_be_in_it() -> None:
-    failed = failed_frame("2/7", "no depth")
-    assert with_objects(failed, ()) == failed
-    assert not failed.objects[0].is_object
+    assert not failed("no depth").answers[0].is_object
     objects = [LeftOut(k, 3, "mug", "", has_truth=True) for k in range(2)]
-    rows = with_objects(failed, objects).objects
+    rows = failed("no depth", objects).answers
     assert [(row.instance_id, row.obj_id, row.status, row.message) for row in rows] == [
         (k, 3, "failed", "no depth") for k in range(2)
     ]
@@ -179,14 +209,13 @@ def test_a_failed_frame_has_a_row_for_each_object_that_is_known_to_be_in_it() ->
     ("stages_ms", "seconds"), [({"read": 500.0, "start": 40.0, "iterate": 460.0, "record": 3000.0}, 0.5), ({}, 9.0)]
 )
 def test_the_time_of_a_frame_is_that_of_solving(stages_ms: dict[str, float], seconds: float) -> None:
-    result = FrameResult(frame="0/0", failed=False, seconds=9.0, objects=(), stages_ms=stages_ms)
-    assert result.solving_s == pytest.approx(seconds)
+    assert solving_s(RunEnd(answers=(), seconds=9.0, stages_ms=stages_ms)) == pytest.approx(seconds)
 
 
 def test_a_row_per_object_says_what_the_run_did() -> None:
     run, result = solved(box_problem(n_hypotheses=3, n_instances=2))
-    assert [row.instance_id for row in result.objects] == [0, 1]
-    for row, best in zip(result.objects, run.final_state.best, strict=True):
+    assert [row.instance_id for row in result.answers] == [0, 1]
+    for row, best in zip(result.answers, run.final_state.best, strict=True):
         mine = [i for i in run.iterations if i.instance_id == row.instance_id]
         assert row.status == "ok"
         assert row.n_iterations == len(mine) == 9
@@ -216,16 +245,9 @@ def test_a_row_has_the_colour_fit_of_its_answer_where_colour_counts() -> None:
     problem = box_problem()
     run = Run(make_method(MethodSettings(iterations=3), FakeSimulator(), FakeRefiner(), SeesColour(), 3), problem)
     run.finish()
-    (row,) = run_end(run, Session()).objects
+    (row,) = run_end(run, Session()).answers
     assert row.score is not None
     assert row.colour_fit == row.score / 2
-
-
-def test_the_estimates_are_the_best_poses() -> None:
-    run, result = solved(box_problem(n_instances=2))
-    for estimate, best in zip(result.estimates, run.final_state.best, strict=True):
-        assert estimate.T_cam_obj == tuple(best.T_cam_obj.ravel())
-        assert estimate.score == best.score.score
 
 
 def test_the_worst_iteration_is_the_one_that_lost_most() -> None:
@@ -241,7 +263,7 @@ def test_the_worst_iteration_is_the_one_that_lost_most() -> None:
     }
     worst = max(growth, key=lambda k: growth[k])
     expected = worst if growth[worst] > MUCH * target.model.diameter_m * 1e3 else None
-    assert result.objects[0].worst_iteration == expected
+    assert result.answers[0].worst_iteration == expected
 
 
 @dataclass(frozen=True)
@@ -257,7 +279,7 @@ class Straying(FakeRefiner):
 
 def test_an_iteration_that_loses_much_is_named_by_its_error_or_its_score() -> None:
     run, result = solved(box_problem(), "pir", Straying())
-    (row,), (target,) = result.objects, run.problem.targets
+    (row,), (target,) = result.answers, run.problem.targets
     assert row.worst_iteration == 2
     assert row.best_iteration != 2
     blind = replace(target, instance=replace(target.instance, T_cam_obj_gt=None))
@@ -267,7 +289,7 @@ def test_an_iteration_that_loses_much_is_named_by_its_error_or_its_score() -> No
 def test_where_no_iteration_loses_much_none_is_named() -> None:
     run, result = solved(box_problem(), "pir")
     assert len(run.iterations) > 0
-    assert result.objects[0].worst_iteration is None
+    assert result.answers[0].worst_iteration is None
 
 
 @pytest.mark.parametrize("enabled", [True, False])
@@ -277,15 +299,15 @@ def test_a_plane_that_is_missing_is_said_where_physics_was_asked_for(enabled: bo
     _, result = solved(replace(problem, observation=seen), session=Session(physics=PhysicsSettings(enabled=enabled)))
     said = ("no physics: no plane was found",) if enabled else ()
     assert result.notes == said
-    assert {row.message for row in result.objects} == set(said or [""])
+    assert {row.message for row in result.answers} == set(said or [""])
 
 
 def test_an_empty_pool_is_no_answer_and_no_failure() -> None:
     _, result = solved(box_problem(n_hypotheses=0))
-    (row,) = result.objects
+    (row,) = result.answers
     assert not result.failed
     assert (row.status, row.score, row.message) == ("no_answer", None, "no hypothesis to start from")
-    assert result.estimates == ()
+    assert row.T_cam_obj is None
 
 
 def test_an_answer_that_is_right_by_add_s_only_says_so() -> None:
@@ -294,6 +316,6 @@ def test_an_answer_that_is_right_by_add_s_only_says_so() -> None:
     toolbox = Toolbox(load_session(sessions / "failure_simulation_topples.toml", {"method": {"name": "rir"}}))
     run = toolbox.run(toolbox.problem(toolbox.frames[0]))
     run.finish()
-    (row,) = run_end(run, toolbox.session).objects
+    (row,) = run_end(run, toolbox.session).answers
     assert row.is_correct
     assert row.message.startswith("right by ADD-S only: ADD over the declared symmetries is 1")
