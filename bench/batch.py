@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from tests.light_frames import write_light_frames
-from verefine_viz.batch.journal import Runs
 from verefine_viz.batch.machine import resident_bytes
+from verefine_viz.batch.runs import Runs
 from verefine_viz.run.record import RunEnd
 
 WORKERS = 2

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from verefine_viz.batch.journal import Runs
+from verefine_viz.batch.runs import Runs
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import FORMAT, Answer, RunEnd, RunHeader, RunRecord
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.made_runs import answer, finished
-from verefine_viz.batch.journal import Runs
+from verefine_viz.batch.runs import Runs
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.settings import Session

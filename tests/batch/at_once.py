@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from tests.made_runs import answer, finished, written
-from verefine_viz.batch.journal import file_stem
 from verefine_viz.batch.run_batch import Backend, Workers
+from verefine_viz.batch.runs import file_stem
 from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord, failed_run

@@ -8,7 +8,7 @@ from time import monotonic, sleep
 
 import psutil
 
-from verefine_viz.batch.journal import Runs
+from verefine_viz.batch.runs import Runs
 
 
 def done(out: Path) -> list[str]:

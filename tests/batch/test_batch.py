@@ -29,7 +29,7 @@ from tests.batch.frames import (
 from tests.batch.killed_batches import without_times
 from tests.batch.outputs import done, stop_in_the_middle
 from tests.scenes.bop_folder import Made
-from verefine_viz.batch.journal import Runs
+from verefine_viz.batch.runs import Runs
 from verefine_viz.run.session_file import load_session
 from verefine_viz.scenes.results_csv import ResultRow, read_results, write_results
 

@@ -19,8 +19,8 @@ from tests.made_runs import written
 from verefine_viz.batch.batch_command import run_jobs
 from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.jobs import Job
-from verefine_viz.batch.journal import Runs
 from verefine_viz.batch.run_batch import Progress, run_batch
+from verefine_viz.batch.runs import Runs
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.answers import table_lines

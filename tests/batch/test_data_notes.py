@@ -9,7 +9,7 @@ import pytest
 from tests.calibration.sizes import WithoutTruth, scene, written
 from tests.made_runs import finished
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import BatchInfo, Runs
+from verefine_viz.batch.runs import BatchInfo, Runs
 from verefine_viz.batch.solve_frame import explain_frame
 from verefine_viz.batch.totals import Totals
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, RecordingSettings, SceneSettings, Session

@@ -16,7 +16,7 @@ import pytest
 
 from tests.made_runs import answer, finished
 from verefine_viz.batch.folder import RunFolder, first_change
-from verefine_viz.batch.journal import BatchInfo, read_run
+from verefine_viz.batch.runs import BatchInfo, read_run
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.answers import table_lines

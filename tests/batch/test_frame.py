@@ -11,7 +11,7 @@ import pytest
 from tests.batch.frames import depth_file, make_frames, write_session
 from tests.scenes.bop_folder import Made
 from verefine_viz.batch import solve_frame as causes
-from verefine_viz.batch.journal import Runs
+from verefine_viz.batch.runs import Runs
 from verefine_viz.batch.solve_frame import FrameTask, explain_frame, solve_frame
 from verefine_viz.core.errors import InputError
 from verefine_viz.diagnosis.causes import Cause

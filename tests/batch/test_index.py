@@ -22,7 +22,7 @@ from verefine_viz.batch.index import (
     named_runs,
     read_batch,
 )
-from verefine_viz.batch.journal import BatchInfo, Runs
+from verefine_viz.batch.runs import BatchInfo, Runs
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.run.record import Answer, failed_run
 from verefine_viz.run.session_file import resolve

@@ -18,7 +18,7 @@ from tests.run.kept_frames import box_mesh, found, kept
 from verefine_viz.batch import watch as watching
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex, read_batch
-from verefine_viz.batch.journal import Runs
+from verefine_viz.batch.runs import Runs
 from verefine_viz.batch.watch import TRIES, Watch, data_folders
 from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.settings import Session

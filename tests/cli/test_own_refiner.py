@@ -83,7 +83,7 @@ def make_recording(path: Path, session: Session) -> None:
     file = RunFile(path.with_suffix(SUFFIX), session)
     toolbox.run(problem, [file, recorder]).finish()
     file.finish(RunEnd(answers=(answer(*parse_frame(problem.frame)),)))
-    recorder.close(file.path)
+    recorder.close(file.path.read_bytes())
 
 
 @pytest.fixture(scope="module")

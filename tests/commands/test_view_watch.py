@@ -18,7 +18,7 @@ from tests.batch.outputs import done
 from tests.fakes import box_problem
 from tests.run.kept_frames import box_mesh, found, kept
 from verefine_viz.batch.index import read_batch
-from verefine_viz.batch.journal import Runs
+from verefine_viz.batch.runs import Runs
 from verefine_viz.cli import main
 from verefine_viz.run.session_file import resolve, save_session
 from verefine_viz.viewer import app as page_app

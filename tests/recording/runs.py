@@ -47,7 +47,7 @@ def recorded_run(path: Path, s: Session | None = None, problem: Problem | None =
     run = new_run(s, problem, (file, recorder))
     run.finish()
     file.finish(END)
-    recorder.close(file.path)
+    recorder.close(file.path.read_bytes())
     file.path.unlink()
     return run
 

@@ -32,7 +32,7 @@ def recorded(path: Path, with_grasps: bool) -> AnswerGrasps:
     recorder = Recorder(path, s, problem, lambda _: FakeVerifier(), grasps_of=grasps_of if with_grasps else None)
     file = RunFile(path.with_suffix(".vfrun"), s)
     new_run(s, problem, (recorder, file)).finish()
-    recorder.close(file.path)
+    recorder.close(file.path.read_bytes())
     return made[0] if made else AnswerGrasps()
 
 

@@ -84,7 +84,7 @@ def test_maps_are_drawn_from_a_record_too(tmp_path: Path) -> None:
     recorded_run(tmp_path / "live.rrd", s, problem)
     recorder = Recorder(tmp_path / "drawn.rrd", s, problem, lambda _: FakeVerifier())
     Run.from_record(read_run_file(tmp_path / "run.vfrun"), problem, [recorder])
-    recorder.close(tmp_path / "run.vfrun")
+    recorder.close((tmp_path / "run.vfrun").read_bytes())
     assert rows(tmp_path / "drawn.rrd") == rows(tmp_path / "live.rrd")
 
 

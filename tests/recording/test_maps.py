@@ -112,7 +112,7 @@ def sizes(folder: Path, maps: bool, iterations: int) -> tuple[int, int]:
     file = RunFile(folder / f"{iterations}.vfrun", s)
     run = Run(method, problem, (recorder, file))
     run.finish()
-    recorder.close(file.path)
+    recorder.close(file.path.read_bytes())
     return (folder / f"{iterations}.rrd").stat().st_size, run.length
 
 

@@ -74,7 +74,7 @@ def test_a_run_that_is_left_early_is_drawn_as_far_as_it_went(tmp_path: Path) -> 
     run = new_run(s, problem, (file, recorder))
     for _ in range(4):
         run.step()
-    recorder.close(file.path)
+    recorder.close(file.path.read_bytes())
     file.path.unlink()
     assert n_drawn(tmp_path / "run.rrd") == 4
     record = read_recording(tmp_path / "run.rrd")

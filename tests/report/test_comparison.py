@@ -12,7 +12,7 @@ from tests.changing import replace
 from tests.made_runs import answer
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import BatchInfo
+from verefine_viz.batch.runs import BatchInfo
 from verefine_viz.report.bop_recalls import FrameRecalls
 from verefine_viz.report.failure_cards import group_gallery
 from verefine_viz.report.group_comparison import Comparison, compare

@@ -8,7 +8,7 @@ from typing import Any
 
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import BatchInfo
+from verefine_viz.batch.runs import BatchInfo
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.report.run_results import LoadedRun

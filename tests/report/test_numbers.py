@@ -14,7 +14,7 @@ from tests.changing import replace
 from tests.made_runs import answer, written
 from tests.report.runs import row, write_run
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import BatchInfo, Runs
+from verefine_viz.batch.runs import BatchInfo, Runs
 from verefine_viz.evaluation.pose_table import read_pose_table
 from verefine_viz.report.bop_recalls import run_rows
 from verefine_viz.report.charts import time_figure

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import BatchInfo
+from verefine_viz.batch.runs import BatchInfo
 from verefine_viz.report.charts import whole_step
 from verefine_viz.report.html import breakable
 from verefine_viz.report.run_results import LoadedRun

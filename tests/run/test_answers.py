@@ -18,7 +18,7 @@ from msgspec import structs
 from tests.changing import replace
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from tests.made_runs import answer, finished
-from verefine_viz.batch.journal import file_stem
+from verefine_viz.batch.runs import file_stem
 from verefine_viz.batch.summary import MUCH, run_end, worst_iteration
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import transform

@@ -177,7 +177,7 @@ def test_with_a_learned_refiner_stepping_headless_and_replaying_are_the_same(tmp
     recorded = box.run(problem, [recorder, file])
     recorded.finish()
     file.finish(END)
-    recorder.close(file.path)
+    recorder.close(file.path.read_bytes())
     assert first_difference(headless.iterations, recorded.iterations) is None
     drawn = [chunk for chunk in chunks_of(tmp_path / "run.rrd") if chunk.entity_path == entities.REFINER]
     assert sum(chunk.num_rows for chunk in drawn) == len(headless.iterations)

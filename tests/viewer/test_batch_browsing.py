@@ -14,7 +14,7 @@ from verefine_viz.batch.answer_cards import RIGHT, WRONG
 from verefine_viz.batch.answer_tags import TAGS_FILE, Arrangement
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import BatchInfo
+from verefine_viz.batch.runs import BatchInfo
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import Answer

@@ -13,7 +13,7 @@ from tests.made_runs import answer
 from tests.run.kept_frames import box_mesh, found, kept
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import BatchInfo
+from verefine_viz.batch.runs import BatchInfo
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, SceneSettings, Session
 from verefine_viz.run.record import DATA_FIRST
 from verefine_viz.run.session_file import load_session

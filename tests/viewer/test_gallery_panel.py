@@ -17,7 +17,7 @@ from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_app import cursor
 from verefine_viz.batch.answer_cards import WRONG
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import BatchInfo
+from verefine_viz.batch.runs import BatchInfo
 from verefine_viz.run.record import Answer
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App

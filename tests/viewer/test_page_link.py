@@ -14,7 +14,7 @@ from tests.viewer.conftest import SESSION
 from tests.viewer.fake_tools import FakeTools
 from tests.viewer.test_batch_browsing import RIR_ROWS, SIR, SIR_ROWS
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import BatchInfo
+from verefine_viz.batch.runs import BatchInfo
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem
 from verefine_viz.viewer import commands as c

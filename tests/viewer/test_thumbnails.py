@@ -15,7 +15,7 @@ from tests.changing import replace
 from tests.made_runs import answer
 from tests.viewer.conftest import SESSION
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import BatchInfo
+from verefine_viz.batch.runs import BatchInfo
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.run.record import Answer

@@ -11,7 +11,7 @@ import pytest
 from tests.made_runs import answer
 from tests.viewer.fake_tools import FakeTools
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import BatchInfo
+from verefine_viz.batch.runs import BatchInfo
 from verefine_viz.core.problem import DependencyGraph, Edge, EdgeState, Problem
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.core.surroundings import SupportSurface, Surroundings

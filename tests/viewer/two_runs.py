@@ -58,7 +58,7 @@ def record(path: Path, session: Session, frame: str = "0/2") -> Path:
     recorder, file = Recorder(path, session, problem, None), RunFile(path.with_suffix(SUFFIX), session)
     tools.run(problem, (recorder, file)).finish()
     file.finish(RunEnd(answers=(Answer(frame=frame, status="ok"),)))
-    recorder.close(file.path)
+    recorder.close(file.path.read_bytes())
     file.path.unlink()
     return path
 

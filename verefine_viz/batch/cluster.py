@@ -24,8 +24,8 @@ from distributed.comm.core import connect
 import verefine_viz
 from verefine_viz.batch.dask_worker import WorkerTools, solve_on_worker
 from verefine_viz.batch.frame_queue import FrameQueue
-from verefine_viz.batch.journal import file_stem
 from verefine_viz.batch.machine import gigabytes
+from verefine_viz.batch.runs import file_stem
 from verefine_viz.batch.worker_pool import interrupts_ignored
 from verefine_viz.batch.worker_process import ONE_THREAD, TaskName
 from verefine_viz.core.errors import SettingsError, UnavailableError, VerefineError

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Literal
 
-from verefine_viz.batch.journal import Runs, file_stem
+from verefine_viz.batch.runs import Runs, file_stem
 from verefine_viz.batch.totals import Totals
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.paths import open_input

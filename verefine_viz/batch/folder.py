@@ -22,8 +22,8 @@ from typing import Any
 
 import verefine_viz
 from verefine_viz.batch.completeness import TABLES
-from verefine_viz.batch.journal import RUN_FILE, Runs, read_run
 from verefine_viz.batch.motion_table import MOTION
+from verefine_viz.batch.runs import RUN_FILE, Runs, read_run
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.paths import atomic, check_folder, clear_parts, try_lock, why_not
 from verefine_viz.core.settings import Session

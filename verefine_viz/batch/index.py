@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from verefine_viz.batch.folder import SESSION_FILE
-from verefine_viz.batch.journal import RUN_FILE, BatchInfo, Runs, read_run
+from verefine_viz.batch.runs import RUN_FILE, BatchInfo, Runs, read_run
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.paths import LEVELS_BELOW

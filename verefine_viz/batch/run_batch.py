@@ -17,7 +17,6 @@ from typing import Any, Protocol
 import verefine_viz
 from verefine_viz.batch.completeness import BatchFiles, check_files, write_tables
 from verefine_viz.batch.folder import RunFolder
-from verefine_viz.batch.journal import RUN_FILE, BatchInfo, RunTotals, read_run
 from verefine_viz.batch.machine import (
     free_bytes,
     gigabytes,
@@ -27,6 +26,7 @@ from verefine_viz.batch.machine import (
     temporary_folder,
 )
 from verefine_viz.batch.motion_table import MOTION, Track, read_tracks
+from verefine_viz.batch.runs import RUN_FILE, BatchInfo, RunTotals, read_run
 from verefine_viz.batch.sequence_output import SequenceOutput
 from verefine_viz.batch.session_check import check
 from verefine_viz.batch.totals import Counts

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from verefine_viz.batch.journal import Runs
 from verefine_viz.batch.motion_table import (
     MOTION,
     NO_TURNS,
@@ -18,6 +17,7 @@ from verefine_viz.batch.motion_table import (
     read_tracks,
     write_motion,
 )
+from verefine_viz.batch.runs import Runs
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.model import ObjectModel

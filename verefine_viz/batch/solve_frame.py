@@ -11,8 +11,8 @@ from pathlib import Path
 
 from msgspec import structs
 
-from verefine_viz.batch.journal import Runs, file_stem
 from verefine_viz.batch.machine import temporary_folder
+from verefine_viz.batch.runs import Runs, file_stem
 from verefine_viz.batch.summary import object_facts, run_end
 from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.errors import InputError, VerefineError

@@ -200,7 +200,7 @@ class Totals:
                     self._errors_mm.append(row.add_s_mm)
 
     def as_json(self, n_frames: int) -> dict[str, Any]:
-        """The entry ``totals`` of run.json, see :class:`verefine_viz.batch.journal.RunTotals`."""
+        """The entry ``totals`` of run.json, see :class:`verefine_viz.batch.runs.RunTotals`."""
         counts, n_solved = self.counts, self.counts.frames_done - self.counts.frames_failed
         return {
             "frames": n_frames,

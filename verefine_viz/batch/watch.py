@@ -18,8 +18,8 @@ from typing import Any
 
 from verefine_viz.batch.folder import SESSION_FILE, RunFolder
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.journal import BatchInfo, Runs
 from verefine_viz.batch.run_batch import Backend, Progress, run_batch
+from verefine_viz.batch.runs import BatchInfo, Runs
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
 from verefine_viz.core.paths import check_folder, try_lock

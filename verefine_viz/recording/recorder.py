@@ -13,7 +13,6 @@ from numba import njit
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.paths import read_input
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner, RunState, Verifier
 from verefine_viz.core.records import Best, Iteration, PlacedPose
@@ -148,11 +147,11 @@ class Recorder:
             self._has_grasps = True
             log_grasps(self._file, self._problem, self._layout, grasps, self._session.grasp.opening_m)
 
-    def close(self, run: Path | bytes | None = None) -> None:
+    def close(self, run: bytes = b"") -> None:
         """Completes the file with what there is, also of a run that was left before its end. Later calls do nothing.
 
         Args:
-            run: the run file or its content, which goes into the recording; None = there is none.
+            run: the content of the run file, which goes into the recording.
 
         Raises:
             InputError: it could not be written.
@@ -166,8 +165,8 @@ class Recorder:
                 self._layout, self._verifier_of is not None, self._has_colour, self._has_refiner, self._has_grasps
             )
         )
-        if run is not None:
-            file.log_bytes(entities.RUN_FILE, run if isinstance(run, bytes) else read_input(run, "run file"))
+        if run:
+            file.log_bytes(entities.RUN_FILE, run)
         file.close()
 
     @property

@@ -72,7 +72,7 @@ def drawn(path: Path, folder: Path) -> Path:
     target = folder / path.with_suffix(".rrd").name
     recorder = Recorder(target, toolbox.session, problem, toolbox.verifier_of, refiner_of=toolbox.refiner_of)
     Run.from_record(record, problem, [recorder])
-    recorder.close(path)
+    recorder.close(path.read_bytes())
     return target
 
 

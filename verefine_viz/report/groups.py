@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from verefine_viz.batch.journal import read_run
+from verefine_viz.batch.runs import read_run
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import Session
 from verefine_viz.report.run_results import LoadedRun, check_same_data, load

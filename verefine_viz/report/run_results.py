@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from verefine_viz.batch.index import BatchIndex, read_batch
-from verefine_viz.batch.journal import Runs, file_stem
 from verefine_viz.batch.motion_table import Track, read_tracks
+from verefine_viz.batch.runs import Runs, file_stem
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.methods.registry import method_of

@@ -1,7 +1,7 @@
 """``method.track``: what a frame answered is an initial pose of the next frame of its scene (docs/methods.md 1.13).
 
 Which poses those are follows from the session alone: they are the answers of the session's own runs of the frames
-before. So it does not matter who solves which frame, in which process, or what is read from a journal instead.
+before. So it does not matter who solves which frame, in which process, or what is read from a run file instead.
 """
 
 from __future__ import annotations

@@ -10,14 +10,14 @@ from contextlib import closing, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from verefine_viz.batch.folder import LOCK_FILE
-from verefine_viz.batch.journal import file_stem, read_entry, save_entry
+from verefine_viz.batch.runs import file_stem
 from verefine_viz.batch.worker_pool import interrupts_ignored
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError, unknown
 from verefine_viz.core.json_files import read_json, write_json
-from verefine_viz.core.paths import check_folder, clear_parts, try_lock
+from verefine_viz.core.paths import atomic, check_folder, clear_parts, read_input, try_lock
 from verefine_viz.core.settings import Session
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.studies.ablation import ablation, robustness
@@ -96,8 +96,9 @@ class StudyJournal:
 
     def read(self, unit: Unit) -> tuple[Outcome, ...] | None:
         """What a unit came to; None where it is not finished, or its entry is damaged."""
-        with suppress(InputError):
-            entry = read_entry(self._file(unit), UnitResult)
+        file = self._file(unit)
+        with suppress(InputError, ValidationError):
+            entry = UnitResult.model_validate_json(read_input(file)) if file.exists() else None
             if entry is not None and entry.unit == unit:
                 return entry.outcomes
         return None
@@ -108,7 +109,8 @@ class StudyJournal:
         Raises:
             InputError: the disk refuses.
         """
-        save_entry(self._file(unit), UnitResult(unit=unit, outcomes=tuple(outcomes)))
+        with atomic(self._file(unit)) as part:
+            part.write_text(UnitResult(unit=unit, outcomes=tuple(outcomes)).model_dump_json(), encoding="utf-8")
 
     def close(self) -> None:
         """Lets others write to the folder."""

@@ -133,7 +133,7 @@ class Exporter:
         try:
             run.show((Watched(self._progress, run.length, (file, recorder)),))
             file.finish(run_end(run, space.session, recorder.landscapes, grasps_of(run.final_state)))
-            recorder.close(file.path)
+            recorder.close(file.path.read_bytes())
         except Cancelled:
             recorder.close()
             path.unlink(missing_ok=True)

@@ -9,42 +9,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import closing, suppress
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from verefine_viz.core.errors import InputError, first_fault
-from verefine_viz.core.paths import atomic, read_input
+from verefine_viz.core.paths import read_input
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord
 from verefine_viz.run.run_file import SUFFIX, RunFile, read_run_file
 from verefine_viz.scenes.frames import frame_name, parse_frame
-
-Entry = TypeVar("Entry", bound=BaseModel)
-
-
-def save_entry(file: Path, entry: BaseModel) -> None:
-    """Writes an entry of a journal as JSON, whole or not at all.
-
-    Raises:
-        InputError: the disk refuses.
-    """
-    with atomic(file) as part:
-        part.write_text(entry.model_dump_json(), encoding="utf-8")
-
-
-def read_entry(file: Path, kind: type[Entry]) -> Entry | None:
-    """An entry of a journal; None where there is none.
-
-    Raises:
-        InputError: it is damaged; the text says how.
-    """
-    if not file.exists():
-        return None
-    try:
-        return kind.model_validate_json(read_input(file))
-    except ValidationError as error:
-        raise InputError(f"{file} is damaged: {first_fault(error)}") from None
 
 
 class Runs:
