@@ -26,6 +26,8 @@ from bench.__main__ import table
 from tests.scenes.write_bop import write_bop
 from verefine_viz.core.problem import Problem
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.run.record import RunEnd
+from verefine_viz.run.run_file import SUFFIX, RunFile
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 
@@ -94,10 +96,14 @@ def _measured(toolbox: Toolbox, frame: Problem | str, path: Path | None) -> tupl
     """Wall and processor time [s] of a frame, which is read first if only its name is given; recorded to ``path``."""
     wall, processor = perf_counter(), process_time()
     problem = toolbox.problem(frame) if isinstance(frame, str) else frame
-    recorders: list[Recorder] = []
-    if path is not None:
-        recorders.append(Recorder(path, toolbox.session, problem, toolbox.verifier_of))
-    toolbox.run(problem, recorders).finish()
+    if path is None:
+        toolbox.run(problem).finish()
+    else:
+        recorder = Recorder(path, toolbox.session, problem, toolbox.verifier_of)
+        file = RunFile(path.with_suffix(SUFFIX), toolbox.session)
+        toolbox.run(problem, [file, recorder]).finish()
+        file.finish(RunEnd(answers=()))
+        recorder.close(file.path.read_bytes())
     return perf_counter() - wall, process_time() - processor
 
 
