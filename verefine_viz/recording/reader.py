@@ -56,5 +56,5 @@ def check_rerun_file(path: Path) -> None:
         head = file.read(_HEAD_BYTES)
     if not head:
         raise InputError(f"{path} is empty; expected a recording (.rrd) that view or batch wrote")
-    if not head.startswith(_MAGIC) or head[-2:] != b"\0\0":
+    if not head.startswith(_MAGIC) or head[10:].strip(b"\0"):
         raise InputError(f"{path} is not a rerun recording; expected an .rrd file that view or batch wrote")
