@@ -208,19 +208,13 @@ def test_view_of_a_folder_that_is_no_batch(bad_input: BadInput) -> None:
     assert said in bad_input.refused("view", session.parent)
 
 
-def test_view_of_a_batch_that_was_killed(bad_input: BadInput) -> None:
+def test_view_of_a_batch_without_a_finished_frame(bad_input: BadInput) -> None:
     folder = bad_input.batch_folder()
-    assert bad_input.refused("view", folder).endswith("the batch is running or was killed; run it again to finish it")
-    done = bad_input.file(f"{folder.name}/recordings/000050_000001.rrd", "")
-    hint = f"; run it again to finish it. Frames that are done can be opened one by one: verefine-viz view {done}"
-    assert bad_input.refused("view", folder).endswith(hint)
-
-
-def test_view_of_a_batch_with_a_foreign_table(bad_input: BadInput) -> None:
-    folder = bad_input.batch_folder()
-    for text in ("a,b\n1,2\n", "scene_id,im_id,status\n1,x,ok\n", "scene_id\n1,2,3\n"):
-        (folder / "frames.csv").write_text(text)
-        assert "frames.csv is not what a batch writes" in bad_input.refused("view", folder), text
+    said = f"{folder} has no finished frame yet: the batch is running or was killed; run it again"
+    assert bad_input.refused("view", folder) == said
+    for content in ("", "7,3,5", "VEREFINE RUN\n"):
+        bad_input.file(f"{folder.name}/runs/000007_000003.vfrun", content)
+        assert bad_input.refused("view", folder) == said
 
 
 # replay
@@ -242,7 +236,9 @@ def test_files_that_are_no_recordings(bad_input: BadInput, verify: list[str]) ->
 
 @pytest.mark.parametrize("verify", [[], ["--verify"]])
 def test_a_folder_is_no_recording(bad_input: BadInput, verify: list[str]) -> None:
-    assert "is a folder, expected a recording (.rrd)" in bad_input.refused("replay", bad_input.folder, *verify)
+    assert "is a folder, expected a recorded run (.rrd, .vfrun)" in bad_input.refused(
+        "replay", bad_input.folder, *verify
+    )
     run = bad_input.batch_folder()
     for folder in (run, run.parent):
         assert bad_input.refused("replay", folder, *verify).endswith(f"; those of a batch lie in {run / 'recordings'}")

@@ -137,7 +137,7 @@ NO_COMMAND: list[tuple[list[str], str]] = [
         "missing from verefine-viz batch: --out PATH Folder for results.csv, frames.csv, recordings/, session.toml "
         "and run.json. (required); unrecognized options: --nosuch",
     ),
-    (["replay"], "missing from verefine-viz replay: RUN.rrd"),
+    (["replay"], "missing from verefine-viz replay: RUN"),
     (["doctor", "now"], "unrecognized options: now"),
 ]
 

@@ -12,6 +12,8 @@ from verefine_viz.run.record import RunRecord
 from verefine_viz.run.run_file import SUFFIX, decoded, read_run_file
 
 _MAGIC = b"RRF2"
+_HEAD_BYTES = 12
+"""Magic, version, and options, whose last two bytes are reserved."""
 
 
 def read_recording(path: Path) -> RunRecord:
@@ -51,8 +53,8 @@ def run_file_beside(path: Path) -> Path | None:
 def check_rerun_file(path: Path) -> None:
     """Raise InputError where there is no rerun file at ``path``."""
     with open_input(path, "recording") as file:
-        head = file.read(len(_MAGIC))
+        head = file.read(_HEAD_BYTES)
     if not head:
         raise InputError(f"{path} is empty; expected a recording (.rrd) that view or batch wrote")
-    if head != _MAGIC:
+    if not head.startswith(_MAGIC) or head[10:].strip(b"\0"):
         raise InputError(f"{path} is not a rerun recording; expected an .rrd file that view or batch wrote")
