@@ -196,3 +196,22 @@ def test_runs_in_a_folder_named_by_mistake_are_listed(
     listed = ", ".join(str(top / name / "recordings") for name in names[:6])
     assert named_runs(top, "recordings") == f"{listed} and 2 more"
     assert named_runs(top / "none") == ""
+
+
+def test_a_folder_of_run_files_is_read_as_a_batch(tmp_path: Path) -> None:
+    batch = tmp_path / "batch"
+    folder = RunFolder(batch, SESSION)
+    for row in ROWS:
+        folder.runs.save(SESSION, failed_run(SESSION, row.frame, "no depth"))
+    folder.write_json("run.json", {"status": "finished"})
+    folder.close()
+    loose = tmp_path / "loose"
+    loose.mkdir()
+    for k, path in enumerate(sorted((batch / "runs").iterdir())):
+        shutil.copy(path, loose / f"drop {k}.vfrun")
+    assert is_batch_folder(loose)
+    assert [row.frame for row in read_batch(loose).rows] == [row.frame for row in read_batch(batch).rows]
+    other = resolve({"scene": {"demo": "tower"}})
+    Runs(loose).save(other, failed_run(other, "0/1", "no depth"))
+    with pytest.raises(InputError, match="holds runs on different data"):
+        read_batch(loose)

@@ -15,7 +15,8 @@ from verefine_viz.core.paths import LEVELS_BELOW
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.diagnosis.causes import Cause
-from verefine_viz.run.record import Answer, RunRecord
+from verefine_viz.run.record import Answer, RunRecord, session_of
+from verefine_viz.run.run_file import SUFFIX, read_run_file
 from verefine_viz.run.session_file import load_session
 
 Order = Literal["error", "score", "misleading", "cause", "object", "frame", "time", "undetermined"]
@@ -68,9 +69,9 @@ class BatchIndex:
 
 
 def is_batch_folder(path: Path) -> bool:
-    """Whether ``path`` is the folder of a batch; False also where it cannot be read."""
+    """Whether ``path`` is the folder of a batch, or of run files; False also where it cannot be read."""
     try:
-        return (path / RUN_FILE).is_file()
+        return (path / RUN_FILE).is_file() or any(path.glob(f"*{SUFFIX}"))
     except OSError:
         return False
 
@@ -78,7 +79,7 @@ def is_batch_folder(path: Path) -> bool:
 def has_finished_frame(path: Path) -> bool:
     """Whether there is anything to view in the folder of a batch."""
     runs = Runs(path / "runs")
-    return next(runs.records(runs.frames), None) is not None
+    return any(path.glob(f"*{SUFFIX}")) or next(runs.records(runs.frames), None) is not None
 
 
 @dataclass(frozen=True)
@@ -169,6 +170,8 @@ def read_batch(folder: Path) -> BatchIndex:
     """
     if not is_batch_folder(folder):
         raise InputError(f"{folder} is no folder of a batch: it has no {RUN_FILE}; make one with verefine-viz batch")
+    if not (folder / RUN_FILE).is_file():
+        return _of_run_files(folder)
     run = read_run(folder)
     session = load_session(folder / SESSION_FILE)
     runs = Runs(folder / "runs")
@@ -182,6 +185,27 @@ def read_batch(folder: Path) -> BatchIndex:
             "the same batch command solves what is missing"
         )
     return BatchIndex(folder, session, run, rows)
+
+
+def _of_run_files(folder: Path) -> BatchIndex:
+    """The runs of a folder that holds nothing but their files, which may have any names.
+
+    Raises:
+        InputError: a file cannot be read, none holds a finished run, or they are runs on different data.
+    """
+    records = [read_run_file(path, with_iterations=False) for path in sorted(folder.glob(f"*{SUFFIX}"))]
+    finished = [record for record in records if record.end is not None]
+    if not finished:
+        raise InputError(f"none of the {len(records)} run files in {folder} holds a finished run; open one by its name")
+    frames = tuple(dict.fromkeys(record.header.frame for record in finished))
+    sessions = [_on(frames, session_of(record.header)) for record in finished]
+    if any((one.scene, one.hypotheses) != (sessions[0].scene, sessions[0].hypotheses) for one in sessions):
+        raise InputError(f"{folder} holds runs on different data; open them one by one, or two side by side")
+    return BatchIndex(folder, sessions[0], BatchInfo(), tuple(row for record in finished for row in _answers(record)))
+
+
+def _on(frames: tuple[str, ...], session: Session) -> Session:
+    return session.model_copy(update={"scene": session.scene.model_copy(update={"frames": frames})})
 
 
 def _answers(record: RunRecord | None) -> tuple[Answer, ...]:
