@@ -217,6 +217,14 @@ def test_damaged_iterations_and_headers_are_one_line(tmp_path: Path) -> None:
                 assert expected in refused(path), expected
 
 
+def test_an_answer_that_is_no_pose_is_one_line(tmp_path: Path) -> None:
+    file = RunFile(tmp_path / "a.vfrun", SHORT)
+    for T, expected in ((np.full((4, 4), np.nan), "holds NaN"), (2 * np.eye(4), "is not rigid"), (np.eye(3), "shape")):
+        file.begin(RunHeader(1, "", "0/1", "", {}, ()))
+        file.finish(RunEnd(answers=(Answer(frame="0/1", name="mug", status="ok", T_cam_obj=T),)))
+        assert expected in refused(file.path)
+
+
 FILES: list[tuple[Callable[[Path], object], str]] = [
     (lambda path: None, "does not exist"),
     (os.mkdir, "is a folder"),

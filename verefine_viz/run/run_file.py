@@ -140,6 +140,9 @@ def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecor
                 iterations += [_iteration(body[1:])] if with_iterations else []
             elif body.startswith(_END):
                 end = _END_DECODER.decode(body[1:])
+                for answer in end.answers:
+                    if answer.T_cam_obj is not None:
+                        as_rigid(answer.T_cam_obj, f"the answer for {answer.name}")
         if with_iterations:
             _check(header, iterations)
     except (msgspec.MsgspecError, ShapeError, ValueError, RecursionError) as error:
