@@ -9,10 +9,10 @@ from typing import Any
 from tests.report.runs import row
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.runs import BatchInfo
-from verefine_viz.diagnosis.causes import Cause
+from verefine_viz.diagnosis.causes import ADVICE, Cause
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.report.run_results import LoadedRun
-from verefine_viz.report.run_sentences import ADVICE, NextStep, advice, next_step
+from verefine_viz.report.run_sentences import NextStep, advice, next_step
 from verefine_viz.run.session_file import resolve
 
 

@@ -61,6 +61,37 @@ TITLES: dict[Cause, str] = {
     Cause.IMPOSSIBLE: "physically impossible where it is",
 }
 """For tables, bar charts, filters."""
+DECLARE = "declare the symmetry in models_info.json if shape is all that matters"
+"""What to do where an answer is wrong only by a turn that leaves the object's shape as it is."""
+STARVED_ADVICE = "each came right when its best hypothesis got the whole budget, so try "
+ADVICE: dict[Cause, str] = {
+    Cause.GROUND_TRUTH: "compare the axes of the meshes and the frame of the poses with what the data set says; until "
+    "they fit, no error means anything",
+    Cause.SYMMETRIC: DECLARE,
+    Cause.UNIT: "write the translations of the initial poses in millimetres (hypotheses.files)",
+    Cause.DEPTH: "look at the depth images and how they are registered",
+    Cause.MASK: "look at where the masks leak or miss",
+    Cause.NEIGHBOUR: "mend the objects first that were placed before them",
+    Cause.AMBIGUOUS: "no setting tells what depth does not show; take another view, or use what colour shows",
+    Cause.SCORE: "more iterations will not help where a wrong pose scores highest, so look at the score's maps first",
+    Cause.PLANE: "look at the support plane, or give gravity (scene.gravity)",
+    Cause.COLLIDER: "try convex parts (physics.collider)",
+    Cause.DISCARDED: "a correct pose was there, so better initial poses are not what is missing; look where its score "
+    "maps differ from those of the answer",
+    Cause.SIMULATION: "look at what the simulation pushed, and try it without (physics.enabled)",
+    Cause.ARM_STARVED: f"{STARVED_ADVICE}more iterations (method.iterations) or more exploration (method.exploration)",
+    Cause.BUDGET: "try more iterations (method.iterations)",
+    Cause.OUT_OF_RANGE: "the initial poses are further off than the refiner was trained for, so better ones are "
+    "needed ([hypotheses]), or weights trained on a wider range",
+    Cause.REFINER: "try another refiner, or other settings of it (method.refiner)",
+    Cause.POOL: "no initial pose led to the ground truth, so more or better ones are needed ([hypotheses])",
+    Cause.UNDECIDED: "the same run comes out right for another scene.seed, so more hypotheses make it more certain "
+    "([hypotheses], max_per_object)",
+    Cause.NO_HYPOTHESIS: "without an initial pose nothing is refined, so name further results files or an estimator "
+    "(hypotheses.files, hypotheses.estimate)",
+    Cause.IMPOSSIBLE: "they sink in, float or would tip, so look at the support plane and at what they touch",
+}
+"""What to try, by cause."""
 
 
 @dataclass(frozen=True)
@@ -110,8 +141,6 @@ class Diagnosis:
         return self.findings[0]
 
 
-DECLARE = "declare the symmetry in models_info.json if shape is all that matters"
-"""What to do where an answer is wrong only by a turn that leaves the object's shape as it is."""
 MORE_DIGITS = 3
 """Digits that are added at most so that two numbers differ."""
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from verefine_viz.batch.totals import doubts_in_words, misranked_share
-from verefine_viz.diagnosis.causes import DECLARE, Cause, cause_title
+from verefine_viz.diagnosis.causes import ADVICE, STARVED_ADVICE, Cause, cause_title
 from verefine_viz.methods.registry import METHODS, SEARCH
 from verefine_viz.report.failure_cards import BOTH, ONLY_A, ONLY_B, Gallery
 from verefine_viz.report.groups import names, seed_words
@@ -144,35 +144,6 @@ def failures_sentence(n_shown: int, n_more: int, has_truth: bool) -> str:
 
 FEW = 5
 """Wrong answers below this number say little about other frames."""
-_STARVED = "each came right when its best hypothesis got the whole budget, so try "
-ADVICE = {
-    Cause.GROUND_TRUTH: "compare the axes of the meshes and the frame of the poses with what the data set says; until "
-    "they fit, no error means anything",
-    Cause.SYMMETRIC: DECLARE,
-    Cause.UNIT: "write the translations of the initial poses in millimetres (hypotheses.files)",
-    Cause.DEPTH: "look at the depth images and how they are registered",
-    Cause.MASK: "look at where the masks leak or miss",
-    Cause.NEIGHBOUR: "mend the objects first that were placed before them",
-    Cause.AMBIGUOUS: "no setting tells what depth does not show; take another view, or use what colour shows",
-    Cause.SCORE: "more iterations will not help where a wrong pose scores highest, so look at the score's maps first",
-    Cause.PLANE: "look at the support plane, or give gravity (scene.gravity)",
-    Cause.COLLIDER: "try convex parts (physics.collider)",
-    Cause.DISCARDED: "a correct pose was there, so better initial poses are not what is missing; look where its score "
-    "maps differ from those of the answer",
-    Cause.SIMULATION: "look at what the simulation pushed, and try it without (physics.enabled)",
-    Cause.ARM_STARVED: f"{_STARVED}more iterations (method.iterations) or more exploration (method.exploration)",
-    Cause.BUDGET: "try more iterations (method.iterations)",
-    Cause.OUT_OF_RANGE: "the initial poses are further off than the refiner was trained for, so better ones are "
-    "needed ([hypotheses]), or weights trained on a wider range",
-    Cause.REFINER: "try another refiner, or other settings of it (method.refiner)",
-    Cause.POOL: "no initial pose led to the ground truth, so more or better ones are needed ([hypotheses])",
-    Cause.UNDECIDED: "the same run comes out right for another scene.seed, so more hypotheses make it more certain "
-    "([hypotheses], max_per_object)",
-    Cause.NO_HYPOTHESIS: "without an initial pose nothing is refined, so name further results files or an estimator "
-    "(hypotheses.files, hypotheses.estimate)",
-    Cause.IMPOSSIBLE: "they sink in, float or would tip, so look at the support plane and at what they touch",
-}
-"""What to try, by cause."""
 _FIRST_ONLY = "each came right from another hypothesis than the first, the only one that this method looks at"
 OWN_ADVICE = {
     **{
@@ -180,10 +151,10 @@ OWN_ADVICE = {
         for name, method in METHODS.items()
         if method.first_only
     },
-    "even": {Cause.ARM_STARVED: f"{_STARVED}more iterations (method.iterations)"},
-    "expl": {Cause.ARM_STARVED: f"{_STARVED}a method that explores, such as rir"},
+    "even": {Cause.ARM_STARVED: f"{STARVED_ADVICE}more iterations (method.iterations)"},
+    "expl": {Cause.ARM_STARVED: f"{STARVED_ADVICE}a method that explores, such as rir"},
     SEARCH: {
-        Cause.ARM_STARVED: f"{_STARVED}more expansions (mcts.expansions)",
+        Cause.ARM_STARVED: f"{STARVED_ADVICE}more expansions (mcts.expansions)",
         Cause.BUDGET: "try more expansions (mcts.expansions)",
     },
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -18,7 +18,7 @@ from verefine_viz.scenes.results_csv import ResultRow
 
 @dataclass(frozen=True)
 class Column:
-    """One column of frames.csv: a field or property of :class:`Answer`."""
+    """One column of frames.csv."""
 
     name: str
     text: str
@@ -27,10 +27,12 @@ class Column:
     """exact: the same for the same session; time: differs from run to run."""
     digits: int | None = 3
     """After the point; None = all, as such numbers are compared. More digits of a millimetre are noise."""
+    value: Callable[[Answer], object] | None = None
+    """How it follows from an answer; None = its field or property of that name."""
 
     def cell(self, answer: Answer) -> object:
         """The value as the table has it; "" where it is unknown."""
-        value = getattr(answer, self.name)
+        value = getattr(answer, self.name) if self.value is None else self.value(answer)
         if value is None:
             return ""
         return f"{value:.{self.digits}f}" if isinstance(value, float) and self.digits is not None else value
