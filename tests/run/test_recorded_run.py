@@ -76,6 +76,23 @@ def test_showing_a_run_writes_the_same_file(tmp_path: Path) -> None:
     assert first_difference(back.iterations, record.iterations) is None
 
 
+def test_a_run_gives_its_record_at_any_time(tmp_path: Path) -> None:
+    s, problem = session("rir", 2, maps=False), box_problem(3, 2)
+    file = RunFile(tmp_path / "a.vfrun", s)
+    run = new_run(s, problem, (file,))
+    for _ in range(4):
+        record, read = run.record(s), read_run_file(file.path)
+        assert first_difference(record.header, read.header) is None
+        assert first_difference(tuple(map(as_read, record.iterations)), read.iterations) is None
+        run.step()
+
+
+def test_without_its_data_a_run_that_was_read_is_not_forked(tmp_path: Path) -> None:
+    run, record = recorded(tmp_path, "rir")
+    with pytest.raises(InputError, match="a run that was read cannot go on without its data"):
+        Run.from_record(record, run.problem).fork(1)
+
+
 def test_data_that_changed_since_are_reported(tmp_path: Path) -> None:
     _, record = recorded(tmp_path, "sir")
     with pytest.raises(InputError, match="made from 3 initial poses of box, its session now gives 2"):

@@ -17,8 +17,8 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Method, RunState, Verifier, Watcher
 from verefine_viz.core.records import Best, Iteration
-from verefine_viz.core.settings import Edit
-from verefine_viz.run.record import RunRecord
+from verefine_viz.core.settings import Edit, Session
+from verefine_viz.run.record import RunRecord, header_of
 from verefine_viz.run.recorded_run import RecordedSteps
 
 
@@ -69,6 +69,15 @@ class Plan:
         return state
 
 
+@dataclass(frozen=True, eq=False)
+class _History:
+    """What a run has made: states before iterations 1, 2, … and after the last one, and the iterations."""
+
+    states: tuple[RunState, ...]
+    made: tuple[RunState, ...] = ()
+    iterations: tuple[Iteration, ...] = ()
+
+
 class Run:
     """A method on a problem, step by step."""
 
@@ -79,8 +88,9 @@ class Run:
         watchers: Sequence[Watcher[Any]] = (),
         edits: Sequence[Edit] = (),
         changes: Mapping[int, Method[Any]] | None = None,
+        history: _History | None = None,
     ) -> None:
-        """Scores the hypotheses; iteration 1 is not yet made.
+        """Scores the hypotheses; iteration 1 is not yet made, unless another run's history is given.
 
         Args:
             method: the algorithm.
@@ -88,9 +98,23 @@ class Run:
             watchers: see the start, every new iteration, and the end, in this order.
             edits: poses to be replaced after the iteration they name.
             changes: methods that take over after iteration k.
+            history: what a fork shares with the run that it leaves.
         """
-        plan = Plan(method, dict(changes or {}), tuple(edits))
-        self._begin(plan, (plan.begun(problem),), (), (), watchers)
+        self._plan = Plan(method, dict(changes or {}), tuple(edits))
+        history = history or _History((self._plan.begun(problem),))
+        self._states = list(history.states)
+        self._made = list(history.made)
+        """What each iteration made, before settings were changed or poses edited."""
+        self._iterations = list(history.iterations)
+        self._watchers = tuple(watchers)
+        self._finished = False
+        self._again: Callable[[], Run] | None = None
+        """Of a record: begins the run again."""
+        self.cursor = len(history.iterations)
+        """The iteration that is shown; 0 = before the first."""
+        for watcher in self._watchers:
+            self._show_history(watcher)
+        self._finish_if_done()
 
     @classmethod
     def from_record(
@@ -106,7 +130,7 @@ class Run:
             record: what was read.
             problem: its frame.
             watchers: see all of it.
-            again: begins the same run again, for a fork, which computes the shared iterations again; None = no forks.
+            again: begins the same run again, for a fork, which computes the shared iterations again; None = it cannot.
 
         Raises:
             InputError: the frame does not hold what was recorded.
@@ -117,28 +141,9 @@ class Run:
         run._again = again
         return run
 
-    def _begin(
-        self,
-        plan: Plan,
-        states: tuple[RunState, ...],
-        made: tuple[RunState, ...],
-        iterations: tuple[Iteration, ...],
-        watchers: Sequence[Watcher[Any]],
-    ) -> None:
-        self._plan = plan
-        self._states = list(states)
-        self._made = list(made)
-        """What each iteration made, before settings were changed or poses edited."""
-        self._iterations = list(iterations)
-        self._watchers = tuple(watchers)
-        self._finished = False
-        self._again: Callable[[], Run] | None = None
-        """Of a record: begins the run again."""
-        self.cursor = len(iterations)
-        """The iteration that is shown; 0 = before the first."""
-        for watcher in self._watchers:
-            self._show_history(watcher)
-        self._finish_if_done()
+    def record(self, session: Session) -> RunRecord:
+        """The record of the run so far; ``session`` is what it is a run of."""
+        return RunRecord(header_of(self.problem, self._states[0], session), self.iterations)
 
     @property
     def problem(self) -> Problem:
@@ -275,7 +280,9 @@ class Run:
         """
         if not 0 <= k <= self.length:
             raise InputError(f"cannot fork at iteration {k}; the history has 0 to {self.length}")
-        if self._again is not None:
+        if isinstance(self._plan.method, RecordedSteps):
+            if self._again is None:
+                raise InputError("a run that was read cannot go on without its data; open its session")
             run = self._again()
             for _ in range(k):
                 run.step()
@@ -293,9 +300,8 @@ class Run:
             edits = (*edits, edit_here)
         plan = Plan(self._plan.method, changes, edits)
         last = plan.after(k, self._made[k - 1]) if k else plan.begun(self.problem)
-        forked = Run.__new__(Run)
-        forked._begin(plan, (*self._states[:k], last), tuple(self._made[:k]), tuple(self._iterations[:k]), watchers)
-        return forked
+        history = _History((*self._states[:k], last), tuple(self._made[:k]), tuple(self._iterations[:k]))
+        return Run(plan.method, self.problem, watchers, plan.edits, plan.changes, history)
 
     def show(self, watchers: Sequence[Watcher[Any]]) -> None:
         """Show watchers the run so far, from its start to its end."""
