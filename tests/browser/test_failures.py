@@ -40,7 +40,7 @@ def test_each_failure_is_named(look: Look) -> None:
 def no_hypothesis_near(screen: Screen) -> None:
     run_to_end(screen)
     assert screen.finished().startswith("no good hypothesis in the pool: nearest start")
-    screen.why("No hypothesis starts near: best initial error")
+    screen.why("No hypothesis of the .* starts near: best initial error")
     screen.shot("failure_no_hypothesis_near")
 
 
@@ -91,7 +91,7 @@ def arm_starved(screen: Screen) -> None:
     screen.page.locator(".u-over").last.wait_for(timeout=SLOW_MS)
     screen.shot("failure_arm_starved")
     screen.why("its exploration bonus never won")
-    screen.page.locator(".vz a", has_text="what if c =").first.click(timeout=SLOW_MS)
+    screen.page.locator(".vz a", has_text="what if method.exploration =").first.click(timeout=SLOW_MS)
     screen.text("exploration = 0.2, from iteration 0")
     screen.app.wait_until_idle(60)
     first, second = screen.app.debugger.view().branches

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import pytest
 
 from tests.browser.conftest import SIZE, SLOW_MS, Screen, Show, is_seen, until_true
 from tests.browser.test_layout import WINDOWS, boxes_of
+from tests.changing import replace
 from tests.made_runs import answer, finished
 from verefine_viz.batch.answer_cards import WRONG
 from verefine_viz.batch.folder import RunFolder
@@ -256,7 +256,7 @@ def test_long_reasons_to_doubt_the_data_leave_room_for_the_answers_and_for_what_
     for index in read_gallery(runs).runs.values():
         doubts = [f"{why[row.im_id]} does not fit, {'because it is off, ' * 20}as it seems." for row in index.rows]
         told = [f"{EVIDENCE} {'Astray it went. ' * 30}{DATA_FIRST} {doubt}" for doubt in doubts]
-        rows = (row.model_copy(update={"evidence": said}) for row, said in zip(index.rows, told, strict=True))
+        rows = (replace(row, evidence=said) for row, said in zip(index.rows, told, strict=True))
         indices.append(replace(index, rows=tuple(rows)))
     gallery = Gallery(indices)
     screen = show(lambda port: App(gallery.session("sir"), port=port, folder=tmp_path, batch=gallery))
