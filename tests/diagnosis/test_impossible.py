@@ -14,6 +14,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.diagnosis.impossible import impossible_answers
+from verefine_viz.physics.proximity import Surfaces
 from verefine_viz.run.toolbox import Toolbox
 
 CARTON, CAN = model("carton"), model("can")
@@ -49,9 +50,9 @@ def raised(problem: Problem, T_cam_obj: Float, mm: float) -> Float:
 def test_what_sinks_or_floats_is_impossible_with_its_millimetres(two: tuple[Problem, list[Float]]) -> None:
     problem, (carton, can) = two
     unknown = blind(problem)
-    assert impossible_answers(unknown, [carton, can], PHYSICS) == {}
-    assert impossible_answers(unknown, [None, None], PHYSICS) == {}
-    found = impossible_answers(unknown, [raised(problem, carton, -20), raised(problem, can, 30)], PHYSICS)
+    assert impossible_answers(unknown, [carton, can], PHYSICS, Surfaces()) == {}
+    assert impossible_answers(unknown, [None, None], PHYSICS, Surfaces()) == {}
+    found = impossible_answers(unknown, [raised(problem, carton, -20), raised(problem, can, 30)], PHYSICS, Surfaces())
     sunk, floating = found[0], found[1]
     assert {sunk.cause, floating.cause} == {Cause.IMPOSSIBLE}
     assert sunk.numbers["penetration_mm"] == pytest.approx(20, abs=2)
@@ -60,8 +61,10 @@ def test_what_sinks_or_floats_is_impossible_with_its_millimetres(two: tuple[Prob
     assert floating.detail.startswith(": floats ")
     shifted = can.copy()
     shifted[:3, 3] = carton[:3, 3]
-    assert "into the can." in impossible_answers(unknown, [carton, shifted], PHYSICS)[0].text
-    assert impossible_answers(problem, [raised(problem, carton, -20), can], PHYSICS) == {}, "ground truth says more"
+    assert "into the can." in impossible_answers(unknown, [carton, shifted], PHYSICS, Surfaces())[0].text
+    assert impossible_answers(problem, [raised(problem, carton, -20), can], PHYSICS, Surfaces()) == {}, (
+        "ground truth says more"
+    )
 
 
 def test_a_plane_in_doubt_accuses_no_pose(two: tuple[Problem, list[Float]]) -> None:
@@ -70,9 +73,9 @@ def test_a_plane_in_doubt_accuses_no_pose(two: tuple[Problem, list[Float]]) -> N
     assert support is not None
     doubted = replace(problem.observation, support=replace(support, inlier_share=0.2))
     unknown = blind(replace(problem, observation=doubted))
-    assert impossible_answers(unknown, [raised(problem, carton, -20), can], PHYSICS) == {}
+    assert impossible_answers(unknown, [raised(problem, carton, -20), can], PHYSICS, Surfaces()) == {}
     none = blind(replace(problem, observation=replace(problem.observation, support=None)))
-    assert impossible_answers(none, [raised(problem, carton, -20), can], PHYSICS) == {}
+    assert impossible_answers(none, [raised(problem, carton, -20), can], PHYSICS, Surfaces()) == {}
 
 
 @pytest.mark.parametrize("name", ["rir", "refine"])

@@ -133,7 +133,7 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> RunRecord
                 run.finish()
             grasps = grasping(run.final_state)
             with watch("summarise"):
-                end = run_end(run, session, recorder.landscapes, grasps)
+                end = run_end(run, session, recorder.landscapes, grasps, toolbox.surfaces)
             is_recorded = keep == "all" or (keep == "failures" and end.is_failure)
             if is_recorded and not timed:
                 run.show([_Timed(recorder, watch)])

@@ -23,6 +23,7 @@ from verefine_viz.evaluation.matched_estimates import CORRECT
 from verefine_viz.evaluation.pose_errors import add_s_mm, add_where_add_s_is_below, pose_errors
 from verefine_viz.grasping.grasp_answer import AnswerGrasps
 from verefine_viz.methods.registry import method_of
+from verefine_viz.physics.proximity import Surfaces
 from verefine_viz.run.answers import left_out_answer
 from verefine_viz.run.edits import never_reached
 from verefine_viz.run.engine import Run
@@ -37,6 +38,7 @@ def run_end(
     session: Session,
     recorded: Mapping[int, Landscape] = MappingProxyType({}),
     grasps: AnswerGrasps | None = None,
+    surfaces: Surfaces | None = None,
 ) -> RunEnd:
     """How a finished run of ``session`` ended.
 
@@ -45,6 +47,7 @@ def run_end(
         session: what was run.
         recorded: the score around its answers, by instance, where its recording has it already.
         grasps: what became of its answers in the gripper, where that was tried.
+        surfaces: of the models, where they are cached.
     """
     problem, state = run.problem, run.final_state
     poses = [None if best is None else best.T_cam_obj for best in state.best]
@@ -54,7 +57,10 @@ def run_end(
         for target, best, initial in zip(problem.targets, state.best, state.initial, strict=True)
     )
     simulates = session.physics.enabled and method_of(session.method.name).simulates
-    for own, finding in impossible_answers(problem, poses, session.physics).items() if simulates and not doubts else ():
+    impossible = {}
+    if simulates and not doubts:
+        impossible = impossible_answers(problem, poses, session.physics, surfaces or Surfaces())
+    for own, finding in impossible.items():
         blamed = {"cause": str(finding.cause), "evidence": finding.text}
         rows = tuple(structs.replace(row, **blamed) if row.instance_id == own else row for row in rows)
     if doubts:

@@ -14,8 +14,6 @@ from verefine_viz.physics.plausibility import Plausibility, plausibility
 from verefine_viz.physics.proximity import Surfaces
 from verefine_viz.physics.stability import IMPOSSIBLE_M
 
-_surfaces = Surfaces()
-
 
 def impossible(target: Target, physics: Plausibility, labels: Mapping[int, str]) -> Finding | None:
     """That an object cannot lie in a pose; None where it can, or where only a plane that is in doubt says so.
@@ -46,7 +44,7 @@ def impossible(target: Target, physics: Plausibility, labels: Mapping[int, str])
 
 
 def impossible_answers(
-    problem: Problem, poses: Sequence[Float | None], settings: PhysicsSettings
+    problem: Problem, poses: Sequence[Float | None], settings: PhysicsSettings, surfaces: Surfaces
 ) -> dict[int, Finding]:
     """Answers without ground truth that cannot be, by instance, each among all others.
 
@@ -54,6 +52,7 @@ def impossible_answers(
         problem: the frame.
         poses: T_cam_obj (4, 4) that answers each target, None where there is none.
         settings: of the simulator.
+        surfaces: of the models, where they are cached.
     """
     support = problem.observation.support
     if support is None:
@@ -70,7 +69,7 @@ def impossible_answers(
         if own is None or target.instance.T_cam_obj_gt is not None:
             continue
         others = [other for other in placed.values() if other is not own]
-        finding = impossible(target, plausibility(own, others, support, settings, surface_of=_surfaces), labels)
+        finding = impossible(target, plausibility(own, others, support, settings, surface_of=surfaces), labels)
         if finding is not None:
             findings[own.instance_id] = finding
     return findings

@@ -20,6 +20,7 @@ from verefine_viz.methods.object_method import Flips
 from verefine_viz.methods.physim_mcts import make_physim_mcts, mcts_physics, mcts_tricp
 from verefine_viz.methods.registry import make_method, method_of
 from verefine_viz.observation.dependency_graph import dependency_graph
+from verefine_viz.physics.proximity import Surfaces
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.registry import make_refiner
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
@@ -61,6 +62,11 @@ class Toolbox:
     def simulator(self) -> BulletSimulator | None:
         """None where the session switches physics off."""
         return self._simulator(self.session.physics)
+
+    @cached_property
+    def surfaces(self) -> Surfaces:
+        """Of the models, for plausibility."""
+        return Surfaces()
 
     @cached_property
     def refiner(self) -> Refiner:
