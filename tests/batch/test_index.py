@@ -211,7 +211,22 @@ def test_a_folder_of_run_files_is_read_as_a_batch(tmp_path: Path) -> None:
         shutil.copy(path, loose / f"drop {k}.vfrun")
     assert is_batch_folder(loose)
     assert [row.frame for row in read_batch(loose).rows] == [row.frame for row in read_batch(batch).rows]
+    assert read_batch(loose).notes == ()
+    (loose / "noise.vfrun").write_bytes(b"noise")
+    (note,) = read_batch(loose).notes
+    assert "noise.vfrun is no run file" in note
+    (loose / "noise.vfrun").unlink()
     other = resolve({"scene": {"demo": "tower"}})
     Runs(loose).save(other, failed_run(other, "0/1", "no depth"))
     with pytest.raises(InputError, match="holds runs on different data"):
         read_batch(loose)
+
+
+def test_a_batch_that_is_half_done_says_so_also_by_its_folder_of_runs(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path, SESSION)
+    folder.runs.save(SESSION, failed_run(SESSION, "1/1", "no depth"))
+    folder.write_json("run.json", {"status": "running", "totals": {"frames": 3}})
+    folder.close()
+    (found,) = find_runs(tmp_path / "runs").runs
+    assert found == tmp_path
+    assert read_batch(found).notes == ("1 of 3 frames are finished: the batch is running or was stopped",)

@@ -241,7 +241,9 @@ def test_a_folder_is_no_recording(bad_input: BadInput, verify: list[str]) -> Non
     )
     run = bad_input.batch_folder()
     for folder in (run, run.parent):
-        assert bad_input.refused("replay", folder, *verify).endswith(f"; those of a batch lie in {run / 'recordings'}")
+        assert bad_input.refused("replay", folder, *verify).endswith(
+            f"; those of a batch lie in {run / 'runs'}, and drawn in recordings/ beside it"
+        )
 
 
 def test_two_runs_to_view_are_reported_how_to_compare_and_where_they_are(bad_input: BadInput) -> None:

@@ -134,8 +134,8 @@ NO_COMMAND: list[tuple[list[str], str]] = [
     (["batch", "a.toml"], "missing from verefine-viz batch: --out PATH"),
     (
         ["batch", "a.toml", "--nosuch"],
-        "missing from verefine-viz batch: --out PATH Folder for results.csv, frames.csv, recordings/, session.toml "
-        "and run.json. (required); unrecognized options: --nosuch",
+        "missing from verefine-viz batch: --out PATH Folder for results.csv, frames.csv, runs/, recordings/, "
+        "session.toml and run.json. (required); unrecognized options: --nosuch",
     ),
     (["replay"], "missing from verefine-viz replay: RUN"),
     (["doctor", "now"], "unrecognized options: now"),

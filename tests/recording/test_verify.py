@@ -38,7 +38,7 @@ def test_the_same_run_verifies(tmp_path: Path, name: str) -> None:
 
 
 def test_a_run_without_iterations_is_not_called_the_same() -> None:
-    assert Verification(0, None, 0, True).in_words.startswith("there is nothing to compare")
+    assert Verification(0, None, 0).in_words.startswith("there is nothing to compare")
 
 
 class Changing(RunFile):
@@ -139,7 +139,7 @@ def test_a_recording_whose_writer_was_killed_is_said_to_end_early(tmp_path: Path
         run.step()
     found = verify(tmp_path / "run.vfrun", again)
     assert found.ends_early
-    assert "ended early, after 7 of 30 iterations" in found.in_words
+    assert "the run ended early (it was stopped or cut off); 7 iterations are in it, of 30" in found.in_words
     assert "the same up to iteration 7" in found.in_words
 
 

@@ -67,6 +67,12 @@ def test_failed_frames_and_what_they_held_are_counted_apart() -> None:
     )
 
 
+def test_a_run_that_is_half_done_says_so_in_its_headline(tmp_path: Path) -> None:
+    run = load(write_run(tmp_path / "a", [row(1), row(2)]))
+    half = replace(run.index, notes=("2 of 5 frames are finished",))
+    assert headline(LoadedRun("", half), numbers_of(run)).endswith(" 2 of 5 frames are finished.")
+
+
 def test_solving_takes_as_long_as_results_csv_says(tmp_path: Path) -> None:
     rows = [row(1, 0), row(1, 1), row(2, 0), row(3, 0, **NO_ANSWER), row(9, status="failed", add_s_mm=None)]
     folder = write_run(tmp_path / "a", rows)

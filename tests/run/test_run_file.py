@@ -231,7 +231,7 @@ FILES: list[tuple[Callable[[Path], object], str]] = [
     (os.mkfifo, "is a pipe"),
     (lambda path: path.symlink_to("/dev/zero"), "is a device"),
     (lambda path: path.symlink_to(path), "cannot be read: Too many levels of symbolic links"),
-    (lambda path: path.write_bytes(b""), "is no run file"),
+    (lambda path: path.write_bytes(b""), "is empty"),
     (lambda path: path.write_bytes(b"hello"), "is no run file"),
     (lambda path: path.write_bytes(MAGIC[:5]), "is no run file"),
     (lambda path: path.write_bytes(MAGIC), "holds nothing of a run"),

@@ -12,9 +12,11 @@ from tests.viewer.two_runs import SESSION, SIR, TWO, Numbered, page, record, sam
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.settings import MethodSettings, SceneSettings, Session
 from verefine_viz.recording.verify import first_difference
+from verefine_viz.run.run_file import RunFile
 from verefine_viz.viewer import commands as c
 from verefine_viz.viewer.app import App
 from verefine_viz.viewer.drawing.comparison_tables import parting
+from verefine_viz.viewer.text.verdict import verdict
 
 pytestmark = pytest.mark.usefixtures("processes")
 
@@ -77,6 +79,22 @@ def test_a_recording_goes_on_from_any_iteration_as_the_run_itself_would(recordin
     assert d.workspace.run.length == 0
     d.carry_out([c.RunUntil("end"), c.CompareRecording(str(recordings.rir))])
     assert sides(d).departures == (None, None)
+
+
+def test_a_run_that_ended_early_gets_no_verdict_and_goes_on(tmp_path: Path) -> None:
+    tools = Numbered(SESSION)
+    file = RunFile(tmp_path / "a.vfrun", SESSION)
+    run = tools.run(tools.problem("0/2"), (file,))
+    for _ in range(5):
+        run.step()
+    d = page().carry_out([c.OpenRecording(str(file.path)), c.SeekEnd()])
+    found = verdict(d.view())
+    assert found.mark == "…"
+    assert found.cause.startswith("the run ended early (it was stopped or cut off); 5 iterations are in it")
+    d.carry_out([c.Fork((), run=True)])
+    run.finish()
+    assert first_difference(d.workspace.run.iterations, run.iterations) is None
+    assert verdict(d.view()).mark in "✓✗?"
 
 
 def test_a_pose_in_a_recording_can_be_moved_and_gone_on_from(recordings: Recordings) -> None:

@@ -43,7 +43,9 @@ class BatchIndex:
     run: BatchInfo
     """run.json: versions, machine, totals."""
     rows: tuple[Answer, ...]
-    """One per object, in the order of frames.csv."""
+    """One per object, by frame."""
+    notes: tuple[str, ...] = ()
+    """What is missing: frames that are not finished, files that cannot be read."""
 
     def sorted_by(self, order: Order) -> tuple[Answer, ...]:
         """The rows in one of :data:`ORDERS`; see :func:`sort_key`.
@@ -76,6 +78,12 @@ def is_batch_folder(path: Path) -> bool:
         return False
 
 
+def batch_of(folder: Path) -> Path:
+    """The folder of a batch, where its folder of run files is meant; else ``folder`` itself."""
+    is_of_batch = folder.name == "runs" and (folder.parent / RUN_FILE).is_file()
+    return folder.parent if is_of_batch else folder
+
+
 def has_finished_frame(path: Path) -> bool:
     """Whether there is anything to view in the folder of a batch."""
     runs = Runs(path / "runs")
@@ -98,6 +106,7 @@ def find_runs(folder: Path) -> RunSelection:
     Raises:
         InputError: it is no folder, there is none in it, or several folders further down hold some.
     """
+    folder = batch_of(folder)
     if is_batch_folder(folder):
         return RunSelection((folder,), "")
     if why := _why_unreadable(folder):
@@ -184,7 +193,9 @@ def read_batch(folder: Path) -> BatchIndex:
             f"{runs.folder} holds {n_objects} objects, but {RUN_FILE} counted {n_written}: it was changed or cut off; "
             "the same batch command solves what is missing"
         )
-    return BatchIndex(folder, session, run, rows)
+    n_frames, n_done = run.totals.frames or 0, len({row.frame for row in rows})
+    note = f"{n_done} of {n_frames} frames are finished: the batch is running or was stopped"
+    return BatchIndex(folder, session, run, rows, (note,) if n_done < n_frames else ())
 
 
 def _of_run_files(folder: Path) -> BatchIndex:
@@ -193,15 +204,22 @@ def _of_run_files(folder: Path) -> BatchIndex:
     Raises:
         InputError: a file cannot be read, none holds a finished run, or they are runs on different data.
     """
-    records = [read_run_file(path, with_iterations=False) for path in sorted(folder.glob(f"*{SUFFIX}"))]
-    finished = [record for record in records if record.end is not None]
+    finished, notes = list[RunRecord](), list[str]()
+    for path in sorted(folder.glob(f"*{SUFFIX}")):
+        try:
+            record = read_run_file(path, with_iterations=False)
+            finished += [record] if record.end is not None else []
+            notes += [] if record.end is not None else [f"{path.name}: {record.missing}"]
+        except InputError as error:
+            notes.append(str(error))
     if not finished:
-        raise InputError(f"none of the {len(records)} run files in {folder} holds a finished run; open one by its name")
+        raise InputError(f"{folder} holds no finished run: {first_of(notes, MOST_NAMED, '; ')}")
     frames = tuple(dict.fromkeys(record.header.frame for record in finished))
     sessions = [_on(frames, session_of(record.header)) for record in finished]
     if any((one.scene, one.hypotheses) != (sessions[0].scene, sessions[0].hypotheses) for one in sessions):
         raise InputError(f"{folder} holds runs on different data; open them one by one, or two side by side")
-    return BatchIndex(folder, sessions[0], BatchInfo(), tuple(row for record in finished for row in _answers(record)))
+    rows = tuple(row for record in finished for row in _answers(record))
+    return BatchIndex(folder, sessions[0], BatchInfo(), rows, tuple(notes))
 
 
 def _on(frames: tuple[str, ...], session: Session) -> Session:

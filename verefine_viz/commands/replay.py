@@ -44,10 +44,10 @@ class Replay:
 def _check_file(recording: Path) -> None:
     """Raises InputError where it is a folder; that of a batch is answered with where its recordings are."""
     if recording.is_dir():
-        from verefine_viz.batch.index import named_runs
+        from verefine_viz.batch.index import batch_of, named_runs
 
-        runs = named_runs(recording, "recordings")
-        hint = f"; those of a batch lie in {runs}" if runs else ""
+        runs = named_runs(batch_of(recording), "runs")
+        hint = f"; those of a batch lie in {runs}, and drawn in recordings/ beside it" if runs else ""
         raise InputError(f"{recording} is a folder, expected a recorded run (.rrd, .vfrun){hint}")
 
 

@@ -69,6 +69,8 @@ class View:
             if note := find_runs(self.session).note:
                 print(note, file=sys.stderr)
             batch = read_gallery(self.session, overrides)
+            for missing in batch.notes:
+                print(f"note: {missing}", file=sys.stderr)
             session = batch.session(batch.worst.run)
             check_refiners(session, f"run {batch.worst.run}", "open", f"view {self.session}")
         else:

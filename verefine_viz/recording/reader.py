@@ -38,8 +38,8 @@ def read_recording(path: Path) -> RunRecord:
     beside = run_file_beside(path)
     if beside is None:
         raise InputError(
-            f"{path} holds no run: another program wrote it, or its writer was stopped before its end; expected a "
-            f"recording that view or batch wrote, or the run file ({SUFFIX}) beside it"
+            f"{path} holds no run that can be read: it is damaged, its writer was stopped before its end, or another "
+            f"program wrote it; expected a recording that view or batch wrote, or the run file ({SUFFIX}) beside it"
         )
     return read_run_file(beside)
 

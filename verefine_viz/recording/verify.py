@@ -113,13 +113,13 @@ class Verification:
     """Where the new run first differs, how, by how much and why, as far as that is known; None = nowhere."""
     n_planned: int
     """Iterations that the new run has in all."""
-    is_complete: bool
-    """Whether the recording goes to its end."""
+    missing: str = ""
+    """What of the recording could not be read, or was never written, a sentence; "" = nothing."""
 
     @property
     def ends_early(self) -> bool:
-        """Nothing differs, but the end of the recording is missing: it was stopped, or truncated."""
-        return self.difference is None and not self.is_complete
+        """Nothing differs, but the end of the recording is missing: it was stopped, truncated or damaged."""
+        return self.difference is None and bool(self.missing)
 
     @property
     def in_words(self) -> str:
@@ -130,7 +130,9 @@ class Verification:
         if not self.ends_early:
             short = "" if self.n_compared == self.n_planned else f"; the whole run has {self.n_planned}"
             return f"no difference in {self.n_compared} iterations{short}"
-        early = f"ended early, after {self.n_compared} of {self.n_planned} iterations (it was stopped or cut off)"
+        if self.n_compared == self.n_planned:
+            return f"{self.missing}, all that there are, and the same; its answers are missing"
+        early = f"{self.missing}, of {self.n_planned}"
         return f"{early}; the same up to iteration {self.n_compared}" if self.n_compared else early
 
 
@@ -164,7 +166,7 @@ def verify(path: Path, make_run: MakeRun | None = None) -> Verification:
     words = None
     if first_and_real:
         words = _in_words(first_and_real, largest, recorded)
-    return Verification(n_same, words, run.n_iterations, recorded.is_complete)
+    return Verification(n_same, words, run.n_iterations, recorded.missing)
 
 
 def run_again(recorded: RunRecord) -> Run:

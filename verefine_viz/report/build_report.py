@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from verefine_viz.batch.index import find_runs
+from verefine_viz.batch.index import batch_of, find_runs
 from verefine_viz.batch.progress import counted_bar
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.paths import atomic, clear_parts
@@ -37,6 +37,7 @@ def print_report(folder: Path, other: Path | None, out: Path | None, most_failur
     """
     # A comparison does not take the place of the run's own report.
     name = f"report-against-{other.resolve().name}.html" if other else FILE_NAME
+    folder = batch_of(folder)
     path = out or folder / name
     clear_parts(path.parent, path.name)
     selections = [find_runs(named) for named in (folder, other) if named is not None]
@@ -86,7 +87,8 @@ def write_report(
     pictures = _step(progress, "pictures")
     failures = pair_gallery(a, b, most_failures, pictures) if b else gallery(a, most_failures, pictures)
     _write(path, render(sides[0], sides[1] if b else None, difference(a, b) if b else None, failures))
-    return tuple(dict.fromkeys((*(side.bop.note for side in sides if side.bop.ar is None), *failures.notes)))
+    missing = [f"{note}." for side in sides for note in side.run.index.notes]
+    return tuple(dict.fromkeys((*missing, *(side.bop.note for side in sides if side.bop.ar is None), *failures.notes)))
 
 
 def write_group_report(

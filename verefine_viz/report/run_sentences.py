@@ -87,7 +87,8 @@ def headline(run: LoadedRun, n: Numbers) -> str:
     if n.n_failed_frames:
         held = f" with {n.n_in_failed_frames} objects" if n.n_in_failed_frames else ""
         rest.append(f"{n.n_failed_frames} of {n.n_frames} frames failed as a whole{held}")
-    return f"{recall}{'; ' * bool(rest)}{', '.join(rest)}."
+    missing = "".join(f" {note}." for note in run.index.notes)
+    return f"{recall}{'; ' * bool(rest)}{', '.join(rest)}.{missing}"
 
 
 def score_sentence(run: LoadedRun) -> str:

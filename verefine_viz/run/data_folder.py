@@ -16,8 +16,8 @@ from verefine_viz.scenes.trace_files import traces_in
 SCENES, CAMERAS, SESSION = "*/[0-9]*", "scene_camera.json", "session.toml"
 """Scenes of a BOP data set, the file that lists the images of one, and the session of a folder of ``keep_frame``."""
 LOOKED_FOR = (
-    "traces (calls.jsonl), frames of keep_frame (session.toml), a data set in BOP layout (SPLIT/000001/"
-    "scene_camera.json), and a sequence as FoundationPose's demo has it (cam_K.txt, depth/, rgb/, mesh/)"
+    "run files (.vfrun), traces (calls.jsonl), frames of keep_frame (session.toml), a data set in BOP layout "
+    "(SPLIT/000001/scene_camera.json), and a sequence as FoundationPose's demo has it (cam_K.txt, depth/, rgb/, mesh/)"
 )
 
 

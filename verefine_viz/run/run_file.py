@@ -122,6 +122,8 @@ def read_run_file(path: Path, with_iterations: bool = True) -> RunRecord:
 
 def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecord:
     """The run in the bytes of a run file, as :func:`read_run_file` reads it; ``what`` names them in an error."""
+    if not content:
+        raise InputError(f"{what} is empty, expected one that view or batch wrote (.vfrun)")
     if not content.startswith(MAGIC):
         raise InputError(f"{what} is no run file, expected one that view or batch wrote (.vfrun)")
     entries = _Bodies(content[len(MAGIC) :])

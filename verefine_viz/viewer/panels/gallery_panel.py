@@ -67,7 +67,7 @@ class GalleryPanel:
 
 def gallery_html(gallery: Gallery) -> str:
     """The bar and all tiles."""
-    notes = [gallery.doubt, *gallery.tag_faults.values()]
+    notes = [*(f"{note}." for note in gallery.notes), gallery.doubt, *gallery.tag_faults.values()]
     if gallery.n_unfinished:
         notes.append(f"Runs without a finished frame are left out: {gallery.n_unfinished}.")
     tiles = "".join(entry_of(gallery, entry, k) for k, entry in enumerate(gallery.entries))

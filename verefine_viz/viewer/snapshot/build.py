@@ -114,6 +114,7 @@ def snapshot_of(state: State, deep: bool = True) -> Snapshot:
         exploration=branch.exploration_after(run.cursor),
         doubts=branch.doubts(),
         recording=branch.recording,
+        missing=branch.missing,
         branches=tuple(_summary(b, branch) for b in work.branches),
         branch=work.index,
         cursor=run.cursor,

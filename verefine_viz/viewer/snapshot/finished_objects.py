@@ -21,9 +21,11 @@ from verefine_viz.viewer.state.cached_evaluator import CachedEvaluator
 
 
 def finished_objects(branch: Branch) -> tuple[FinishedObject, ...]:
-    """Every object of a branch whose run is over, in the order of the frame; empty while it is not."""
+    """Every object of a branch whose run is over, in the order of the frame; none while it is not, nor of a record that
+    ended early.
+    """
     run = branch.run
-    if not run.is_done or not run.length:
+    if not run.is_done or not run.length or branch.missing:
         return ()
     evaluator, state, labels = branch.final_evaluator, run.final_state, labels_of(run.problem)
     placed = [

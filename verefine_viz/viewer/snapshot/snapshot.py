@@ -129,6 +129,8 @@ class Snapshot:
     """What of the frame's data does not fit together, with what to check."""
     recording: Path | None
     """The file that the open branch was read from; None = it was computed here."""
+    missing: str
+    """What of that file could not be read, or was never written, a sentence; "" = nothing."""
     branches: tuple[BranchSummary, ...]
     branch: int
     cursor: int

@@ -62,13 +62,20 @@ class Gallery:
         indices: the runs, at least one.
         n_unfinished: runs that lie beside them and are not finished.
         overrides: settings that win over those of the runs when a frame is opened.
+        notes: what of other runs cannot be read.
     """
 
     def __init__(
-        self, indices: Sequence[BatchIndex], n_unfinished: int = 0, overrides: Mapping[str, Any] | None = None
+        self,
+        indices: Sequence[BatchIndex],
+        n_unfinished: int = 0,
+        overrides: Mapping[str, Any] | None = None,
+        notes: Sequence[str] = (),
     ) -> None:
         self.runs = {index.folder.name: index for index in indices}
         self.n_unfinished = n_unfinished
+        self.notes = (*notes, *(note for index in indices for note in index.notes))
+        """What is missing."""
         self.entries = tuple(Entry(run, row) for run, index in self.runs.items() for row in index.rows)
         self._overrides = overrides or {}
         self._sessions: dict[str, Session] = {}
@@ -274,8 +281,15 @@ def read_gallery(folder: Path, overrides: Mapping[str, Any] | None = None) -> Ga
     """
     folders = find_runs(folder).runs
     finished = [path for path in folders if has_finished_frame(path)]
-    indices = [read_batch(path) for path in finished or folders[:1]]
-    return Gallery(indices, len(folders) - len(finished), overrides)
+    indices, notes = list[BatchIndex](), list[str]()
+    for path in finished or folders[:1]:
+        try:
+            indices.append(read_batch(path))
+        except InputError as error:
+            notes.append(str(error))
+    if not indices:
+        raise InputError(notes[0])
+    return Gallery(indices, len(folders) - len(finished), overrides, notes)
 
 
 # Where the answers lie in the plot of score over error, and which of them a click is about

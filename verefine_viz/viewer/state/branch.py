@@ -95,6 +95,8 @@ class Branch:
     """(k, evaluator): from iteration k + 1 on it evaluates, where settings of the score changed on the way."""
     recording: Path | None = None
     """The file that it was read from; None = it was computed here."""
+    missing: str = ""
+    """What of that file could not be read, or was never written, a sentence; "" = nothing."""
     _marks: list[tuple[Mark, ...]] = field(default_factory=list)
     _discarded: dict[int, dict[int, Discarded]] = field(default_factory=dict)
     """By the number of iterations made."""

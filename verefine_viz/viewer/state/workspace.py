@@ -331,7 +331,8 @@ class Workspace:
         """A recording as a branch."""
         ids = [one.instance_id for one in record.header.objects]
         run = Run.from_record(record, problem, again=lambda: tools.run(problem.only(ids)))
-        return Branch(path.name, run, tools, tools.session, tools.session.changes, self._evaluators(tools), path)
+        changes, evaluators = tools.session.changes, self._evaluators(tools)
+        return Branch(path.name, run, tools, tools.session, changes, evaluators, path, record.missing)
 
     def new_branch(self, name: str, tools: Toolbox, problem: Problem) -> Branch:
         """A run of ``problem`` from its start, not yet among the branches."""

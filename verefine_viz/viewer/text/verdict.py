@@ -77,6 +77,8 @@ def verdict(snapshot: Snapshot) -> Verdict:
     entry = _batch_entry(snapshot)
     if entry is not None:
         return _of_batch(snapshot, entry)
+    if snapshot.missing:
+        return Verdict("…", "not over", f"{snapshot.missing}; fork at the last one to go on")
     return _ready(snapshot) if snapshot.cursor == 0 else _paused(snapshot)
 
 
