@@ -78,7 +78,7 @@ def verdict(snapshot: Snapshot) -> Verdict:
     if entry is not None:
         return _of_batch(snapshot, entry)
     if snapshot.missing:
-        return Verdict("…", "not over", f"{snapshot.missing}; fork at the last one to go on")
+        return Verdict("…", "not over", snapshot.missing, "fork at its last iteration to go on")
     return _ready(snapshot) if snapshot.cursor == 0 else _paused(snapshot)
 
 
