@@ -144,7 +144,7 @@ def flipped(content: bytes, at: int) -> bytes:
         (lambda content: flipped(content, -9), "is damaged: the run ended early (bytes in the middle are damaged)"),
         (lambda content: flipped(content, len(MAGIC) + 12), "holds nothing of a run"),
         (lambda content: flipped(content, 0), "is no run file"),
-        (lambda content: b"", "is no run file"),
+        (lambda content: b"", "is empty"),
         (lambda content: b"7,0,5,0.9", "is no run file"),
         (lambda content: content[: len(MAGIC) + 20], "holds nothing of a run"),
         (lambda content: changed_header(content, format=FORMAT + 1), "was written by a later version"),

@@ -73,7 +73,7 @@ def test_flipped_bits_and_noise_anywhere_are_read_or_refused(tmp_path: Path) -> 
             outcomes.add(len(read_recording(path).iterations))
         except InputError as error:
             messages.append(str(error))
-    assert run.length in outcomes
+    assert all(n <= run.length for n in outcomes)
     assert messages
     assert not any("\n" in message for message in messages)
 
