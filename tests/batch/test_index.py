@@ -209,6 +209,7 @@ def test_a_folder_of_run_files_is_read_as_a_batch(tmp_path: Path) -> None:
     loose.mkdir()
     for k, path in enumerate(sorted((batch / "runs").iterdir())):
         shutil.copy(path, loose / f"drop {k}.vfrun")
+    shutil.copy(loose / "drop 0.vfrun", batch / "runs" / "a copy.vfrun")
     assert is_batch_folder(loose)
     assert [row.frame for row in read_batch(loose).rows] == [row.frame for row in read_batch(batch).rows]
     assert read_batch(loose).notes == ()

@@ -6,6 +6,7 @@ which version and machine made a batch, how far it came, and what it came to.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import closing, suppress
 from pathlib import Path
@@ -33,9 +34,9 @@ class Runs:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frames that have a file, by their numbers."""
-        stems = (path.stem.split("_") for path in self.folder.glob(f"*{SUFFIX}"))
-        return tuple(frame_name(numbers) for numbers in sorted((int(scene), int(image)) for scene, image in stems))
+        """The frames that have a file, by their numbers; files of other names are none of the batch's."""
+        stems = (re.fullmatch(r"(\d+)_(\d+)", path.stem) for path in self.folder.glob(f"*{SUFFIX}"))
+        return tuple(map(frame_name, sorted((int(stem[1]), int(stem[2])) for stem in stems if stem)))
 
     def save(self, session: Session, record: RunRecord) -> None:
         """Write a finished record that has no iterations, as that of a frame which failed.

@@ -58,8 +58,8 @@ class RunnerUp:
 
     def in_words(self) -> str:
         """As in: 0.003 ahead of hypothesis 2."""
-        lead, who = self.lead, f"hypothesis {self.pose.arm + 1}"
-        return f"level with {who}" if lead < NO_LEAD else f"{lead:.{distinguishing_digits(lead)}f} ahead of {who}"
+        lead, rival = self.lead, f"hypothesis {self.pose.arm + 1}"
+        return f"level with {rival}" if lead < NO_LEAD else f"{lead:.{distinguishing_digits(lead)}f} ahead of {rival}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from typing import Literal
 
 from verefine_viz.core.paths import atomic
 from verefine_viz.core.problem import LeftOut
-from verefine_viz.run.record import Answer, RunEnd, RunRecord
+from verefine_viz.run.record import Answer, RunEnd, RunRecord, unsolved
 from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.results_csv import ResultRow
 
@@ -199,15 +199,4 @@ def solving_s(end: RunEnd) -> float:
 
 def left_out_answer(frame: str, one: LeftOut, method: str, seed: int | None = None) -> Answer:
     """The answer about an object that was left out of its frame."""
-    return Answer(
-        frame=frame,
-        instance_id=one.instance_id,
-        obj_id=one.obj_id,
-        name=one.name,
-        method=method,
-        seed=seed,
-        visib_fract=one.visib_fract,
-        has_truth=one.has_truth,
-        status="left_out",
-        message=f"left out: {' '.join(one.why.split())}",
-    )
+    return unsolved(frame, one, "left_out", f"left out: {' '.join(one.why.split())}", method, seed)

@@ -236,24 +236,30 @@ class RunRecord(Struct, frozen=True, eq=False):
         return self.end is not None and not self.missing
 
 
+def unsolved(frame: str, one: LeftOut, status: Status, message: str, method: str, seed: int | None = None) -> Answer:
+    """The answer about an object that was not solved, and why."""
+    return Answer(
+        frame=frame,
+        instance_id=one.instance_id,
+        obj_id=one.obj_id,
+        name=one.name,
+        method=method,
+        seed=seed,
+        visib_fract=one.visib_fract,
+        has_truth=one.has_truth,
+        status=status,
+        message=message,
+    )
+
+
 def failed_run(session: Session, frame: str, message: str, objects: Sequence[LeftOut] = ()) -> RunRecord:
     """The record of a frame that could not be solved, with an answer about each object that is known to be in it."""
-    message = " ".join(message.split())
-    made_by = {"method": session.method.name, "seed": session.hypotheses.seed, "status": "failed", "message": message}
-    answers = tuple(
-        Answer(
-            frame=frame,
-            instance_id=one.instance_id,
-            obj_id=one.obj_id,
-            name=one.name,
-            visib_fract=one.visib_fract,
-            has_truth=one.has_truth,
-            **made_by,
-        )
-        for one in objects
-    )
+    message, method, seed = " ".join(message.split()), session.method.name, session.hypotheses.seed
+    answers = tuple(unsolved(frame, one, "failed", message, method, seed) for one in objects)
+    if not answers:
+        answers = (Answer(frame=frame, method=method, seed=seed, status="failed", message=message),)
     header = RunHeader(FORMAT, _toml(session.model_dump_json()), frame, session.title, versions(session), ())
-    return RunRecord(header, (), RunEnd(answers=answers or (Answer(frame=frame, **made_by),)))
+    return RunRecord(header, (), RunEnd(answers=answers))
 
 
 def header_of(problem: Problem, state: RunState | None, session: Session) -> RunHeader:

@@ -3,34 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem, Target
-from verefine_viz.core.records import Best, Iteration
+from verefine_viz.core.records import Iteration
 from verefine_viz.core.scores import PoseScore, Scores
 from verefine_viz.methods.arms import Arm, Entry, ObjectState
+from verefine_viz.methods.per_object import FrameState
 from verefine_viz.run.record import RunRecord
-
-
-@dataclass(frozen=True, eq=False)
-class RecordedState:
-    """Where a record is after some of its iterations."""
-
-    problem: Problem
-    objects: tuple[ObjectState | None, ...]
-    """Per instance; None where it had no hypothesis."""
-    n_done: int = 0
-
-    @property
-    def initial(self) -> tuple[Scores | None, ...]:
-        return tuple(o.initial if o else None for o in self.objects)
-
-    @property
-    def best(self) -> tuple[Best | None, ...]:
-        return tuple(o.best if o else None for o in self.objects)
 
 
 class RecordedSteps:
@@ -43,7 +26,7 @@ class RecordedSteps:
         self._record = record
         self._iterations = record.iterations
 
-    def start(self, problem: Problem) -> RecordedState:
+    def start(self, problem: Problem) -> FrameState:
         """The state before the first iteration.
 
         Raises:
@@ -52,21 +35,20 @@ class RecordedSteps:
         problem = problem.only(self._instances(problem))
         if self._record.missing:
             problem = replace(problem, notes=(*problem.notes, self._record.missing))
-        return RecordedState(problem, tuple(map(self._start, problem.targets)))
+        return FrameState(problem, tuple(map(self._start, problem.targets)))
 
-    def step(self, state: RecordedState) -> tuple[RecordedState, Iteration]:
+    def step(self, state: FrameState) -> tuple[FrameState, Iteration]:
         iteration = self._iterations[state.n_done]
         ids = [i.instance_id for i in state.problem.instances]
         k = ids.index(iteration.instance_id)
         before = state.objects[k]
         assert before is not None
-        objects = (*state.objects[:k], _after(before, iteration), *state.objects[k + 1 :])
-        return replace(state, objects=objects, n_done=state.n_done + 1), iteration
+        return state.with_object(k, _after(before, iteration), state.n_done + 1), iteration
 
-    def is_done(self, state: RecordedState) -> bool:
+    def is_done(self, state: FrameState) -> bool:
         return state.n_done >= len(self._iterations)
 
-    def n_iterations(self, state: RecordedState) -> int:
+    def n_iterations(self, state: FrameState) -> int:
         return len(self._iterations)
 
     def _instances(self, problem: Problem) -> Sequence[int]:
