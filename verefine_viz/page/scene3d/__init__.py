@@ -1,0 +1,1 @@
+"""The 3D view: viser, handed through by the page's server."""

@@ -1,0 +1,1 @@
+"""What the page shows, as plain dicts: pure functions of a run."""

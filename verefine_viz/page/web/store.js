@@ -1,0 +1,181 @@
+// Everything the page knows, once: what the server said, and what this window looks at.
+import { useState, useEffect, useRef } from "./vendor/htm-preact.js";
+
+export const state = {
+  connection: "opening", // opening, open, lost
+  window: null,
+  frame: null,
+  branches: [],
+  compare: null,
+  runs: new Map(), // branch → { rows, total, over, marks }
+  verdicts: new Map(), // branch → verdict
+  answers: null, // the gallery
+  busy: { text: "" },
+  running: { branch: null },
+  scene3d: null, // the window that the 3D view follows
+  toasts: [],
+  written: [],
+  view: {
+    branch: 0,
+    k: 0,
+    stage: null, // last stage of iteration k that is shown; null = all of it
+    obj: null, // null = the object of the iteration
+    arm: null,
+    moment: null, // of the simulated path
+    edited: null, // { obj, arm, T, from } while a pose is edited
+    a: null, // stages that are compared; null = chosen by itself
+    b: null,
+    map: "classes",
+    pixel: null, // [u, v]
+    tab: "score",
+    preset: "inspect",
+    full: null, // the pane that fills the middle
+  },
+};
+
+// Listeners are called at most once per animation frame, however much has changed.
+const listeners = new Set();
+let scheduled = false;
+export function changed() {
+  if (scheduled) return;
+  scheduled = true;
+  requestAnimationFrame(() => {
+    scheduled = false;
+    for (const listener of [...listeners]) listener();
+  });
+}
+
+export function listen(listener) {
+  listeners.add(listener);
+  return () => listeners.delete(listener);
+}
+
+export function update(patch) {
+  Object.assign(state, patch);
+  changed();
+}
+
+export function setView(patch) {
+  const before = state.view;
+  state.view = { ...before, ...patch };
+  changed();
+}
+
+const same = (a, b) =>
+  Object.is(a, b) ||
+  (Array.isArray(a) && Array.isArray(b) && a.length === b.length && a.every((x, i) => Object.is(x, b[i])));
+
+// A component that calls it is drawn again when what `select` gives changes: a value, or an array of values.
+export function useStore(select) {
+  const [, redraw] = useState(0);
+  const chosen = select(state);
+  const last = useRef();
+  last.current = { select, chosen };
+  useEffect(
+    () => listen(() => {
+      const { select, chosen } = last.current;
+      if (!same(select(state), chosen)) redraw((n) => n + 1);
+    }),
+    [],
+  );
+  return chosen;
+}
+
+// The connection. Verbs that are sent while it is lost are dropped: the page says so.
+
+let socket = null;
+const handlers = {};
+export function on(t, handler) {
+  handlers[t] = handler;
+}
+
+export function send(verb) {
+  if (socket?.readyState !== WebSocket.OPEN) return false;
+  socket.send(JSON.stringify(verb));
+  return true;
+}
+
+export function receive(message) {
+  handlers[message.t]?.(message);
+  changed();
+}
+
+export function connect() {
+  socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws`);
+  socket.onmessage = (event) => receive(JSON.parse(event.data));
+  socket.onclose = () => {
+    update({ connection: "lost" });
+    setTimeout(connect, 1000);
+  };
+}
+
+// Answers of the server to what views ask for, the latest used last.
+
+const MOST_ANSWERS = 400;
+const known = new Map(); // id → { answer, asked }
+
+on("answer", (message) => {
+  const entry = known.get(message.id) ?? {};
+  known.set(message.id, { ...entry, answer: message });
+});
+
+export function forgetAnswers() {
+  known.clear();
+}
+
+// The answer to a want, or undefined; asked for once. `slot`: of the wants of one slot the server answers the latest.
+export function want(of, slot = "") {
+  const id = JSON.stringify(of);
+  let entry = known.get(id);
+  if (!entry || (!entry.answer && entry.slot && asked.get(entry.slot) !== id)) {
+    entry = { slot };
+    if (!send({ verb: "want", id, slot, of })) return undefined;
+    asked.set(slot, id);
+  }
+  known.delete(id);
+  known.set(id, entry); // used last
+  if (known.size > MOST_ANSWERS) known.delete(known.keys().next().value);
+  return entry.answer;
+}
+const asked = new Map(); // slot → id of the want asked for last
+
+export function useWant(of, slot = "") {
+  return useStore(() => (of ? want(of, slot) : undefined));
+}
+
+// Binary arrays that messages name.
+
+const MOST_BLOBS = 60;
+const blobs = new Map();
+export function blob(key) {
+  let entry = blobs.get(key);
+  if (!entry) {
+    entry = { buffer: null };
+    blobs.set(key, entry);
+    fetch(`/blob/${key}`)
+      .then((reply) => (reply.ok ? reply.arrayBuffer() : null))
+      .then((buffer) => {
+        if (buffer) entry.buffer = buffer;
+        else blobs.delete(key);
+        changed();
+      })
+      .catch(() => blobs.delete(key));
+    if (blobs.size > MOST_BLOBS) blobs.delete(blobs.keys().next().value);
+  } else {
+    blobs.delete(key);
+    blobs.set(key, entry);
+  }
+  return entry.buffer;
+}
+
+const TYPES = { float32: Float32Array, uint8: Uint8Array, int32: Int32Array, uint16: Uint16Array, float64: Float64Array };
+// The arrays of an answer by name, or null until they are there.
+export function arraysOf(answer) {
+  const buffer = answer?.blob ? blob(answer.blob) : null;
+  if (!buffer) return null;
+  if (answer.unpacked?.buffer === buffer) return answer.unpacked.arrays;
+  const arrays = {};
+  for (const [name, type, offset, length] of answer.arrays) arrays[name] = new TYPES[type](buffer, offset, length);
+  answer.unpacked = { buffer, arrays };
+  return arrays;
+}
