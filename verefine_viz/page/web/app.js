@@ -27,11 +27,11 @@ function Page() {
   // The 3D pane stays where it is in every layout: taken out, it would be loaded again.
   return html`<div class=${classes} style=${grid}>
     <${Verdict} />
-    <${Pane} name="image" title="Image"><${Guard}><${ImagePane} /><//><//>
+    <${Guard} name="image"><${ImagePane} /><//>
     <${Splitter} axis="x" area="split-image" share=${size.image * (1 - size.inspector)} onShare=${(x) => setSize("image", x / (1 - size.inspector))} />
-    <${Pane} name="scene" title="3D"><${Guard}><${ScenePane} /><//><//>
+    <${Guard} name="scene"><${ScenePane} /><//>
     <${Splitter} axis="y" area="split-maps" share=${size.maps} invert onShare=${(x) => setSize("maps", x)} />
-    <${Pane} name="maps" title="Score maps"><${Guard}><${MapsPane} /><//><//>
+    <${Guard} name="maps"><${MapsPane} /><//>
     ${gallery && html`<section class="pane gallery"><${Guard}><${Gallery} /><//></section>`}
     <${Splitter} axis="y" area="split-timeline" share=${size.timeline} invert onShare=${(x) => setSize("timeline", x)} />
     <${Timeline} />
@@ -51,10 +51,11 @@ class Guard extends Component {
     console.error(error);
     this.setState({ error });
   }
-  render({ children }, { error }) {
+  render({ children, name }, { error }) {
     if (!error) return children;
-    return html`<div class="empty"><p>This pane failed: ${String(error.message ?? error)}</p>
+    const words = html`<div class="empty"><p>It cannot be drawn: ${String(error.message ?? error)}</p>
       <${Button} onClick=${() => this.setState({ error: null })}>Draw it again<//></div>`;
+    return name ? html`<${Pane} name=${name} title=${name}>${words}<//>` : words;
   }
 }
 
@@ -83,12 +84,19 @@ function Status() {
         ${busy.cancel && html`<${Button} title="everything stays as it was (Esc)" onClick=${() => send({ verb: "cancel" })}>Cancel<//>`}`
       : running.branch != null ? html`<span class="meter"><i class="unknown" style=${{ width: "30%" }} /></span><span>Computing</span>` : ""}</span>
     <span class="spring" />
-    ${branches.length > 1 && html`<span class="branches">${branches.map((b) => html`<${Button} key=${b.index} on=${b.index === branch}
-      title=${`${b.name}: ${b.done} of ${b.total} iterations${b.parent != null ? `, left branch ${b.parent + 1} after iteration ${b.from}` : ""}`}
-      onClick=${() => setView({ branch: b.index, k: Math.min(state.view.k || Infinity, state.runs.get(b.index)?.rows.length ?? 0), stage: null, arm: null, edited: null })}>
-      ${b.name}<span class="dim">${b.done}/${b.total}</span><//>`)}</span>`}
+    ${branches.length > 1 && html`<span class="branches">${branches.map((b) => html`<${BranchButton} key=${b.index} branch=${b} on=${b.index === branch} />`)}</span>`}
     ${shown?.recording && html`<span class="dim" title=${shown.recording}>recording</span>`}
   </footer>`;
+}
+
+function BranchButton({ branch, on }) {
+  const run = useStore((s) => s.runs.get(branch.index));
+  const done = run?.rows.length ?? 0;
+  const parent = state.branches.find((b) => b.index === branch.parent);
+  const show = () => setView({ branch: branch.index, k: Math.min(state.view.k, done) || done, stage: null, moment: null, arm: null, edited: null });
+  return html`<${Button} on=${on} onClick=${show}
+    title=${`${branch.name}: ${done} of ${run?.total ?? 0} iterations${parent ? `; it left ${parent.name} after iteration ${branch.from}` : ""}`}>
+    ${branch.name}<span class="dim">${done}/${run?.total ?? 0}</span><//>`;
 }
 
 function Toasts() {

@@ -1,4 +1,5 @@
 // A stand-in until the real one is merged.
 import { html } from "./vendor/htm-preact.js";
+import { Pane } from "./ui.js";
 
-export const ImagePane = () => html`<p class="empty">pictures</p>`;
+export const ImagePane = () => html`<${Pane} name="image" title="Image"><//>`;

@@ -7,7 +7,7 @@ import { tabs, idOf } from "./tabs/all.js";
 import { setPreset, PRESETS, switchTheme } from "./layout.js";
 import { copyLink } from "./messages.js";
 
-// when: whether it can be done now. The first key is the one that titles name.
+// when: whether it can be done now; silent: not in the lists. The first key is the one that titles name.
 export const ACTIONS = [
   { id: "back", keys: ["ArrowLeft", "b"], title: "Back", group: "Move", action: back, when: () => state.view.k > 0 || state.view.stage },
   { id: "step", keys: ["ArrowRight", "n"], title: "Step", group: "Move", action: step },
@@ -91,7 +91,7 @@ function Help({ onClose }) {
   const all = [...ACTIONS, { keys: ["1"], title: `Tabs ${tabs.map((t) => t.title).slice(0, 9).join(", ")}`, group: "Show", shown: "1 – 9" }];
   return html`<${Dialog} title="Keys" onClose=${onClose} wide>
     <div class="keys">${groups.map((group) => html`<section><h3>${group}</h3><dl>
-      ${all.filter((a) => a.group === group && a.keys.length).map((a) => html`
+      ${all.filter((a) => a.group === group && a.keys.length && !a.silent).map((a) => html`
         <div><dt>${(a.shown ? [a.shown] : a.keys.map(keyName)).map((k) => html`<kbd>${k}</kbd>`)}</dt><dd>${a.title}</dd></div>`)}
     </dl></section>`)}</div>
     <p class="dim">Drag on the timeline to move through the run. Double click a pane's title to fill the middle.</p>
@@ -99,7 +99,7 @@ function Help({ onClose }) {
 }
 
 function everything() {
-  const items = ACTIONS.filter((a) => a.id !== "palette" && (!a.when || a.when()))
+  const items = ACTIONS.filter((a) => a.id !== "palette" && !a.silent && (!a.when || a.when()))
     .map((a) => ({ kind: a.group, words: a.title, key: a.keys[0] && keyName(a.keys[0]), action: a.action }));
   for (const preset of PRESETS) items.push({ kind: "Preset", words: preset.title, action: () => setPreset(preset.id) });
   for (const o of state.frame?.objects ?? []) items.push({ kind: "Object", words: o.label, action: () => setView({ obj: o.id, arm: null }) });

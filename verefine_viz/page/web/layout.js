@@ -2,10 +2,10 @@
 import { state, setView, update } from "./store.js";
 
 export const PRESETS = [
-  { id: "inspect", title: "Inspect", hint: "image, 3D and maps", sizes: { image: 0.5, inspector: 0.26, maps: 0.33, timeline: 0.22 } },
-  { id: "maps", title: "Maps", hint: "large score maps", sizes: { image: 0.5, inspector: 0.26, maps: 0.56, timeline: 0.18 } },
-  { id: "compare", title: "Compare", hint: "two runs side by side", tab: "compare", sizes: { image: 0.5, inspector: 0.36, maps: 0.36, timeline: 0.2 } },
-  { id: "gallery", title: "Gallery", hint: "all answers of a batch", sizes: { image: 0.5, inspector: 0.26, maps: 0.33, timeline: 0.2 } },
+  { id: "inspect", title: "Inspect", hint: "image, 3D and maps", sizes: { image: 0.5, inspector: 0.27, maps: 0.32, timeline: 0.26 } },
+  { id: "maps", title: "Maps", hint: "large score maps", sizes: { image: 0.5, inspector: 0.27, maps: 0.5, timeline: 0.22 } },
+  { id: "compare", title: "Compare", hint: "two runs side by side", tab: "compare", sizes: { image: 0.5, inspector: 0.36, maps: 0.34, timeline: 0.24 } },
+  { id: "gallery", title: "Gallery", hint: "all answers of a batch", sizes: { image: 0.5, inspector: 0.27, maps: 0.32, timeline: 0.24 } },
 ];
 const LIMITS = { image: [0.12, 0.88], inspector: [0.17, 0.5], maps: [0.12, 0.7], timeline: [0.13, 0.5] };
 

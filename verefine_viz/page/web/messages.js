@@ -1,6 +1,6 @@
 // What the server's messages change, what it is told in return, and the page's address.
 import { state, setView, update, send, on, listen, connect, forgetAnswers } from "./store.js";
-import { followed, momentOf, runOf } from "./moment.js";
+import { followed, goTo, momentOf, runOf, stopReplay } from "./moment.js";
 
 Object.assign(state, { replaying: null, version: "" });
 
@@ -24,6 +24,7 @@ on("hello", ({ window, version }) => {
 on("frame", (message) => {
   const isAgain = state.frame?.id === message.id; // after the connection was lost
   forgetAnswers();
+  stopReplay();
   state.runs.clear();
   state.verdicts.clear();
   update({ frame: message, compare: null, replaying: null });
@@ -55,6 +56,7 @@ on("run", (message) => {
 });
 
 on("verdict", (message) => state.verdicts.set(message.branch, message));
+on("breakpoints", ({ breakpoints }) => state.frame && update({ frame: Object.assign(state.frame, { breakpoints }) }));
 on("busy", (message) => update({ busy: message }));
 on("running", (message) => update({ running: message }));
 on("note", ({ text }) => toast("note", text));
@@ -67,7 +69,13 @@ on("edited", ({ obj, T }) => setView({ edited: { ...(state.view.edited ?? { arm:
 on("picked", ({ u, v }) => setView({ pixel: [u, v] }));
 on("scene3d", ({ window }) => update({ scene3d: window }));
 on("answers", (message) => update({ answers: message }));
-on("view", ({ patch }) => setView(patch));
+// at: the iteration that a link names, which may be yet to come; null = it names none, so the end is shown.
+on("view", ({ patch, at }) => {
+  const { k, ...rest } = patch;
+  setView(rest);
+  if (at !== undefined) goTo(at ?? runOf(state).rows.length);
+  else if (k != null) setView({ k: Math.min(k, runOf(state).rows.length), stage: null, moment: null });
+});
 
 // The server, and with it the 3D view, is told what this window looks at: at most every 40 ms, the latest wins.
 

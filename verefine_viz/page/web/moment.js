@@ -262,6 +262,8 @@ export function armColor(moment, arm, by = "score") {
 
 const ofIteration = { stage: null, moment: null, arm: null, edited: null };
 let stageNext = false; // the next row that comes is shown stage by stage
+let target = null; // the iteration that a link names, while its rows are yet to come
+let pinned = false; // a link's iteration is shown: rows that come do not move the view
 let timer = null;
 
 const known = () => runOf(state).rows.length;
@@ -339,6 +341,14 @@ export function toNextEvent(direction = 1) {
   seek(direction > 0 ? known() : 0);
 }
 
+// Shows iteration k, now or when its rows are there.
+export function goTo(k) {
+  stopReplay();
+  target = k > known() ? k : null;
+  pinned = target == null;
+  setView({ k: Math.min(k, known()) });
+}
+
 // Plays the known rows; `state.speed` iterations a second.
 export function replay() {
   stopReplay();
@@ -355,14 +365,19 @@ export function replay() {
 
 export function stopReplay() {
   clearTimeout(timer);
+  target = null;
+  pinned = false;
   if (state.replaying) update({ replaying: null });
 }
 
 // Rows came: a view at the end stays at the end, unless a pose is edited.
 export function followed(wasAtEnd, branch) {
   if (branch !== state.view.branch) return;
-  if (!wasAtEnd && state.view.k <= known()) return;
-  const k = known();
+  const k = Math.min(known(), target ?? Infinity);
+  if (target != null) {
+    pinned = k === target;
+    if (pinned) target = null;
+  } else if ((pinned || !wasAtEnd) && state.view.k <= known()) return;
   const stage = stageNext && k > 0 ? runOf(state).rows[k - 1].stages[0].name : null;
   stageNext = stageNext && k === 0;
   if (state.view.edited) return; // what is edited is not taken away

@@ -1,4 +1,5 @@
 // A stand-in until the real one is merged.
 import { html } from "./vendor/htm-preact.js";
+import { Pane } from "./ui.js";
 
-export const ScenePane = () => html`<p class="empty">3D</p>`;
+export const ScenePane = () => html`<${Pane} name="scene" title="3D"><//>`;

@@ -14,7 +14,7 @@ export function Timeline() {
 
 function Controls() {
   const [moment, busy, running, speed, colorBy, stage] = useStore((s) => [
-    momentOf(s), isBusy(), s.running, s.speed, s.colorBy, s.view.stage,
+    momentOf(s), isBusy(), s.running, s.speed, s.colorBy, s.view.stage, s.frame?.breakpoints,
   ]);
   if (!moment) return html`<div class="controls" />`;
   const { k, total, over, row, isAnswer, isCurrent, stages } = moment;
@@ -49,6 +49,7 @@ function Controls() {
     <span class="spring" />
     ${running.branch != null && running.remaining_s != null && html`<span class="dim">${Math.ceil(running.remaining_s)} s left</span>`}
     <${Marks} />
+    ${over && html`<span class="tone" title="where the answer comes from"><i class="ring" />answer</span>`}
     <${Select} value=${colorBy} title="what the cells' colours say" onChange=${(v) => remember({ colorBy: v })}
       options=${[["score", "by score"], ["rank", "by rank"], ["error", "by error"]]} />
     <${Legend} />
@@ -134,7 +135,7 @@ function Legend() {
     .filter((a) => `hypothesis ${a.j + 1} ${a.source}`.includes(text.toLowerCase()))
     .sort((a, b) => order[a.j] - order[b.j]);
   return html`<${Menu} icon="list" align="right" title="Hypotheses: colours, scores, filter" kind="square">
-    <div class="legend"><h3>${moment.arms.length} hypotheses of ${moment.object.label}</h3>
+    <div class="arms"><h3>${moment.arms.length} hypotheses of ${moment.object.label}</h3>
       <input placeholder="filter" value=${text} onInput=${(e) => setText(e.currentTarget.value)} />
       <div class="scroll"><table class="table"><thead><tr><th class="left">hypothesis</th><th>plays</th><th>score</th><th>mm</th></tr></thead>
       <tbody>${list.map((a) => html`<tr key=${a.j} class=${`clickable ${arm === a.j ? "current" : ""}`}
@@ -187,7 +188,8 @@ function modelOf(frame, runData, obj, by, hidden, arm) {
     first: Math.max(...(runData.start?.[o.id] ?? o.arms).map((a) => a.score ?? 0)),
   }));
   const dots = focus == null ? [] : cells.filter((c) => c.obj === focus && c.score != null);
-  return { total: Math.max(total, rows.length, 1), done: rows.length, cells, lanes, marks, curves, dots, several, focus };
+  const answers = runData.over ? [...last.values()].map(({ obj: id, best }) => ({ obj: id, ...best })).filter((b) => b.k) : [];
+  return { answers, total: Math.max(total, rows.length, 1), done: rows.length, cells, lanes, marks, curves, dots, several, focus };
 }
 
 function Strip() {
@@ -269,24 +271,28 @@ function Hint({ hover, row, k, marks, name, width }) {
   </div>`;
 }
 
+const MARK_ROWS = [["problem"], ["rejected", "flip", "edited"], ["switched", "best"]];
+
 // Where everything lies [px].
 function placeOf(model, [w, h, rem, ratio]) {
-  const longest = Math.max(...model.lanes.map((l) => l.name.length), 5);
+  const longest = Math.max(...model.lanes.map((l) => l.name.length), 6);
   const left = Math.round(Math.min(rem * 10, rem * (1.4 + 0.5 * longest)) + (model.several ? rem : 0));
   const right = Math.round(rem * 2.6);
   const marksTop = Math.round(rem * 0.9);
-  const marks = Math.round(rem * 1.7);
+  const groups = MARK_ROWS.filter((tones) => model.marks.some((m) => tones.includes(m.tone)));
+  const mark = Math.round(rem * 0.8);
+  const marks = groups.length * mark + Math.round(rem * 0.25);
   const axis = Math.round(rem * 1.15);
   const room = Math.max(0, h - marksTop - marks - axis);
   const n = Math.max(model.lanes.length, 1);
-  const most = room * (model.several ? 0.6 : 0.58);
+  const most = room * 0.52;
   const strip = most / n < rem * 0.5;
-  const lane = strip ? Math.min(rem * 1.3, room * 0.35) : Math.min(most / n, rem * 1.5);
+  const lane = strip ? Math.min(rem * 1.3, room * 0.35) : Math.min(most / n, rem * 1.3);
   const lanesTop = marksTop + marks;
   const lanes = strip ? lane : lane * n;
   const curveTop = lanesTop + lanes + rem * 0.5;
   return {
-    w, h, rem, ratio, left, right, marksTop, marks, lanesTop, lane, lanes, strip, curveTop,
+    w, h, rem, ratio, left, right, marksTop, mark, groups, lanesTop, lane, lanes, strip, curveTop,
     curveBottom: h - axis - rem * 0.2, cell: (w - left - right) / model.total,
   };
 }
@@ -342,6 +348,12 @@ function draw(canvas, model, p) {
     ctx.fillRect(x(c.k) - cell / 2 + gap / 2, p.lanesTop + i * p.lane + 1, Math.max(cell - gap, 0.8), p.lane - 2.5);
   }
   ctx.globalAlpha = 1;
+  ctx.strokeStyle = STAGE_COLORS.best;
+  ctx.lineWidth = Math.max(2, rem * 0.14);
+  for (const c of model.answers) {
+    const i = p.strip ? 0 : model.lanes.findIndex((l) => l.has(c));
+    ctx.strokeRect(x(c.k) - Math.max(cell, 5) / 2, p.lanesTop + i * p.lane + 0.5, Math.max(cell, 5), p.lane - 1.5);
+  }
 
   // The curve: the best so far as steps, accepted poses as points.
   const values = [...model.dots.map((d) => d.score), ...model.curves.flatMap((c) => [c.first, ...c.points.map((q) => q[1])])]
@@ -389,22 +401,27 @@ function draw(canvas, model, p) {
       ctx.fill();
     }
     ctx.globalAlpha = 1;
+    ctx.strokeStyle = STAGE_COLORS.best;
+    ctx.lineWidth = Math.max(2, rem * 0.14);
+    for (const c of model.answers.filter((one) => model.focus == null || one.obj === model.focus)) {
+      ctx.beginPath();
+      ctx.arc(x(c.k), y(c.score), r + 2.5, 0, 7);
+      ctx.stroke();
+    }
   }
 
-  // Marks: what needs a look in the upper row, progress in the lower one.
-  const half = Math.max(3.2, Math.min(rem * 0.42, 0.75 * cell + 2.5));
+  // Marks, a row for each kind.
+  const half = Math.max(3, Math.min(rem * 0.4, 0.6 * cell + 1.5));
   const at = new Map();
   for (const m of model.marks) {
     const { color, shape } = TONES[m.tone] ?? { color: dim, shape: "circle" };
-    const upper = !["best", "switched"].includes(m.tone);
-    const place = `${m.k} ${upper}`;
-    const n = at.get(place) ?? 0;
-    at.set(place, n + 1);
+    const row = p.groups.findIndex((tones) => tones.includes(m.tone));
+    const n = at.get(`${m.k} ${row}`) ?? 0;
+    at.set(`${m.k} ${row}`, n + 1);
     ctx.save();
     ctx.globalAlpha = model.focus != null && m.obj !== model.focus ? 0.25 : 1;
-    ctx.translate(x(m.k) + n * half, p.marksTop + p.marks * (upper ? 0.28 : 0.76));
-    const scale = (half / 5) * (upper ? 1 : 0.75);
-    ctx.scale(scale, scale);
+    ctx.translate(x(m.k) + n * Math.min(half * 2, cell / 2), p.marksTop + p.mark * (row + 0.5));
+    ctx.scale(half / 5, half / 5);
     ctx.fillStyle = color;
     ctx.fill((PATHS[shape] ??= new Path2D(SHAPES[shape])));
     ctx.restore();

@@ -37,10 +37,10 @@ function Opener({ frame }) {
   const lists = [
     ["Frames", frame.frames, (f) => ({ frame: f }), (f) => f === frame.frame],
     ["Demos", frame.demos ?? [], (d) => ({ demo: d }), (d) => frame.source === "demo" && d === frame.dataset],
-    ["Sessions", frame.sessions ?? [], (s) => ({ session: s.path ?? s.name ?? s }), (s) => (s.path ?? s) === frame.session_file],
+    ["Sessions", frame.sessions ?? [], (s) => ({ session: s.path }), (s) => s.path === frame.session_file],
   ].filter(([, list]) => list.length > 1 || (list.length && list !== frame.frames));
-  // A session's file name may give the diagnosis away: its title is shown, or its scene.
-  const words = (one, i) => (typeof one === "string" && !one.endsWith(".toml") ? one : one.title || one.scene || `session ${i + 1}`);
+  // The file name of a session that shows a failure gives the diagnosis away.
+  const words = (one, i) => (typeof one === "string" ? one : /^failure/.test(one.title) ? `failure ${i + 1}` : one.title);
   return html`<div class="opener">
     <${Menu} kind="opener-button" title="Open another frame, demo or session" label=${html`
       <span class="two"><b>${frame.title}</b>
@@ -61,7 +61,8 @@ function Words({ moment }) {
     const row = moment.isCurrent ? moment.row : null;
     const missing = moment.run.missing && moment.over ? moment.run.missing : "";
     return html`<div class="words going" title=${brief}>
-      <div class="first">${row ? html`<b>Iteration ${moment.k}</b> <span>${row.brief}</span>` : moment.k === 0
+      <div class="first">${row ? html`<b>Iteration ${moment.k}</b> <span>${moment.stage
+        ? `hypothesis ${row.arm + 1} of ${moment.arms.length} · stage ${moment.stages.indexOf(moment.stage) + 1} of ${moment.stages.length}: ${moment.stage}` : row.brief}</span>` : moment.k === 0
         ? html`<b>Ready</b> <span>${state.frame.objects.length > 1 ? `${state.frame.objects.length} objects` : moment.object.label}, ${
           moment.arms.length} ${moment.arms.length === 1 ? "hypothesis" : "hypotheses"}${moment.best?.score != null ? `, best initial score ${number(moment.best.score)}` : ""}</span>`
         : html`<b>Iteration ${moment.k}</b> <span>works on another object; ${moment.object.label} is shown as it is by now</span>`}</div>

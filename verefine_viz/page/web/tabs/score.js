@@ -38,10 +38,11 @@ export function render() {
   ].filter(([, , of]) => of(of_a) != null || of(of_b) != null);
   const counts = (s) => (s.counts ? Object.entries(CLASSES).filter(([c]) => s.counts[c]).map(([c, color]) => [c, s.counts[c], color]) : []);
   return html`<div class="tab score">
-    <table class="table versus"><thead><tr><th class="left"></th>
-      <th><${Select} label="A" value=${a?.name} options=${names} onChange=${choose("a")} title=${STAGE_MEANINGS[a?.name]} /></th>
-      <th><${Select} label="B" value=${b?.name} options=${names} onChange=${choose("b")} title=${STAGE_MEANINGS[b?.name]} /></th>
-      <th title="B less A">B − A</th></tr></thead>
+    <div class="pair">
+      <${Select} label="A" value=${a?.name} options=${names} onChange=${choose("a")} title=${STAGE_MEANINGS[a?.name]} />
+      <${Select} label="B" value=${b?.name} options=${names} onChange=${choose("b")} title=${STAGE_MEANINGS[b?.name]} />
+    </div>
+    <table class="table"><thead><tr><th class="left"></th><th title=${a?.label}>A</th><th title=${b?.label}>B</th><th title="B less A">B − A</th></tr></thead>
       <tbody>${rows.map(([words, meaning, of, digits, fits]) => {
         const [x, y] = [of(of_a), of(of_b)];
         const d = x != null && y != null ? y - x : null;
@@ -76,7 +77,7 @@ function Stages({ moment }) {
   ];
   return html`<h3>Iteration ${row.k}, hypothesis ${row.arm + 1} of ${moment.arms.length}</h3>
     <${Table} columns=${columns} rows=${shown} keyOf=${(s) => s.name} onRow=${(s) => setView({ b: s.name, a: moment.a?.name === s.name ? "current" : moment.a?.name })} />
-    ${row.text && html`<p class="prose">${row.text}</p>`}`;
+    <p class="prose">${moment.isPartial ? shown.at(-1)?.text : row.text}</p>`;
 }
 
 function Curve({ moment }) {
