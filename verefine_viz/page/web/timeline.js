@@ -13,8 +13,8 @@ export function Timeline() {
 // The line of controls.
 
 function Controls() {
-  const [moment, busy, running, speed, colorBy, stage] = useStore((s) => [
-    momentOf(s), isBusy(), s.running, s.speed, s.colorBy, s.view.stage, s.frame?.breakpoints,
+  const [moment, busy, running, speed, stage] = useStore((s) => [
+    momentOf(s), isBusy(), s.running, s.speed, s.view.stage, s.frame?.breakpoints,
   ]);
   if (!moment) return html`<div class="controls" />`;
   const { k, total, over, row, isAnswer, isCurrent, stages } = moment;
@@ -49,9 +49,7 @@ function Controls() {
     <span class="spring" />
     ${running.branch != null && running.remaining_s != null && html`<span class="dim">${Math.ceil(running.remaining_s)} s left</span>`}
     <${Marks} />
-    ${over && html`<span class="tone" title="where the answer comes from"><i class="ring" />answer</span>`}
-    <${Select} value=${colorBy} title="what the cells' colours say" onChange=${(v) => remember({ colorBy: v })}
-      options=${[["score", "by score"], ["rank", "by rank"], ["error", "by error"]]} />
+    ${over && html`<span class="tone" title="green frame: the iteration that made the answer"><i class="ring" /></span>`}
     <${Legend} />
     <${Select} value=${String(speed)} title="iterations a second of a replay" onChange=${(v) => remember({ speed: Number(v) })}
       options=${["2", "4", "8", "16", "30", "60"].map((v) => [v, `${v}/s`])} />
@@ -134,8 +132,11 @@ function Legend() {
   const list = moment.arms.map((a, j) => ({ ...a, j, source: moment.object.arms[j]?.source ?? "" }))
     .filter((a) => `hypothesis ${a.j + 1} ${a.source}`.includes(text.toLowerCase()))
     .sort((a, b) => order[a.j] - order[b.j]);
-  return html`<${Menu} icon="list" align="right" title="Hypotheses: colours, scores, filter" kind="square">
+  return html`<${Menu} icon="list" align="right" title="Hypotheses: what colours say, scores, filter" label="Hypotheses">
     <div class="arms"><h3>${moment.arms.length} hypotheses of ${moment.object.label}</h3>
+      <div class="row"><${Select} value=${by} label="colour" title="what the colours on the timeline say" onChange=${(v) => remember({ colorBy: v })}
+        options=${[["score", "score of the pose"], ["rank", "rank of the hypothesis"], ["error", "error of the pose"]]} />
+        <span class="ramp">${[0, 0.25, 0.5, 0.75, 1].map((t) => html`<i style=${{ background: rampColor(t) }} />`)}</span><span class="dim">good</span></div>
       <input placeholder="filter" value=${text} onInput=${(e) => setText(e.currentTarget.value)} />
       <div class="scroll"><table class="table"><thead><tr><th class="left">hypothesis</th><th>plays</th><th>score</th><th>mm</th></tr></thead>
       <tbody>${list.map((a) => html`<tr key=${a.j} class=${`clickable ${arm === a.j ? "current" : ""}`}

@@ -2,7 +2,7 @@
 import { html, useMemo } from "../vendor/htm-preact.js";
 import { useStore, setView, useWant } from "../store.js";
 import { armColor, labelOf, momentOf, rowsOf, seek, STAGE_COLORS, STAGE_MEANINGS } from "../moment.js";
-import { Bar, number, Parts, Select, Swatch, Table } from "../ui.js";
+import { Bar, Icon, number, Parts, Select, Swatch, Table } from "../ui.js";
 import { Chart } from "../charts.js";
 
 export const title = "Score";
@@ -61,23 +61,39 @@ export function render() {
   </div>`;
 }
 
+// The stages of the iteration, or of the one that made the answer; before the first, the hypotheses.
 function Stages({ moment }) {
-  const { row, isAnswer, best } = moment;
-  if (isAnswer || !row) {
-    return html`<h3>${isAnswer ? "Answer" : "Best initial pose"}</h3><p>${best ? html`Hypothesis ${best.arm + 1}, ${
-      best.k ? html`<button type="button" class="link" onClick=${() => seek(best.k)}>iteration ${best.k}</button> (${best.stage})` : "an initial pose"}.` : "None."}</p>`;
-  }
-  const shown = row.stages.filter((s) => moment.poses[s.name]);
+  const { isAnswer, best, run } = moment;
+  const row = isAnswer ? run.rows[best?.k - 1] : moment.row;
+  if (!row) return html`<${Starts} moment=${moment} />`;
+  const shown = row.stages.filter((s) => isAnswer || moment.poses[s.name]);
   const columns = [
-    { title: "stage", left: true, of: (s) => html`<${Swatch} color=${STAGE_COLORS[s.name]} />${s.name}${s.name === row.accepted ? html` <span class="good">accepted</span>` : ""}` },
+    { title: "stage", left: true, of: (s) => html`<${Swatch} color=${STAGE_COLORS[s.name]} />${s.name}${
+      s.name === row.accepted ? html` <span class="good" title="accepted"><${Icon} name="check" /></span>` : ""}` },
     { title: "score", of: (s) => html`<${Bar} share=${s.score} color=${STAGE_COLORS[s.name]} />${number(s.score, 3)}` },
     { title: "depth", hint: "depth fit", of: (s) => number(s.depth_fit) },
     { title: "normal", hint: "normal fit", of: (s) => number(s.normal_fit) },
     { title: "ms", of: (s) => (s.ms ? number(s.ms, 0) : "") },
   ];
-  return html`<h3>Iteration ${row.k}, hypothesis ${row.arm + 1} of ${moment.arms.length}</h3>
-    <${Table} columns=${columns} rows=${shown} keyOf=${(s) => s.name} onRow=${(s) => setView({ b: s.name, a: moment.a?.name === s.name ? "current" : moment.a?.name })} />
+  const name = `${isAnswer ? "The answer: iteration" : "Iteration"} ${row.k}, hypothesis ${row.arm + 1} of ${moment.arms.length}`;
+  const choose = (s) => setView({ b: s.name, a: moment.a?.name === s.name ? "current" : moment.a?.name });
+  return html`<h3>${isAnswer ? html`<button type="button" class="link" title="go there" onClick=${() => seek(row.k)}>${name}</button>` : name}</h3>
+    <${Table} columns=${columns} rows=${shown} keyOf=${(s) => s.name} onRow=${isAnswer ? null : choose} />
     <p class="prose">${moment.isPartial ? shown.at(-1)?.text : row.text}</p>`;
+}
+
+function Starts({ moment }) {
+  const { object, isAnswer, arms } = moment;
+  const columns = [
+    { title: "hypothesis", left: true, of: (a) => html`<${Swatch} color=${armColor(moment, a.j)} />${a.j + 1} <span class="dim">${
+      object.arms[a.j]?.source ?? ""}</span>` },
+    { title: "score", of: (a) => html`<${Bar} share=${a.score} color=${armColor(moment, a.j)} />${number(a.score, 3)}` },
+    ...(object.has_gt ? [{ title: "mm", hint: "ADD(-S)", of: (a) => number(a.err, 1) }] : []),
+  ];
+  const rows = arms.map((a, j) => ({ ...a, j })).sort((a, b) => (b.score ?? 0) - (a.score ?? 0));
+  return html`<h3>${isAnswer ? "The answer is an initial pose" : "Initial poses"}</h3>
+    <${Table} columns=${columns} rows=${rows} keyOf=${(a) => a.j} current=${(a) => a.j === moment.arm}
+      onRow=${(a) => setView({ arm: moment.arm === a.j ? null : a.j })} />`;
 }
 
 function Curve({ moment }) {
