@@ -18,7 +18,7 @@ Changes = dict[Text, Any]
 MOST_POSES = 4096
 
 
-class Verb(Struct, frozen=True, forbid_unknown_fields=True, tag_field="verb", tag=str.lower, kw_only=True):
+class Verb(Struct, forbid_unknown_fields=True, tag_field="verb", tag=str.lower):
     """Something that a window asks the server to do."""
 
 
@@ -74,8 +74,8 @@ class Step(Verb):
 class Seek(Verb):
     """Compute a branch on until it holds k iterations, breakpoints or not."""
 
-    branch: Index = 0
     k: Index
+    branch: Index = 0
 
 
 class Run(Verb):
@@ -103,8 +103,8 @@ class Restart(Verb):
 class Fork(Verb):
     """Leave a branch after iteration k with changed settings, or from an edited pose."""
 
-    branch: Index = 0
     k: Index
+    branch: Index = 0
     changes: Changes = {}
     edit: Edit | None = None
     run: bool = False
@@ -126,9 +126,9 @@ class Open(Verb):
 class Estimate(Verb):
     """New initial poses of one object, as a new branch."""
 
-    branch: Index = 0
     obj: int
     estimator: Literal["ppf", "pcs", "densefusion", "session"]
+    branch: Index = 0
 
 
 class Branch(Verb):
@@ -174,13 +174,13 @@ class Evaluate(Verb):
 
     id: Text
     what: Literal["grasp"]
-    branch: Index = 0
-    k: Index = 0
     obj: int
     T: Pose
+    branch: Index = 0
+    k: Index = 0
 
 
-class Wanted(Struct, frozen=True, forbid_unknown_fields=True, tag_field="what", tag=str.lower, kw_only=True):
+class Wanted(Struct, forbid_unknown_fields=True, tag_field="what", tag=str.lower):
     """What a want asks for; each kind stands beside its view."""
 
 
@@ -221,9 +221,9 @@ class Physics(Wanted):
 class Landscape(Wanted):
     """The score around the best pose of an object at an iteration."""
 
+    obj: int
     branch: Index = 0
     k: Index = 0
-    obj: int
     frame: Literal["table", "object"] = "table"
     axes: tuple[Index, Index] = (5, 0)
 
@@ -238,9 +238,9 @@ class Comparison(Wanted, tag="compare"):
 class Crops(Wanted):
     """What a learned refiner saw in an iteration."""
 
-    branch: Index = 0
     k: Index
     obj: int
+    branch: Index = 0
 
 
 class Track(Wanted):
@@ -253,8 +253,8 @@ class Want(Verb):
     """Ask for what is needed to show something; of one slot the latest wins."""
 
     id: Text
-    slot: Annotated[str, Meta(max_length=40)] = ""
     of: Maps | Outlines | Shaded | Physics | Landscape | Comparison | Crops | Track
+    slot: Annotated[str, Meta(max_length=40)] = ""
 
 
 class Save(Verb):

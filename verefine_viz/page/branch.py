@@ -1,0 +1,155 @@
+"""A branch: one run on a frame, the settings it ended up with, and what its iterations are scored by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Target
+from verefine_viz.core.settings import Change, Session
+from verefine_viz.diagnosis.lost_poses import Discarded, discarded
+from verefine_viz.evaluation.matched_estimates import CORRECT
+from verefine_viz.methods.registry import method_of
+from verefine_viz.page.evaluator import CachedEvaluator
+from verefine_viz.page.marks import RED, Mark, marks_of, once_per_object
+from verefine_viz.run.engine import Run
+from verefine_viz.run.session_file import changed
+
+if TYPE_CHECKING:
+    from verefine_viz.run.toolbox import Toolbox
+
+Settings = Mapping[str, Any]
+"""Changed settings by dotted name, as verbs have them."""
+BySection = dict[str, dict[str, Any]]
+"""Changed settings by section, as session files have them."""
+
+
+def in_order(changes: Sequence[Change]) -> list[Change]:
+    """Sort changes, the earliest first."""
+    return sorted(changes, key=lambda change: change.after_iteration)
+
+
+def by_section(settings: Settings) -> BySection:
+    """Sort settings into sections: {"method.exploration": 0.2} as {"method": {"exploration": 0.2}}."""
+    out: BySection = {}
+    for name, value in settings.items():
+        section, _, key = name.partition(".")
+        out.setdefault(section, {})[key] = value
+    return out
+
+
+def merged(parts: Sequence[Mapping[str, Mapping[str, Any]]]) -> BySection:
+    """Put several changes together; later ones win."""
+    out: BySection = {}
+    for part in parts:
+        for section, values in part.items():
+            out.setdefault(section, {}).update(values)
+    return out
+
+
+@dataclass(eq=False)
+class Branch:
+    """One run on a frame."""
+
+    index: int
+    """Its number, which no other branch of the session gets."""
+    name: str
+    run: Run
+    tools: Toolbox
+    start: Session
+    """The settings it began with."""
+    changes: tuple[Change, ...]
+    """Settings changed on the way, as a session file has them."""
+    evaluators: tuple[tuple[int, CachedEvaluator], ...]
+    """(k, evaluator): from iteration k + 1 on it evaluates, where settings of the score changed on the way."""
+    parent: int | None = None
+    """The branch that it left."""
+    forked_at: int = 0
+    recording: Path | None = None
+    """The file that it was read from; None = it was computed here."""
+    missing: str = ""
+    """What of that file could not be read, or was never written, a sentence; "" = nothing."""
+    _marks: list[tuple[Mark, ...]] = field(default_factory=list)
+    _discarded: dict[int, dict[int, Discarded]] = field(default_factory=dict)
+    """By the number of iterations made."""
+    _doubts: dict[bool, tuple[str, ...]] = field(default_factory=dict)
+    """By whether the run was over."""
+
+    @cached_property
+    def settings(self) -> Session:
+        """The settings that it ends up with: a session that was read may change them on the way."""
+        return changed(self.tools.session, merged([c.settings for c in in_order(self.changes)]))
+
+    def exploration_after(self, k: int) -> float:
+        """Return the weight c of UCB's bonus in the choice that follows iteration ``k``."""
+        c = self.start.method.exploration
+        for change in in_order(self.changes):
+            if change.after_iteration <= k:
+                c = change.settings.get("method", {}).get("exploration", c)
+        return c
+
+    def evaluator_of(self, k: int) -> CachedEvaluator:
+        """Return what evaluates by the settings of iteration ``k``; of the first where ``k`` is 0."""
+        return next(evaluator for after, evaluator in reversed(self.evaluators) if after < max(k, 1))
+
+    @property
+    def final_evaluator(self) -> CachedEvaluator:
+        """What evaluates by the settings that hold after the last iteration made."""
+        return self.evaluator_of(self.run.length + 1)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the run came to its end, and all of it is here."""
+        return self.run.is_done and self.run.length > 0 and not self.missing
+
+    def marks(self) -> tuple[Mark, ...]:
+        """Mark the iterations that are worth a look."""
+        run, evaluator = self.run, self.evaluator_of(1)
+        for iteration in run.iterations[len(self._marks) :]:
+            target = run.problem.target(iteration.instance_id)
+            before = evaluator.errors(target, iteration.stages[0].T_cam_obj)
+            after = evaluator.errors(target, iteration.accepted_stage.T_cam_obj)
+            growth = after.add_s_mm - before.add_s_mm if before and after else None
+            self._marks.append(marks_of(iteration, growth))
+        marks = once_per_object(list(zip(run.iterations, self._marks, strict=False)))
+        given_up = [
+            Mark(d.given_up, own, "discarded", d.in_words(run.problem.target(own).model.name), RED)
+            for own, d in self.discarded().items()
+        ]
+        return tuple(sorted((*marks, *given_up), key=lambda mark: mark.k))
+
+    def discarded(self) -> dict[int, Discarded]:
+        """Find the correct poses that the finished run gave up for wrong answers, by instance_id."""
+        run = self.run
+        if not run.is_done or not method_of(self.settings.method.name).verifies:
+            return {}
+        if run.length not in self._discarded:
+            given_up: dict[int, Discarded] = {}
+            for target, answer in zip(run.problem.targets, run.final_state.best, strict=True):
+                own = run.iterations_of(target.instance.instance_id)
+                of_object = discarded(own, answer, partial(self._is_correct, target))
+                if of_object is not None:
+                    given_up[target.instance.instance_id] = of_object
+            self._discarded[run.length] = given_up
+        return self._discarded[run.length]
+
+    def _is_correct(self, target: Target, T_cam_obj: Float) -> bool:
+        errors = self.final_evaluator.errors(target, T_cam_obj)
+        return errors is not None and errors.relative < CORRECT
+
+    def doubts(self) -> tuple[str, ...]:
+        """Return what of the data does not fit together: by ground truth, else by initial poses and then answers."""
+        problem, run = self.run.problem, self.run
+        if problem.doubts:
+            return problem.doubts
+        if run.is_done not in self._doubts:
+            from verefine_viz.diagnosis.data_doubts import answer_doubts  # Loads what draws models.
+
+            answers = run.final_state.best if run.is_done else [None] * len(problem.targets)
+            poses = [best and best.T_cam_obj for best in answers]
+            self._doubts[run.is_done] = answer_doubts(problem, poses, self.settings.score.colour_weight)
+        return self._doubts[run.is_done]

@@ -1,0 +1,392 @@
+"""What is open: a session, its frames, and on each frame its branches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from verefine_viz.core.algorithm_settings import BreakpointSettings
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.core.settings import SURROUNDINGS, Change, Session
+from verefine_viz.core.text_format import first_of
+from verefine_viz.page.branch import Branch, Settings, by_section, in_order, merged
+from verefine_viz.page.evaluator import CachedEvaluator
+from verefine_viz.page.saved_session import Saved, edits_of_all
+from verefine_viz.run.engine import Run
+from verefine_viz.run.record import RunRecord, session_of
+from verefine_viz.run.session_file import changed
+from verefine_viz.run.track import with_its_tracked
+from verefine_viz.run.variants import settings_between, variant
+from verefine_viz.scenes.hypothesis_pool import asked_estimators
+
+if TYPE_CHECKING:
+    from verefine_viz.run.toolbox import Toolbox
+
+HULLS = {"physics": {"collider": "hull"}}
+"""Settings with which no model has to be decomposed."""
+_CHEAP = {"method", "icp", "score", "physics"}
+"""Sections that can change while everything else of the tools is shared."""
+_WORLD = frozenset(f"physics.{name}" for name in SURROUNDINGS)
+"""Settings that make another world of the same frame."""
+_START = {"hypotheses", "dependency", "ppf", "pcs", "densefusion"}
+"""Sections that give other initial poses, or another order."""
+
+
+@dataclass(eq=False)
+class FrameWork:
+    """A frame with its branches."""
+
+    branches: dict[int, Branch]
+    compare: tuple[int, int] | None = None
+    """A and B."""
+
+    @property
+    def first(self) -> Branch:
+        """The branch that the others left, or the oldest that is still there."""
+        return next(iter(self.branches.values()))
+
+
+@dataclass(eq=False)
+class Checks:
+    """What physics says about poses; None = it is not asked."""
+
+    plausibility: Callable[..., Any] | None = None
+    overlap: Callable[..., Any] | None = None
+
+
+class Workspace:
+    """The open session. Opening builds everything first and then switches, so a failure leaves things as they were.
+
+    So does cancelling: ``core.errors.Cancelled`` is raised before anything was switched.
+
+    Args:
+        session: what to open first.
+        path: its file, if it has one.
+        make_tools: builds the algorithm's parts from a session.
+        checks: see :class:`CachedEvaluator`.
+        progress: checked before anything that may take seconds.
+        frame: what to open first of it; None = its first.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        path: Path | None,
+        make_tools: Callable[[Session], Toolbox],
+        checks: Checks | None = None,
+        progress: ProgressToken = NEVER_CANCELLED,
+        frame: str | None = None,
+    ) -> None:
+        self.make_tools = make_tools
+        self.progress = progress
+        self._checks = checks or Checks()
+        self._numbers = count()
+        self._opened = count(1)
+        self.open(session, path, frame)
+
+    # What is open
+
+    def open(self, session: Session, path: Path | None, frame: str | None = None) -> None:
+        """Open another session, at its first frame or the one named."""
+        self.progress.checkpoint("Reading the scene: models, pictures, initial poses.")
+        tools = self.make_tools(session)
+        frames = tools.frames
+        if not frames:
+            raise InputError("the session names no frame; give scene.frames, or a data set with images")
+        first = frame if frame is not None else next((e.frame for e in session.edits if e.frame in frames), frames[0])
+        work = self._begin(tools, _read(tools, first))
+        self.tools, self.path, self.frames = tools, path, frames
+        self.files: dict[Path, Saved] = {} if path is None else {path.resolve(): Saved(session)}
+        """Files that hold the open session, as it was when it was read or written, the latest last."""
+        self.breakpoints: BreakpointSettings = session.breakpoints
+        self._works = {first: work}
+        self._switch(first)
+
+    def open_frame(self, frame: str) -> None:
+        """Open another frame; one that was open before is as it was."""
+        if frame not in self.frames:
+            raise InputError(unknown("frame", frame, self.frames))
+        if frame not in self._works:
+            self._works[frame] = self._begin(self.tools, _read(self.tools, frame))
+        self._switch(frame)
+
+    def open_recording(self, path: Path) -> None:
+        """Open a recorded run, on its frame, at its end."""
+        from verefine_viz.recording.reader import read_recording
+
+        record = read_recording(path)
+        self.progress.checkpoint("Reading the scene: models, pictures, initial poses.")
+        session, frame = session_of(record.header), record.header.frame
+        session = session.model_copy(update={"scene": session.scene.model_copy(update={"frames": (frame,)})})
+        tools = self.make_tools(session)
+        branch = self._recorded(path, record, tools, _read(tools, frame))
+        self.tools, self.path, self.frames, self.files = tools, None, (frame,), {}
+        self.breakpoints = session.breakpoints
+        self._works = {frame: FrameWork({branch.index: branch})}
+        self._switch(frame)
+
+    def _switch(self, frame: str) -> None:
+        self.frame, self.frame_id = frame, next(self._opened)
+
+    @contextmanager
+    def with_hulls(self) -> Iterator[None]:
+        """Open what is opened inside with ``physics.collider = "hull"``; frames that are open stay as they are."""
+        tools, make_tools = self.tools, self.make_tools
+        self.tools, self.make_tools = tools.changed(HULLS), lambda session: make_tools(changed(session, HULLS))
+        try:
+            yield
+        except BaseException:
+            self.tools = tools
+            raise
+        finally:
+            self.make_tools = make_tools
+
+    @property
+    def work(self) -> FrameWork:
+        """The open frame."""
+        return self._works[self.frame]
+
+    @property
+    def branches(self) -> Mapping[int, Branch]:
+        """The branches of the open frame, by their numbers."""
+        return self.work.branches
+
+    @property
+    def problem(self) -> Problem:
+        """The open frame as its first branch solves it."""
+        return self.work.first.run.problem
+
+    def branch(self, index: int) -> Branch:
+        """Return a branch of the open frame.
+
+        Raises:
+            InputError: it has no such branch (any more).
+        """
+        if index not in self.branches:
+            raise InputError(f"there is no branch {index} on frame {self.frame} (any more)")
+        return self.branches[index]
+
+    def others_of(self, branch: Branch) -> tuple[Branch, ...]:
+        """Return the first branches of the other frames that were opened."""
+        return tuple(work.first for work in self._works.values() if branch.index not in work.branches)
+
+    def final_scores(self, obj_id: int) -> dict[str, float]:
+        """Return by frame the score of the answer for an object, where a run was finished; of several the first."""
+        scores: dict[str, float] = {}
+        for frame, work in self._works.items():
+            run = work.first.run
+            if run.is_done and run.length:
+                for target, best in zip(run.problem.targets, run.final_state.best, strict=True):
+                    if best is not None and target.instance.obj_id == obj_id:
+                        scores.setdefault(frame, best.score.score)
+        return scores
+
+    def session_of(self, branch: Branch) -> Session:
+        """Return what a session file has to say to repeat a branch, with the poses moved in other frames."""
+        edits = edits_of_all(branch, self.others_of(branch), is_only_frame=len(self.frames) == 1)
+        return branch.start.model_copy(
+            update={"edits": edits, "changes": branch.changes, "breakpoints": self.breakpoints}
+        )
+
+    # Branches
+
+    def restart(self, branch: Branch, settings: Settings) -> None:
+        """Begin before iteration 1 again, with the settings that a branch ends up with, changed if any.
+
+        Other branches, edited poses and settings changed on the way are discarded. New initial poses
+        (``hypotheses.*``) open the session again.
+        """
+        new, old = by_section(settings), branch.tools
+        ended = [change.settings for change in in_order(branch.changes)]
+        pool = new.pop("hypotheses", None)
+        if pool:
+            tools = old.restarted(merged((*ended, new)))
+            session = changed(tools.session, {"hypotheses": pool}, ("hypotheses",))
+            files = self.files
+            self.open(session.model_copy(update={"breakpoints": self.breakpoints}), self.path, self.frame)
+            self.files = files
+            return
+        same = not new and not old.session.edits and not old.session.changes
+        tools = old if same else old.restarted(merged((*ended, new)))
+        problem = tools.ordered(self.problem) if "dependency" in new else self.problem
+        if any(name in SURROUNDINGS for name in new.get("physics", ())):
+            problem = tools.surrounded(problem)
+        work = self._begin(tools, problem)
+        if tools is not self.tools:  # The other frames were run with other settings.
+            self._works = {}
+        self.tools, self._works[self.frame] = tools, work
+        self._switch(self.frame)
+
+    def estimate(self, branch: Branch, instance_id: int, estimator: str, name: str) -> Branch:
+        """Begin a new branch in which an estimator gives the initial poses of one object, or the session ("session").
+
+        The frame's other branches stay; other frames start again, with the initial poses that they had.
+        """
+        before = dict(self.branches)
+        wanted = asked_estimators(branch.tools.session.hypotheses)
+        wanted.pop((self.frame, instance_id), None)
+        if estimator != "session":
+            wanted[self.frame, instance_id] = estimator
+        self.restart(branch, {"hypotheses.estimate": tuple((*key, by) for key, by in sorted(wanted.items()))})
+        new = self.work.first
+        new.name = name
+        self._works[self.frame] = FrameWork({**before, new.index: new})
+        return new
+
+    def fork(self, old: Branch, k: int, settings: Settings, edit: tuple[int, int, Float] | None = None) -> Branch:
+        """Begin a branch that leaves another after iteration ``k``.
+
+        It goes on with the settings that the other one ended up with, and ``settings``.
+        """
+        nested = by_section(settings)
+        # A session that was read begins with other settings than it ends up with.
+        tools = old.tools.changed(merged((*(c.settings for c in old.changes), nested)))
+        if tools.session == old.tools.session:
+            tools = old.tools
+        on_the_way = tuple(c for c in old.changes if c.after_iteration <= k)
+        new = merged((*(c.settings for c in old.changes if c.after_iteration > k), nested))
+        if new:
+            on_the_way = (*on_the_way, Change(after_iteration=k, settings=new))
+        run = old.run.fork(k, tools.method if new else None, edit)
+        evaluators = tuple((after, evaluator) for after, evaluator in old.evaluators if after < k or after == 0)
+        if "score" in new:
+            evaluators = (*(evaluators if k else ()), (k, self._evaluator(tools)))
+        name = _name(k, settings, edit)
+        return self._add(Branch(next(self._numbers), name, run, tools, old.start, on_the_way, evaluators, old.index, k))
+
+    def beside(self, base: Branch, settings: Settings) -> Branch:
+        """Begin a branch from the start of the open frame, with the settings of another branch and ``settings``."""
+        session = variant(base.tools.session, tuple(settings.items()))
+        tools = self._tools_like(base.tools, session)
+        between = settings_between(base.tools.session, session)
+        problem = base.run.problem
+        if any(name in _WORLD for name, _, _ in between):
+            problem = tools.surrounded(problem)
+        if {name.partition(".")[0] for name, _, _ in between} & _START:
+            ids = {i.instance_id for i in problem.instances}
+            problem = tools.problem(self.frame)
+            problem = problem.only([i.instance_id for i in problem.instances if i.instance_id in ids])
+        return self._add(self._new(f"B: {_listed(settings) or 'same settings'}", tools, problem))
+
+    def recorded(self, path: Path) -> Branch:
+        """Read a recorded run of the open frame as a branch.
+
+        Raises:
+            InputError: it is of another frame.
+        """
+        from verefine_viz.recording.reader import read_recording
+
+        record = read_recording(path)
+        session, frame = session_of(record.header), record.header.frame
+        check_same_frame(path, (session, frame), (self.work.first.tools.session, self.frame))
+        tools = self.make_tools(session)
+        return self._add(self._recorded(path, record, tools, tools.problem(frame)))
+
+    def remove(self, branch: Branch) -> None:
+        """Remove a branch.
+
+        Raises:
+            InputError: it is the only one.
+        """
+        if len(self.branches) == 1:
+            raise InputError("the only branch of a frame cannot be removed; restart it instead")
+        del self.work.branches[branch.index]
+        if self.work.compare is not None and branch.index in self.work.compare:
+            self.work.compare = None
+
+    def _add(self, branch: Branch) -> Branch:
+        self.work.branches[branch.index] = branch
+        return branch
+
+    def _recorded(self, path: Path, record: RunRecord, tools: Toolbox, problem: Problem) -> Branch:
+        ids = [one.instance_id for one in record.header.objects]
+        run = Run.from_record(record, problem, again=lambda: tools.run(problem.only(ids)))
+        name = f"{path.parent.name}/{path.name}".removeprefix("/")
+        return Branch(
+            next(self._numbers), name, run, tools, tools.session, tools.session.changes, self._evaluators(tools),
+            recording=path, missing=record.missing,
+        )  # fmt: skip
+
+    def _new(self, name: str, tools: Toolbox, problem: Problem) -> Branch:
+        self.progress.checkpoint(_preparing(problem, tools.session))
+        start = with_its_tracked(tools.session, problem)
+        run = tools.run(problem)
+        return Branch(next(self._numbers), name, run, tools, start, tools.session.changes, self._evaluators(tools))
+
+    def _begin(self, tools: Toolbox, problem: Problem) -> FrameWork:
+        if not problem.instances:
+            raise InputError(f"frame {problem.frame} holds none of the objects asked for; choose another frame")
+        branch = self._new("first run", tools, problem)
+        return FrameWork({branch.index: branch})
+
+    def _tools_like(self, tools: Toolbox, session: Session) -> Toolbox:
+        """Return tools of ``session``; what they have in common with ``tools`` is shared where that is safe."""
+        old = tools.session
+        between = settings_between(old, session)
+        is_cheap = all(name.partition(".")[0] in _CHEAP and name not in _WORLD for name, _, _ in between)
+        if old.edits or old.changes or not is_cheap:
+            return self.make_tools(session)
+        return tools.changed(by_section({name: value for name, _, value in between}))
+
+    def _evaluators(self, tools: Toolbox) -> tuple[tuple[int, CachedEvaluator], ...]:
+        """Return those of a run from its start, with the changes that its session holds."""
+        evaluators = [(0, self._evaluator(tools))]
+        for change in in_order(tools.session.changes):
+            tools = tools.changed(change.settings)
+            if "score" in change.settings:
+                evaluators.append((change.after_iteration, self._evaluator(tools)))
+        return tuple(evaluators)
+
+    def _evaluator(self, tools: Toolbox) -> CachedEvaluator:
+        return CachedEvaluator(tools, self._checks.plausibility, self._checks.overlap)
+
+
+def check_same_frame(path: Path, theirs: tuple[Session, str], ours: tuple[Session, str]) -> None:
+    """Check that two runs look at the same picture: session and frame.
+
+    Raises:
+        InputError: the recording at ``path`` is of another frame.
+    """
+    if _place_of(*theirs) != _place_of(*ours):
+        raise InputError(
+            f"{path} shows {_place_of(*theirs)}, A shows {_place_of(*ours)}; two runs are compared on the same frame"
+        )
+
+
+def _place_of(session: Session, frame: str) -> str:
+    scene = session.scene
+    name = Path(scene.dataset).name
+    of_kind = {"bop": f"{name} {scene.split}", "demo": f"{scene.demo}, seed {scene.seed}"}
+    return f"frame {frame} of {of_kind.get(scene.source, name)}"
+
+
+def _read(tools: Toolbox, frame: str) -> Problem:
+    """Read a frame, and check whether its camera and its models look right; a batch has no time for that."""
+    from verefine_viz.calibration.camera_check import camera_notes  # Loads what draws models.
+
+    problem = tools.problem(frame)
+    return replace(problem, doubts=camera_notes(problem))
+
+
+def _preparing(problem: Problem, session: Session) -> str:
+    shown = first_of(sorted({problem.models[i.obj_id].name for i in problem.instances}), 4)
+    parts = "convex parts for physics and " if session.physics.enabled else ""
+    return f"Preparing: {parts}meshes to score of {shown}. Up to half a minute for a new model, else a second."
+
+
+def _listed(settings: Settings) -> str:
+    """List settings by their short names: exploration = 0.2."""
+    short = {name: "method" if name == "method.name" else name.rpartition(".")[2] for name in settings}
+    return ", ".join(f"{short[name]} = {value}" for name, value in settings.items())
+
+
+def _name(k: int, settings: Settings, edit: tuple[int, int, Float] | None) -> str:
+    edited = f"hypothesis {edit[1] + 1} edited" if edit is not None else ""
+    return f"{', '.join(filter(None, (_listed(settings), edited))) or 'same settings'}, from iteration {k}"
