@@ -106,7 +106,11 @@ def moment_of(branch: Branch, look: Look) -> Moment:
     targets = {t.instance.instance_id: t for t in run.problem.targets}
     focus = look.obj
     if focus is None:
-        focus = at.instance_id if at else next((i for i, t in targets.items() if t.instance.hypotheses), [*targets][0])
+        focus = (
+            at.instance_id
+            if at
+            else next((i for i, t in targets.items() if t.instance.hypotheses), next(iter(targets)))
+        )
     if focus not in targets:
         raise InputError(unknown("object", focus, [*targets]))
     target = targets[focus]

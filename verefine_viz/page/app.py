@@ -1,0 +1,207 @@
+"""The page as a program: a server, a worker that computes, and what they show, until it is stopped."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+import webbrowser
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from verefine_viz.core.errors import SettingsError, unknown
+from verefine_viz.core.progress_token import ProgressToken
+from verefine_viz.core.settings import Session
+from verefine_viz.methods.registry import METHODS
+from verefine_viz.page.blobs import Blobs
+from verefine_viz.page.gallery import Gallery
+from verefine_viz.page.protocol import AnyVerb
+from verefine_viz.page.server import PageServer
+from verefine_viz.page.verbs import Debugger
+from verefine_viz.page.worker import Job, Jobs, Worker
+from verefine_viz.page.workspace import Checks, Workspace
+from verefine_viz.refiners.registry import REFINERS
+from verefine_viz.run.edits import edits_elsewhere
+
+if TYPE_CHECKING:
+    from verefine_viz.run.toolbox import Toolbox
+
+
+class App:
+    """The page of one session.
+
+    Args:
+        session: what to open.
+        session_path: its file, if it has one.
+        host: address to listen on.
+        port: port to listen on; 0 = any free one.
+        allowed_origins: other addresses of the page, see :class:`verefine_viz.page.admission.Admission`.
+        make_tools: builds the algorithm's parts from a session; None = the real ones.
+        gallery: the answers of a batch, with which the page opens; None = no batch.
+        folder: where sessions and exports are written; None = ``sessions`` in the working directory.
+        first: verbs that are carried out before the page is shown.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        session_path: Path | None = None,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        allowed_origins: Sequence[str] = (),
+        make_tools: Callable[[Session], Toolbox] | None = None,
+        gallery: Gallery | None = None,
+        folder: Path | None = None,
+        first: Sequence[AnyVerb] = (),
+    ) -> None:
+        self._session, self._path = session, session_path
+        self._make_tools, self._gallery, self._first = make_tools, gallery, first
+        self._folder = folder if folder is not None else Path("sessions")
+        self.blobs, self.jobs = Blobs(), Jobs()
+        self.server = PageServer(host, port, allowed_origins, self._receive, self.blobs)
+        self.worker = Worker(self.jobs, self.server.post, self._open)
+
+    def start(self) -> App:
+        """Listen, and open the session on the worker thread; the page says so meanwhile."""
+        self.server.start()
+        self.worker.thread.start()
+        return self
+
+    @property
+    def url(self) -> str:
+        """What to type into a browser."""
+        return self.server.url
+
+    @property
+    def debugger(self) -> Debugger:
+        """What is open, once it is; its thread is the worker's."""
+        assert isinstance(self.worker.desk, Debugger)
+        return self.worker.desk
+
+    def wait_until_ready(self, timeout_s: float | None = None) -> None:
+        """Wait until the session is open.
+
+        Raises:
+            VerefineError: it cannot be opened.
+            TimeoutError: it takes longer.
+        """
+        if not self.worker.ready.wait(timeout_s):
+            raise TimeoutError(f"the session was not open after {timeout_s} s")
+        if self.worker.failure is not None:
+            raise self.worker.failure
+
+    def wait_until_idle(self, timeout_s: float = 30.0) -> None:
+        """Wait until every verb so far is carried out."""
+        self.wait_until_ready(timeout_s)
+        self.jobs.wait_until_idle(timeout_s)
+
+    def send(self, verb: AnyVerb) -> None:
+        """Ask for something as a window does. Callable from any thread."""
+        self.jobs.put(Job(0, verb))
+
+    def stop(self) -> None:
+        """End the worker, what it does too where that can be cancelled, and free the port."""
+        self.jobs.stop()
+        if self.worker.thread.is_alive():
+            self.worker.thread.join(timeout=20)
+        self.server.stop()
+
+    def _receive(self, window: int, verb: AnyVerb | None) -> None:
+        self.jobs.put(Job(window, verb))
+
+    def _open(self, progress: ProgressToken) -> Debugger:
+        """Open the session with the real simulator, renderer and refiners, imported late as they are heavy."""
+        make_tools, checks, demos = self._make_tools, Checks(), ()
+        if make_tools is None:
+            progress.checkpoint("Loading the simulator, the renderer and the refiner.")
+            from verefine_viz.physics.plausibility import plausibility
+            from verefine_viz.physics.proximity import Surfaces, overlap
+            from verefine_viz.run.toolbox import Toolbox
+            from verefine_viz.scenes.demo import demo_names
+
+            surfaces = Surfaces()
+            make_tools = partial(Toolbox, progress=progress)
+            checks = Checks(
+                partial(plausibility, surface_of=surfaces, progress=progress), partial(overlap, surface_of=surfaces)
+            )
+            demos = tuple(demo_names())
+        space = Workspace(self._session, self._path, make_tools, checks, progress)
+        debugger = Debugger(
+            space,
+            self.server.post,
+            self.blobs,
+            self._gallery,
+            demos,
+            lambda: tuple(sorted(self._folder.glob("*.toml"))),
+            progress=progress,
+        )
+        return debugger.carry_out(self._first)
+
+
+def serve(
+    session: Session,
+    *,
+    session_path: Path | None = None,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    allowed_origins: Sequence[str] = (),
+    open_browser: bool = True,
+    gallery: Gallery | None = None,
+    first: Sequence[AnyVerb] = (),
+) -> None:
+    """Serve the page until Ctrl-C, SIGTERM or SIGHUP; print its address, one line. Call it in the main thread.
+
+    Raises:
+        VerefineError: the address cannot be bound, or the session cannot be opened.
+    """
+    notes = check_names(session)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:  # nohup has it ignored.
+            signal.signal(number, signal.default_int_handler)
+    app = App(session, session_path, host, port, allowed_origins, gallery=gallery, first=first).start()
+    try:
+        print(f"verefine-viz: {app.url}  (Ctrl-C ends it)", flush=True)
+        for note in notes:
+            print(f"note: {note}", flush=True)
+        app.wait_until_ready()
+        if open_browser:
+            webbrowser.open(app.url)
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        app.stop()
+
+
+def check_method(session: Session) -> None:
+    """Check that method and refiner exist.
+
+    Raises:
+        SettingsError: one of them does not.
+    """
+    if session.method.name not in METHODS:
+        raise SettingsError(unknown("method", session.method.name, tuple(METHODS)))
+    if session.method.refiner not in REFINERS:
+        raise SettingsError(unknown("refiner", session.method.refiner, REFINERS))
+
+
+def check_names(session: Session) -> tuple[str, ...]:
+    """Check that scene, method and refiner exist; return notes on the choice of frames.
+
+    Raises:
+        VerefineError: one of them does not.
+    """
+    from verefine_viz.scenes.source import open_scene
+
+    check_method(session)
+    scene = open_scene(session.scene, session.hypotheses)
+    return (*scene.notes, *edits_elsewhere(session.edits, scene.frames))
+
+
+if __name__ == "__main__":
+    from verefine_viz.run.session_file import load_session
+
+    path = Path(sys.argv[1])
+    serve(load_session(path), session_path=path, port=int(sys.argv[2]), open_browser=False)

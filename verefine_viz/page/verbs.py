@@ -1,0 +1,652 @@
+"""Carries out verbs: what is open, which runs go on, and what windows are told. Needs no screen."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from time import monotonic, perf_counter
+from typing import Any
+
+from msgspec.structs import replace
+
+from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.paths import at_home
+from verefine_viz.core.problem import Placed, Problem
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.core.settings import Session
+from verefine_viz.page import protocol as p
+from verefine_viz.page.blobs import Blobs
+from verefine_viz.page.branch import Branch
+from verefine_viz.page.gallery import Gallery
+from verefine_viz.page.link import read_link
+from verefine_viz.page.marks import jumps
+from verefine_viz.page.moment import labels_of, pose_matrix
+from verefine_viz.page.protocol import AnyVerb
+from verefine_viz.page.views.answers import answers_message
+from verefine_viz.page.views.frame import frame_message
+from verefine_viz.page.views.rows import run_message
+from verefine_viz.page.views.verdict import finished_objects, verdict_message
+from verefine_viz.page.wants import ANSWERS
+from verefine_viz.page.worker import Post
+from verefine_viz.page.workspace import Workspace
+from verefine_viz.run.breakpoints import hits, with_changes
+from verefine_viz.run.session_file import load_session
+from verefine_viz.run.variants import settings_between
+from verefine_viz.scenes.hypothesis_pool import asked_estimators
+
+ROWS_S = 0.1
+"""Time between two messages with the rows of a run that goes on [s]."""
+_TIMED = 20
+"""Iterations whose mean duration says how long the others will take."""
+SOURCES = {"results": "the results files", "perturb": "the disturbed ground truth"}
+"""What the page calls where initial poses come from; estimators have their names."""
+_NOT_LOGGED = (p.Look, p.Want, p.Pause, p.Cancel, p.Evaluate, p.Save, p.Tag)
+
+
+class Goal:
+    """What a branch is computed to.
+
+    Args:
+        branch: which.
+        k: until it holds so many iterations, breakpoints or not; None = to its end, and breakpoints stop it.
+        until: "end", or "event": the first mark stops it too.
+    """
+
+    def __init__(self, branch: Branch, k: int | None = None, until: str = "end") -> None:
+        self.branch, self.k, self.until = branch, k, until
+        self.seconds: deque[float] = deque(maxlen=_TIMED)
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether nothing is left to compute."""
+        run = self.branch.run
+        return run.is_done or (self.k is not None and run.length >= self.k)
+
+    @property
+    def remaining_s(self) -> float | None:
+        """Estimated time to the goal [s]; None where nothing was timed yet."""
+        if not self.seconds:
+            return None
+        run = self.branch.run
+        return ((self.k or run.n_iterations) - run.length) * sum(self.seconds) / len(self.seconds)
+
+
+class Debugger:
+    """What is open, and what happens to it.
+
+    Args:
+        space: the open session.
+        post: sends messages to windows; None where there are none.
+        blobs: where binary arrays are held for them.
+        gallery: the answers of a batch; None = no batch is open.
+        demos: names of the built-in scenes.
+        sessions: lists the session files that lie at hand.
+        write: writes a file for ``Save``; None = nothing can be written.
+        progress: checked between the parts of long work.
+    """
+
+    def __init__(
+        self,
+        space: Workspace,
+        post: Post = lambda message, window: None,
+        blobs: Blobs | None = None,
+        gallery: Gallery | None = None,
+        demos: Sequence[str] = (),
+        sessions: Callable[[], Sequence[Path]] = tuple,
+        write: Callable[[Debugger, p.Save], dict[str, Any]] | None = None,
+        progress: ProgressToken = NEVER_CANCELLED,
+    ) -> None:
+        self.space, self.post, self.blobs = space, post, blobs or Blobs()
+        self.gallery, self.demos, self.list_sessions = gallery, demos, sessions
+        self._write, self.progress = write, progress
+        self.batch_run = gallery.worst.run if gallery is not None else ""
+        """The batch run whose session is open."""
+        self.goal: Goal | None = None
+        self.log: list[AnyVerb] = []
+        """Verbs that changed a record; carried out again they give the same records."""
+        self.look: p.Look | None = None
+        """What the window used last looks at."""
+        self.look_window: int | None = None
+        self.on_look: Callable[[], None] = lambda: None
+        """Draws the 3D view."""
+        self._sent: dict[int, int] = {}
+        """Rows of each branch that windows have."""
+        self._sent_at = 0.0
+        self._judged: dict[int, int] = {}
+        """Branches whose verdict windows have, and of how many iterations."""
+        self._later: Iterator[None] | None = None
+
+    # Verbs
+
+    def apply(self, window: int | None, verb: AnyVerb) -> None:
+        """Begin to carry out a verb; a run goes on with each :meth:`tick`.
+
+        Raises:
+            VerefineError: it cannot be done; everything is as before.
+            Cancelled: it is no longer wanted; everything is as before.
+        """
+        if not isinstance(verb, (p.Look, p.Want, p.Save, p.Tag, p.Break, p.Evaluate)):
+            self.pause()
+        HANDLERS[type(verb)](self, verb, window)
+        if not isinstance(verb, _NOT_LOGGED):
+            self.log.append(_as_logged(verb))
+            self.announce_running()
+
+    def carry_out(self, verbs: Iterable[AnyVerb]) -> Debugger:
+        """Carry out verbs one after another, each to its end."""
+        for verb in verbs:
+            self.apply(None, verb)
+            while self.is_running:
+                self.tick()
+        return self
+
+    @property
+    def is_running(self) -> bool:
+        """Whether a branch is computed."""
+        return self.goal is not None
+
+    def tick(self) -> None:
+        """Compute one iteration towards the goal."""
+        goal = self.goal
+        if goal is None:
+            return
+        run = goal.branch.run
+        if not goal.is_reached:
+            began = perf_counter()
+            run.seek(run.length)
+            iteration = run.step()
+            goal.seconds.append(perf_counter() - began)
+            reasons = hits(self.space.breakpoints, run.problem, iteration) if goal.k is None else ()
+            if reasons and not run.is_done:
+                self.pause()
+                self.say(f"Breakpoint at iteration {iteration.index}: {'; '.join(reasons)}")
+                return
+            if goal.until == "event" and iteration.index in jumps(goal.branch.marks()):
+                self.pause()
+                return
+        if goal.is_reached:
+            self.pause()
+        elif monotonic() - self._sent_at > ROWS_S:
+            self.send_rows(goal.branch)
+            self.announce_running()
+
+    def pause(self) -> None:
+        """Stop computing; the log says how far it came."""
+        goal, self.goal = self.goal, None
+        if goal is None:
+            return
+        self.log.append(p.Seek(goal.branch.run.length, goal.branch.index))
+        self.send_rows(goal.branch)
+        self.announce_running()
+
+    def step(self, branch: Branch) -> None:
+        """Compute one iteration at the end of a branch."""
+        if branch.run.is_done:
+            raise InputError("the run is over; restart it, or fork it with other settings")
+        branch.run.seek(branch.run.length)
+        branch.run.step()
+        self.send_rows(branch)
+
+    # What windows are told
+
+    def welcome(self, window: int) -> None:
+        """Send a window that has just connected all that is known."""
+        self.post(self._frame(), window)
+        self.post(self._branches(), window)
+        for branch in self.space.branches.values():
+            self.post(run_message(branch, 0), window)
+            self._sent[branch.index] = branch.run.length
+            if branch.is_over:
+                self.post(self._verdict(branch), window)
+        if self.gallery is not None:
+            self.post(answers_message(self.gallery), window)
+        self.announce_running(window)
+        self.post({"t": "scene3d", "window": self.look_window}, window)
+
+    def say(self, text: str, window: int | None = None) -> None:
+        """Show a few words."""
+        self.post({"t": "note", "text": text}, window)
+
+    def send_frame(self) -> None:
+        """Send everything anew: another frame, session or start."""
+        self._sent, self._judged, self._later = {}, {}, None
+        self.post(self._frame(), None)
+        self.send_branches()
+        for branch in self.space.branches.values():
+            self.send_rows(branch)
+
+    def send_branches(self) -> None:
+        """Send which branches there are."""
+        self.post(self._branches(), None)
+
+    def send_rows(self, branch: Branch) -> None:
+        """Send the iterations that windows do not have, and the verdict once the run is over."""
+        self.post(run_message(branch, self._sent.get(branch.index, 0)), None)
+        self._sent[branch.index], self._sent_at = branch.run.length, monotonic()
+        if branch.is_over and self._judged.get(branch.index) != branch.run.length:
+            self._judged[branch.index] = branch.run.length
+            self.post(self._verdict(branch), None)
+            self._later = self._work_out(branch)
+
+    def announce_running(self, window: int | None = None) -> None:
+        """Say which branch is computed, and how long it will take."""
+        goal = self.goal
+        running = {"branch": None} if goal is None else {
+            "branch": goal.branch.index, "until": goal.until, "k": goal.k, "remaining_s": goal.remaining_s
+        }  # fmt: skip
+        self.post({"t": "running", **running}, window)
+
+    def _frame(self) -> dict[str, Any]:
+        return frame_message(self.space, self.blobs, self.demos, [_titled(path) for path in self.list_sessions()])
+
+    def _branches(self) -> dict[str, Any]:
+        first = self.space.work.first.settings
+        return {
+            "t": "branches",
+            "compare": self.space.work.compare and list(self.space.work.compare),
+            "list": [
+                {
+                    "index": b.index,
+                    "name": b.name,
+                    "parent": b.parent,
+                    "from": b.forked_at,
+                    "recording": str(b.recording) if b.recording else None,
+                    "missing": b.missing,
+                    "method": b.settings.method.name,
+                    "settings": {name: value for name, _, value in settings_between(first, b.settings)},
+                }
+                for b in self.space.branches.values()
+            ],
+        }
+
+    def _verdict(self, branch: Branch) -> dict[str, Any]:
+        return verdict_message(branch, self._batch_rows(branch))
+
+    def _batch_rows(self, branch: Branch) -> dict[int, Any]:
+        """Return what the batch reports of the frame, by instance; nothing of a branch that is not its run."""
+        gallery, space = self.gallery, self.space
+        if (
+            gallery is None
+            or branch is not space.work.first
+            or branch.settings.method != gallery.session(self.batch_run).method
+        ):
+            return {}
+        rows = (row for row in gallery.runs[self.batch_run].rows if row.frame == space.frame)
+        return {row.instance_id: row for row in rows if row.instance_id is not None}
+
+    # What nobody waits for
+
+    def later(self) -> bool:
+        """Work out a piece of what the verdict may still say; return whether there is more."""
+        if self._later is None:
+            return False
+        try:
+            next(self._later)
+        except StopIteration:
+            self._later = None
+        return self._later is not None
+
+    def _work_out(self, branch: Branch) -> Iterator[None]:
+        """Work out physics, then the score around the answers, of objects whose verdict may change by it."""
+        evaluator = branch.final_evaluator
+        objects = [o for o in finished_objects(branch) if o.answer is not None]
+        unknown_truth = [o for o in objects if o.errors is None]
+        placed = [Placed(o.instance_id, o.target.model, o.answer.T_cam_obj) for o in objects if o.answer is not None]
+        for o in unknown_truth:
+            assert o.answer is not None
+            others = [other for other in placed if other.instance_id != o.instance_id]
+            evaluator.plausibility(o.target, o.answer.T_cam_obj, others)
+            yield
+        if unknown_truth:
+            self.post(self._verdict(branch), None)
+        for o in objects:
+            assert o.answer is not None
+            iterations = branch.run.iterations_of(o.instance_id)
+            evaluator.landscape(o.target, o.answer.T_cam_obj)
+            yield
+            evaluator.near_symmetries(o.target.model)
+            yield
+            evaluator.other_pose(o.target, o.answer.T_cam_obj, iterations)
+            yield
+        self.post(self._verdict(branch), None)
+
+
+def _titled(path: Path) -> dict[str, str]:
+    """Name a session file by what it shows, which does not give a diagnosis away, and by its path."""
+    return {"path": str(path), "title": path.stem}
+
+
+def _as_logged(verb: AnyVerb) -> AnyVerb:
+    """Return a verb without the run that it starts: how far that came is logged by itself."""
+    return replace(verb, run=False) if isinstance(verb, (p.Fork, p.Compare)) else verb
+
+
+# Moving on
+
+
+def _look(d: Debugger, verb: p.Look, window: int | None) -> None:
+    if window != d.look_window:
+        d.look_window = window
+        d.post({"t": "scene3d", "window": window}, None)
+    d.look = verb
+    d.on_look()
+
+
+def _step(d: Debugger, verb: p.Step, window: int | None) -> None:
+    d.step(d.space.branch(verb.branch))
+
+
+def _seek(d: Debugger, verb: p.Seek, window: int | None) -> None:
+    branch = d.space.branch(verb.branch)
+    if branch.run.length < verb.k and not branch.run.is_done:
+        d.goal = Goal(branch, verb.k)
+
+
+def _run(d: Debugger, verb: p.Run, window: int | None) -> None:
+    branch = d.space.branch(verb.branch)
+    if branch.run.is_done:
+        raise InputError("the run is over; restart it, or fork it with other settings")
+    d.goal = Goal(branch, None, verb.until)
+
+
+def _pause(d: Debugger, verb: p.Pause | p.Cancel, window: int | None) -> None:
+    pass  # Whatever runs was paused before.
+
+
+def _break(d: Debugger, verb: p.Break, window: int | None) -> None:
+    d.space.breakpoints = with_changes(d.space.breakpoints, verb.changes.items())
+    d.post({"t": "breakpoints", "breakpoints": d.space.breakpoints.model_dump()}, None)
+
+
+# Branches
+
+
+def _restart(d: Debugger, verb: p.Restart, window: int | None) -> None:
+    branch = d.space.branch(verb.branch)
+    before = d.space.session_of(branch)
+    d.space.restart(branch, verb.changes)
+    d.send_frame()
+    lost = sum(edit not in d.space.session_of(d.space.work.first).edits for edit in before.edits)
+    if lost:
+        d.say(f"{lost} edited pose{'s are' if lost > 1 else ' is'} not moved again.")
+
+
+def _fork(d: Debugger, verb: p.Fork, window: int | None) -> None:
+    old, edit = d.space.branch(verb.branch), verb.edit
+    moved = None if edit is None else (edit.obj, edit.arm, pose_matrix(edit.T))
+    branch = d.space.fork(old, min(verb.k, old.run.length), verb.changes, moved)
+    d.send_branches()
+    d.send_rows(branch)
+    d.post({"t": "view", "patch": {"branch": branch.index, "k": branch.run.length, "edited": None}}, window)
+    if verb.run and not branch.run.is_done:
+        d.goal = Goal(branch)
+    elif branch.run.is_done:
+        d.say("Nothing is left to run after the last iteration. Fork at an earlier one.", window)
+
+
+def _branch(d: Debugger, verb: p.Branch, window: int | None) -> None:
+    branch = d.space.branch(verb.index)
+    if verb.remove:
+        d.space.remove(branch)
+    elif verb.name.strip():
+        branch.name = verb.name.strip()
+    d.send_branches()
+
+
+def _compare(d: Debugger, verb: p.Compare, window: int | None) -> None:
+    space, a = d.space, d.space.branch(verb.a)
+    if verb.stop:
+        space.work.compare = None
+        d.send_branches()
+        return
+    if verb.recording:
+        b = space.recorded(at_home(verb.recording))
+    elif verb.changes is not None:
+        b = space.beside(a, verb.changes)
+    elif verb.b is not None:
+        b = space.branch(verb.b)
+    else:
+        raise InputError("compare with what? Name a branch, a recording, or settings to change")
+    space.work.compare = (a.index, b.index)
+    d.send_branches()
+    d.send_rows(b)
+    if verb.run and not b.run.is_done:
+        d.goal = Goal(b)
+
+
+def _estimate(d: Debugger, verb: p.Estimate, window: int | None) -> None:
+    space, branch, instance_id = d.space, d.space.branch(verb.branch), verb.obj
+    labels = labels_of(space.problem)
+    if instance_id not in labels:
+        raise InputError(unknown("instance", instance_id, list(labels)))
+    label, settings = labels[instance_id], branch.tools.session.hypotheses
+    if verb.estimator == "session" and (space.frame, instance_id) not in asked_estimators(settings):
+        raise InputError(f"{label} already has the session's initial poses; choose ppf or pcs to estimate others")
+    now = settings.source if verb.estimator == "session" else verb.estimator
+    new = space.estimate(branch, instance_id, verb.estimator, f"{label} from {SOURCES.get(now, now)}")
+    n = len(new.run.problem.target(instance_id).instance.hypotheses)
+    d.send_frame()
+    d.post({"t": "view", "patch": {"branch": new.index, "k": 0, "obj": instance_id}}, None)
+    d.say(f"{label} now has {n} initial pose{'s' if n != 1 else ''}; the run before is still there as a branch.")
+
+
+def _order(d: Debugger, verb: p.Order, window: int | None) -> None:
+    branch = d.space.branch(verb.branch)
+    d.space.restart(branch, _reordered(d.space, branch, verb))
+    d.send_frame()
+
+
+def _reordered(space: Workspace, branch: Branch, verb: p.Order) -> dict[str, Any]:
+    """Return the settings that change the order, or what is in the way, as a session file has them."""
+    problem = space.problem
+    graph, session = problem.dependencies, branch.tools.session
+    if verb.reset:
+        return {"dependency.order": (), "dependency.order_file": ""}
+    if verb.drop is not None:
+        number, drop = verb.drop
+        support = problem.observation.support
+        around = support.surroundings if support is not None else None
+        numbers = [one.number for one in around.unknown] if around is not None else []
+        if number not in numbers:
+            raise InputError(unknown("unknown object", number, numbers))
+        others = tuple(other for other in session.physics.dropped if other != (space.frame, number))
+        return {"physics.dropped": (*others, (space.frame, number)) if drop else others}
+    if graph is None:
+        raise InputError("how the objects of this frame depend on each other is unknown")
+    if verb.cut is not None:
+        first, second, cut = verb.cut
+        pairs = {frozenset((e.first, e.second)) for e in graph.edges}
+        if frozenset((first, second)) not in pairs:
+            there = [f"#{min(pair)} and #{max(pair)}" for pair in sorted(pairs, key=sorted)]
+            raise InputError(unknown("pair of instances", f"#{first} and #{second}", there))
+        others = tuple(pair for pair in session.dependency.cut if set(pair) != {first, second})
+        return {"dependency.cut": (*others, (min(first, second), max(first, second))) if cut else others}
+    if verb.move is None or verb.move[1] not in (-1, 1):
+        raise InputError("an object moves by one place at a time, -1 or 1")
+    instance_id, by = verb.move
+    there = [i for cluster in graph.clusters for i in cluster]
+    if instance_id not in there:
+        raise InputError(unknown("instance", instance_id, there))
+    clusters = moved(graph.clusters, instance_id, by)
+    if clusters is None:
+        raise InputError(f"instance {instance_id} is {'first' if by < 0 else 'last'} in the order already")
+    return {"dependency.order": as_entries(problem, clusters)}
+
+
+Clusters = tuple[tuple[int, ...], ...]
+
+
+def as_entries(problem: Problem, clusters: Clusters) -> tuple[tuple[int | str, ...], ...]:
+    """Write clusters as a session file does: by object, or by instance where an object is there twice."""
+    obj_ids = {i.instance_id: i.obj_id for i in problem.instances}
+    there = list(obj_ids.values())
+    return tuple(
+        tuple(obj_ids[i] if there.count(obj_ids[i]) == 1 else f"#{i}" for i in cluster) for cluster in clusters
+    )
+
+
+def moved(clusters: Clusters, instance_id: int, by: int) -> Clusters | None:
+    """Move an instance one place in its cluster, or at its end the whole cluster; None where that is at the end too.
+
+    Args:
+        clusters: in the order to solve them.
+        instance_id: what moves.
+        by: −1 earlier, 1 later.
+    """
+    k = next(k for k, cluster in enumerate(clusters) if instance_id in cluster)
+    within = _swapped(clusters[k], clusters[k].index(instance_id), by)
+    if within is not None:
+        return (*clusters[:k], within, *clusters[k + 1 :])
+    return _swapped(clusters, k, by)
+
+
+def _swapped(items: Sequence, at: int, by: int) -> tuple | None:
+    to = at + by
+    if not 0 <= to < len(items):
+        return None
+    swapped = list(items)
+    swapped[at], swapped[to] = swapped[to], swapped[at]
+    return tuple(swapped)
+
+
+# Opening something else
+
+
+def _open(d: Debugger, verb: p.Open, window: int | None) -> None:
+    space = d.space
+    if verb.hulls:
+        with space.with_hulls():
+            _open_it(d, verb, window)
+    else:
+        _open_it(d, verb, window)
+
+
+def _open_it(d: Debugger, verb: p.Open, window: int | None) -> None:
+    space = d.space
+    if verb.frame:
+        space.open_frame(verb.frame)
+    elif verb.recording:
+        space.open_recording(at_home(verb.recording))
+    elif verb.session:
+        file = at_home(verb.session)
+        space.open(load_session(file), file)
+    elif verb.demo:
+        space.open(*_demo_session(d, verb.demo))
+    elif verb.answer is not None:
+        entry = _gallery(d).answer(verb.answer)
+        _open_answer(d, entry.run, entry.row.frame, entry.iteration, entry.row.instance_id, window)
+        return
+    elif verb.link:
+        link = read_link(verb.link)
+        frame = link.frame or space.frame
+        obj = link.instance
+        if link.run or frame != space.frame:
+            _open_answer(d, link.run or d.batch_run, frame, link.iteration, obj, window)
+        if link.object is not None:
+            named = [i.instance_id for i in d.space.problem.instances if i.obj_id == link.object]
+            if not named:
+                raise InputError(f"frame {frame} holds no object {link.object}")
+            obj = named[0]
+        _show(d, link.iteration, obj, window)
+        return
+    else:
+        raise InputError("open what? Name a frame, a session, a recording, a demo, an answer or a link")
+    d.send_frame()
+
+
+def _demo_session(d: Debugger, name: str) -> tuple[Session, Path | None]:
+    """Return the session of a built-in scene: that of the file of its name, or else the open one's settings."""
+    if name not in d.demos:
+        raise SettingsError(unknown("built-in scene", name, d.demos))
+    own = next((path for path in d.list_sessions() if path.stem == name), None)
+    session = load_session(own) if own is not None else None
+    if session is not None and (session.scene.source, session.scene.demo) == ("demo", name):
+        return session, own
+    old = d.space.tools.session
+    scene = old.scene.model_copy(update={"source": "demo", "demo": name, "frames": (), "objects": ()})
+    hypotheses = old.hypotheses.model_copy(update={"source": "perturb", "files": (), "estimate": ()})
+    update = {"scene": scene, "hypotheses": hypotheses, "title": name, "edits": (), "changes": ()}
+    return old.model_copy(update=update), None
+
+
+def _gallery(d: Debugger) -> Gallery:
+    if d.gallery is None:
+        raise InputError("no batch is open; open one with verefine-viz view FOLDER")
+    return d.gallery
+
+
+def _open_answer(d: Debugger, run: str, frame: str, iteration: int | None, obj: int | None, window: int | None) -> None:
+    """Open a frame of a batch run, with the session of that run."""
+    gallery, space = d.gallery, d.space
+    if gallery is None or not run:
+        space.open_frame(frame)
+    elif run not in gallery.runs:
+        raise InputError(unknown("run", run, gallery.runs))
+    elif space.tools.session == gallery.session(run):
+        space.open_frame(frame)
+        d.batch_run = run
+    else:
+        space.open(gallery.session(run), None, frame)
+        d.batch_run = run
+    d.send_frame()
+    _show(d, iteration, obj, window)
+
+
+def _show(d: Debugger, iteration: int | None, obj: int | None, window: int | None) -> None:
+    """Take a window to an iteration, and compute the whole run where it is not there yet."""
+    branch = d.space.work.first
+    if iteration is not None and not branch.run.is_done:
+        d.goal = Goal(branch, branch.run.n_iterations)
+    patch = {"branch": branch.index, "k": iteration or 0, "obj": obj, "stage": None, "arm": None}
+    d.post({"t": "view", "patch": patch, "at": iteration}, window)
+
+
+# Answers and files
+
+
+def _want(d: Debugger, verb: p.Want, window: int | None) -> None:
+    answer = ANSWERS[type(verb.of)](d.space, verb.of, d.blobs)
+    d.post({"t": "answer", "id": verb.id, **answer}, window)
+
+
+def _evaluate(d: Debugger, verb: p.Evaluate, window: int | None) -> None:
+    from verefine_viz.page.views.grasp import grasp
+
+    answer = grasp(d.space, verb, d.blobs, d.progress)
+    d.post({"t": "answer", "id": verb.id, **answer}, window)
+
+
+def _save(d: Debugger, verb: p.Save, window: int | None) -> None:
+    if d._write is None:
+        raise InputError("nothing can be written here")
+    written = d._write(d, verb)
+    d.post({"t": "written", **written}, window)
+
+
+def _tag(d: Debugger, verb: p.Tag, window: int | None) -> None:
+    gallery = _gallery(d)
+    gallery.tag([gallery.answer(key) for key in verb.answers], verb.tag, verb.on)
+    d.post(answers_message(gallery), None)
+
+
+HANDLERS: dict[type, Callable[[Debugger, Any, int | None], None]] = {
+    p.Look: _look,
+    p.Step: _step,
+    p.Seek: _seek,
+    p.Run: _run,
+    p.Pause: _pause,
+    p.Cancel: _pause,
+    p.Break: _break,
+    p.Restart: _restart,
+    p.Fork: _fork,
+    p.Branch: _branch,
+    p.Compare: _compare,
+    p.Estimate: _estimate,
+    p.Order: _order,
+    p.Open: _open,
+    p.Want: _want,
+    p.Evaluate: _evaluate,
+    p.Save: _save,
+    p.Tag: _tag,
+}
