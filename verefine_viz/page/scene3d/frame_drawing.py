@@ -141,14 +141,16 @@ def _add_gravity(
     centre, sensor = apply(T_world_cam, np.stack([points_cam.mean(axis=0), np.zeros(3)]))
     radius_m = float(np.percentile(np.linalg.norm(points_cam - points_cam.mean(axis=0), axis=1), 90))
     beside = np.cross(sensor - centre, [0.0, 0.0, 1.0])
-    beside *= (1.6 * radius_m + 0.03) / max(float(np.linalg.norm(beside)), 1e-9)
-    tail = centre - (centre @ support.normal_world) * support.normal_world + [0.0, 0.0, 0.16] - beside
+    beside *= (1.3 * radius_m + 0.01) / max(float(np.linalg.norm(beside)), 1e-9)
+    foot = centre - (centre @ support.normal_world) * support.normal_world - beside
     # Lines, since they keep their colour in the shade.
-    tip = tail - [0, 0, 0.10]
-    barbs = tip + np.array([[0.008, 0, 0.02], [-0.008, 0, 0.02], [0, 0.008, 0.02], [0, -0.008, 0.02]])
+    up = np.array([0.0, 0.0, radius_m])
+    tip, tail = foot + 0.3 * up, foot + 1.3 * up
+    barb_m = 0.1 * radius_m
+    barbs = tip + barb_m * np.array([[1, 0, 2.5], [-1, 0, 2.5], [0, 1, 2.5], [0, -1, 2.5]])
     strokes = np.array([(tail, tip), *((tip, barb) for barb in barbs)], np.float32)
     nodes: list[viser.SceneNodeHandle] = [add_outline(scene, "/world/gravity", strokes, _GRAVITY_COLOR, 3)]
     if support.tilt_deg > TILT_SHOWN_DEG:
-        normal = np.array([(tail, tail - 0.10 * support.normal_world)], np.float32)
+        normal = np.array([(tail, tail - radius_m * support.normal_world)], np.float32)
         nodes.append(add_outline(scene, "/world/normal", normal, SURFACE_COLOR, 3))
     return nodes

@@ -14,14 +14,14 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, inverse
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
-from verefine_viz.core.palette import Image, class_image, difference_scale
+from verefine_viz.core.palette import Image, Scale, class_image, difference_scale
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.scores import ScoreMaps
 
 MAX_POINTS = 45_000
 MAX_DEPTH_M = 4.0
 REACH = 3
-"""Points further from a model than this many depth tolerances are not coloured by their distance to it."""
+"""Points further from a model than this many depth tolerances have no distance to it."""
 _CLICK_REACH_M = 5.0
 _RAY_STEP_M = 0.002
 _SURFACE_M = 0.03
@@ -39,6 +39,8 @@ class Cloud:
     """(N, 3) unit."""
     natural: Image
     """(N, 3) RGB: the photo, or without one shades of grey by how steeply the camera looks."""
+    is_object: NDArray[np.bool_]
+    """(N,) whether a pixel belongs to one of the objects."""
     spacing_px: int
     """Distance of neighbours in the background [px]."""
 
@@ -68,7 +70,7 @@ def cloud_of(observation: Observation) -> Cloud:
     else:
         # As if lit from the camera: shapes can be distinguished, wherever they are.
         natural = np.repeat((40 + 150 * np.abs(normals[:, 2:])), 3, axis=1).astype(np.uint8)
-    return Cloud(rows, columns, points, normals, natural, step)
+    return Cloud(rows, columns, points, normals, natural, observation.object_mask[rows, columns], step)
 
 
 def normal_colors(cloud: Cloud) -> Image:
@@ -84,11 +86,21 @@ def class_colors(cloud: Cloud, maps: ScoreMaps) -> Image:
     return np.where((classes > 0)[:, None], class_image(classes), cloud.faded)
 
 
+def surface_scale(tau_m: float) -> Scale:
+    """Return the colours of a signed distance to a surface [mm], over half the depth tolerance to either side.
+
+    Blue = outside, red = inside: as a point that lies before or behind the rendered surface is coloured in maps.
+    """
+    anchors = difference_scale(tau_m).anchors[::-1]
+    return Scale(-500.0 * tau_m, 500.0 * tau_m, "mm", anchors)
+
+
 def distance_colors(cloud: Cloud, posed: Sequence[tuple[Target, Float]], tau_m: float) -> Image:
-    """Colour points by their signed distance to the nearest posed model, (N, 3): blue = outside of it, red = inside."""
-    distances_m = signed_distances(cloud.points_cam, posed, REACH * tau_m)
+    """Colour the objects' points by their signed distance to the nearest posed model, (N, 3)."""
+    distances_m = np.full(len(cloud.points_cam), np.nan)
+    distances_m[cloud.is_object] = signed_distances(cloud.points_cam[cloud.is_object], posed, REACH * tau_m)
     near = np.isfinite(distances_m)
-    return np.where(near[:, None], difference_scale(tau_m).colors(-1000 * distances_m), cloud.faded)
+    return np.where(near[:, None], surface_scale(tau_m).colors(1000 * distances_m), cloud.faded)
 
 
 def signed_distances(points_cam: NDArray[np.floating], posed: Sequence[tuple[Target, Float]], reach_m: float) -> Float:

@@ -13,7 +13,7 @@ import viser
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, inverse, rotation_of_quat_wxyz, transform
-from verefine_viz.core.palette import RGB, STAGE_COLORS, Image, difference_scale
+from verefine_viz.core.palette import RGB, STAGE_COLORS, Image
 from verefine_viz.core.paths import atomic
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.scores import ScoreMaps
@@ -36,6 +36,7 @@ from verefine_viz.page.scene3d.observed_cloud import (
     clicked_pixel,
     distance_colors,
     measured_points,
+    surface_scale,
 )
 from verefine_viz.page.scene3d.physics_drawing import PhysicsDrawing
 from verefine_viz.page.scene3d.scene_panel import CameraPlace, ScenePanel
@@ -233,7 +234,7 @@ class Scene3D:
 
     def _draw_cloud(self, moment: Moment, look: Look, layers: frozenset[str], moved: Mapping[int, Float]) -> None:
         tau_m = moment.branch.settings.score.tau_m
-        self.panel.show_scale(difference_scale(tau_m) if self.panel.cloud == "distance to model" else None)
+        self.panel.show_scale(surface_scale(tau_m) if self.panel.cloud == "distance to model" else None)
         ball, box = self._ball(moment, look), self.panel.box
         is_there = "cloud" in layers and (not moved or self._grasp is None or self._grasp.is_choosing)
         within = (ball[0], box * ball[1]) if box is not None else None
@@ -332,7 +333,6 @@ class Scene3D:
         elif to == "sensor":
             take_to_sensor(client, self._problem.observation, self._T_world_cam)
         else:
-            own = moment.target.instance.instance_id
             hiding = [
                 apply(self._T_world_cam @ one.T_cam_obj, one.model.points)
                 for one in moment.others_of(moment.target.instance.instance_id)

@@ -15,7 +15,7 @@ from verefine_viz.core.palette import EMPTY, Image, Scale
 CloudColors = Literal["photo", "distance to model", "normals", "class"]
 _CLOUDS: tuple[CloudColors, ...] = get_args(CloudColors)
 CameraPlace = Literal["sensor", "object", "first"]
-_PLACES: dict[str, CameraPlace] = {"Sensor": "sensor", "Object": "object", "Overview": "first"}
+_PLACES: dict[str, CameraPlace] = {"Sensor": "sensor", "Object": "object", "First": "first"}
 LAYERS = {
     "cloud": True,
     "photo": True,
@@ -60,7 +60,7 @@ class ScenePanel:
         gui.main_panel.float(x=-6, y=6, width=_WIDTH_PX)
         gui.main_panel.minimize()
         places = gui.add_button_group("Camera", tuple(_PLACES))
-        self._cloud = gui.add_dropdown("Cloud", _CLOUDS, "photo", hint="Colours of the observed points")
+        self._cloud = gui.add_dropdown("Cloud", _CLOUDS, initial_value="photo", hint="Colours of the observed points")
         self._bar = gui.add_image(np.zeros((_BAR_PX[1], _BAR_PX[0], 3), np.uint8), format="png", visible=False)
         self._scale: Scale | None = None
         self._box = gui.add_slider(
@@ -117,10 +117,10 @@ class ScenePanel:
 
 
 def signed_bar(scale: Scale) -> Image:
-    """Draw the colour bar of a distance to a surface, inside on the left, with its numbers."""
+    """Draw the colour bar of a signed distance to a surface, with its numbers."""
     width, height = _BAR_PX
     bar = PilImage.new("RGB", _BAR_PX, EMPTY)
-    row = scale.colors(np.linspace(scale.high, scale.low, width))
+    row = scale.colors(np.linspace(scale.low, scale.high, width))
     bar.paste(PilImage.fromarray(np.repeat(row[None], 14, axis=0)), (0, 0))
     draw = ImageDraw.Draw(bar)
     for x, text, anchor in (

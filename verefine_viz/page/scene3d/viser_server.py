@@ -1,7 +1,7 @@
 """viser's server for the 3D view, on a loopback port of its own that answers this machine's programs and its own page.
 
-viser has no options for whom it answers, for headers, or for what to do with messages that it cannot read: its web
-server is wrapped while it starts. Written for viser 1.1.1.
+viser has no options for whom it answers, for headers and scripts of its page, or for messages that it cannot read: its
+web server is wrapped while it starts. Written for viser 1.1.1.
 """
 
 from __future__ import annotations
@@ -13,10 +13,12 @@ import hashlib
 import io
 import logging
 import re
+import secrets
 import threading
 from collections.abc import Iterator
 from functools import lru_cache
 from http import HTTPStatus
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -26,6 +28,8 @@ from viser._messages import GuiUpdateMessage, Message
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
+from verefine_viz.rendering.gl_context import SOFTWARE
+
 _LOG = logging.getLogger(__name__)
 _CONSTRUCTION = threading.Lock()
 MOST_MALFORMED = 10
@@ -33,6 +37,13 @@ MOST_MALFORMED = 10
 _LARGEST_NUMBER = 2**53
 """Browsers count no further."""
 _POLICY_VIOLATION = 1008
+_NONCE = secrets.token_urlsafe(16)
+_BEFORE = (
+    (Path(__file__).parent / "before_viser.js")
+    .read_text(encoding="utf-8")
+    .replace("NONCE", _NONCE)
+    .replace("SOFTWARE_RENDERERS", "|".join(SOFTWARE))
+)
 
 
 class Viser3DServer(viser.ViserServer):
@@ -88,25 +99,35 @@ def admits(port: int, request: Request) -> bool:
 
 
 def secured(connection: ServerConnection, request: Request, response: Response) -> None:
-    """Add the headers that say what may run in viser's page, and that only our own page may frame it."""
-    response.headers["X-Frame-Options"] = "SAMEORIGIN"
-    response.headers["X-Content-Type-Options"] = "nosniff"
-    response.headers["Referrer-Policy"] = "no-referrer"
-    is_packed = response.headers.get("Content-Encoding") == "gzip"
-    is_page = response.headers.get("Content-Type", "").startswith("text/html")
-    response.headers["Content-Security-Policy"] = _policy(bytes(response.body or b"") if is_page else b"", is_packed)
+    """Put our script before viser's page, and say what may run in it and who may frame it."""
+    headers, page = response.headers, b""
+    if headers.get("Content-Type", "").startswith("text/html"):
+        is_packed = headers.get("Content-Encoding") == "gzip"
+        response.body, page = _scripted(bytes(response.body or b""), is_packed)
+        del headers["Content-Length"]
+        headers["Content-Length"] = str(len(response.body))
+    headers["Content-Security-Policy"] = _policy(page)
+    headers["X-Content-Type-Options"] = "nosniff"
+    headers["Referrer-Policy"] = "no-referrer"
 
 
 @lru_cache(maxsize=4)
-def _policy(page: bytes, is_packed: bool) -> str:
-    """Allow the scripts that stand in the page, WebAssembly and workers; nothing is fetched from elsewhere."""
-    text = gzip.decompress(page) if is_packed and page else page
-    scripts = re.findall(rb"<script[^>]*>(.*?)</script>", text, re.DOTALL)
+def _scripted(body: bytes, is_packed: bool) -> tuple[bytes, bytes]:
+    """Return viser's page with our script at its beginning: as it is sent, and as text."""
+    page = gzip.decompress(body) if is_packed else body
+    page = page.replace(b"<head>", f"<head><script>{_BEFORE}</script>".encode(), 1)
+    return (gzip.compress(page) if is_packed else page), page
+
+
+@lru_cache(maxsize=4)
+def _policy(page: bytes) -> str:
+    """Allow the scripts that stand in the page, the one they insert, WebAssembly and workers; all of it is ours."""
+    scripts = re.findall(rb"<script[^>]*>(.*?)</script>", page, re.DOTALL)
     hashes = [f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'" for script in scripts]
     return "; ".join(
         [
             "default-src 'none'",
-            f"script-src {' '.join(hashes)} 'wasm-unsafe-eval'",
+            f"script-src {' '.join(hashes)} 'nonce-{_NONCE}' 'wasm-unsafe-eval'",
             "worker-src blob:",
             "style-src 'unsafe-inline'",
             "img-src data: blob:",
@@ -114,7 +135,8 @@ def _policy(page: bytes, is_packed: bool) -> str:
             "connect-src 'self' data: blob:",  # blob: textures of models
             "base-uri 'none'",
             "form-action 'none'",
-            "frame-ancestors 'self'",
+            # The page frames it, which a notebook on this machine may frame in turn.
+            "frame-ancestors 'self' http://localhost:* http://127.0.0.1:*",
         ]
     )
 
