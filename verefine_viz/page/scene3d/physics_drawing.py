@@ -58,10 +58,11 @@ class PhysicsDrawing:
             ends = np.stack([contacts.points_cam - length_m * contacts.normals_cam, contacts.points_cam], axis=1)
             deep = contacts.depths_m > _DEEP_M
             colors = np.where(deep[:, None], _DEEP_COLOR, _CONTACT_COLOR).astype(np.uint8)
-            self._arrows = self._scene.add_arrows(
-                "/cam/contacts", ends.astype(np.float32), colors, shaft_radius=0.008 * length_m,
-                head_radius=0.03 * length_m, head_length=0.12 * length_m,
-            )  # fmt: skip
+            if self._arrows is None:
+                self._arrows = self._scene.add_arrows("/cam/contacts", ends.astype(np.float32), colors)
+            self._arrows.points, self._arrows.colors = ends.astype(np.float32), colors
+            self._arrows.shaft_radius, self._arrows.head_radius = 0.008 * length_m, 0.03 * length_m
+            self._arrows.head_length = 0.12 * length_m
         if self._arrows is not None:
             self._arrows.visible = is_drawn
 

@@ -291,6 +291,8 @@ class Scene3D:
 
         @gizmo.on_update
         def _(event: viser.TransformControlsEvent) -> None:
+            if event.phase == "start":
+                return
             T = transform(rotation_of_quat_wxyz(event.target.wxyz), event.target.position) @ T_gizmo_obj
             pose = tuple(float(x) for x in T.ravel())
             with self._lock:
