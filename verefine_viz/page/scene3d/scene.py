@@ -291,7 +291,7 @@ class Scene3D:
 
         @gizmo.on_update
         def _(event: viser.TransformControlsEvent) -> None:
-            if event.phase == "start":
+            if event.phase != "update":  # The end has the pose of the last update.
                 return
             T = transform(rotation_of_quat_wxyz(event.target.wxyz), event.target.position) @ T_gizmo_obj
             pose = tuple(float(x) for x in T.ravel())
