@@ -11,17 +11,20 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.errors import SettingsError, VerefineError, unknown
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import METHODS
+from verefine_viz.page import proxy
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.export import Exporter
 from verefine_viz.page.gallery import Gallery
 from verefine_viz.page.live_gallery import LiveGallery
 from verefine_viz.page.protocol import AnyVerb
+from verefine_viz.page.scene3d.scene import Scene3D
+from verefine_viz.page.scene3d.viser_server import Viser3DServer
 from verefine_viz.page.server import PageServer
 from verefine_viz.page.thumbnails import Painter, Thumbnails
 from verefine_viz.page.verbs import Debugger
@@ -77,11 +80,24 @@ class App:
         self.blobs, self.jobs = Blobs(), Jobs()
         self._thumbnails: Thumbnails | None = None
         self._watching: threading.Thread | None = None
-        self.server = PageServer(
-            host, port, allowed_origins, self._receive, self.blobs, self._thumbnail, lambda name: self._write.file(name)
-        )
+        self.viser = Viser3DServer()
+        self.scene = Scene3D(self.viser, self._from_scene)
+        try:
+            self.server = PageServer(
+                host,
+                port,
+                allowed_origins,
+                self._receive,
+                self.blobs,
+                self._thumbnail,
+                lambda name: self._write.file(name),
+                proxy.routes(self.viser.get_port()),
+            )
+        except VerefineError:
+            self.viser.stop()
+            raise
         self.worker = Worker(self.jobs, self.server.post, self._open)
-        self._write = Exporter(self._folder, self.worker.progress)
+        self._write = Exporter(self._folder, self.worker.progress, self.scene.export)
 
     def start(self) -> App:
         """Listen, and open the session on the worker thread; the page says so meanwhile."""
@@ -134,6 +150,26 @@ class App:
         if self._thumbnails is not None:
             self._thumbnails.stop()
         self.server.stop()
+        self.viser.stop()
+
+    def _from_scene(self, what: str, *given: Any) -> None:
+        """Tell the window that the 3D view follows what was done in it. Called on viser's threads."""
+        if not self.worker.ready.is_set() or self.worker.failure is not None:
+            return
+        window = self.debugger.look_window
+        if what == "edited":
+            obj, T = given
+            self.server.post({"t": "edited", "obj": obj, "T": T}, window)
+        elif what == "picked":
+            u, v = given
+            self.server.post({"t": "picked", "u": u, "v": v}, window)
+        elif self.debugger.look is not None and window is not None:
+            self.jobs.put(Job(window, self.debugger.look))
+
+    def _draw(self, debugger: Debugger) -> None:
+        """Draw what the window used last looks at."""
+        if debugger.look is not None and debugger.look.branch in debugger.space.branches:
+            self.scene.show(debugger.space, debugger.look)
 
     def _receive(self, window: int, verb: AnyVerb | None) -> None:
         self.jobs.put(Job(window, verb))
@@ -182,6 +218,7 @@ class App:
             self._write,
             progress,
         )
+        debugger.on_look = partial(self._draw, debugger)
         if self._watch is not None:
             changed = partial(self.jobs.put, Job(0, debugger.refresh_gallery))
             self._watching = threading.Thread(
