@@ -11,18 +11,19 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.paths import at_home
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
-from verefine_viz.core.settings import Session
+from verefine_viz.methods.registry import method_of
 from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.gallery import Gallery
-from verefine_viz.page.link import read_link
+from verefine_viz.page.live_gallery import LiveGallery
 from verefine_viz.page.marks import jumps
 from verefine_viz.page.moment import labels_of, pose_matrix
+from verefine_viz.page.opening import open_gallery, open_other, titled
 from verefine_viz.page.protocol import AnyVerb
 from verefine_viz.page.views.answers import answers_message
 from verefine_viz.page.views.frame import frame_message
@@ -32,7 +33,6 @@ from verefine_viz.page.wants import ANSWERS
 from verefine_viz.page.worker import Post
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.run.breakpoints import hits, with_changes
-from verefine_viz.run.session_file import load_session
 from verefine_viz.run.variants import settings_between
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
 
@@ -42,7 +42,8 @@ _TIMED = 20
 """Iterations whose mean duration says how long the others will take."""
 SOURCES = {"results": "the results files", "perturb": "the disturbed ground truth"}
 """What the page calls where initial poses come from; estimators have their names."""
-_NOT_LOGGED = (p.Look, p.Want, p.Pause, p.Cancel, p.Evaluate, p.Save, p.Tag)
+_NOT_LOGGED = (p.Look, p.Want, p.Run, p.Seek, p.Pause, p.Cancel, p.Evaluate, p.Save, p.Tag)
+"""Verbs that change no record; how far a run came is logged where it stops."""
 
 
 class Goal:
@@ -102,7 +103,7 @@ class Debugger:
         self.gallery, self.demos, self.list_sessions = gallery, demos, sessions
         self._write, self.progress = write, progress
         self.batch_run = gallery.worst.run if gallery is not None else ""
-        """The batch run whose session is open."""
+        """The batch run whose session is open; "" = none is."""
         self.goal: Goal | None = None
         self.log: list[AnyVerb] = []
         """Verbs that changed a record; carried out again they give the same records."""
@@ -117,6 +118,9 @@ class Debugger:
         self._judged: dict[int, int] = {}
         """Branches whose verdict windows have, and of how many iterations."""
         self._later: Iterator[None] | None = self._warm_up()
+        self._then: tuple[dict[str, Any], int | None] | None = None
+        """What a window looks at once the goal is reached."""
+        self.repeat_recorded()
 
     # Verbs
 
@@ -132,6 +136,7 @@ class Debugger:
         HANDLERS[type(verb)](self, verb, window)
         if not isinstance(verb, _NOT_LOGGED):
             self.log.append(_as_logged(verb))
+        if not isinstance(verb, (p.Look, p.Want)):
             self.announce_running()
 
     def carry_out(self, verbs: Iterable[AnyVerb]) -> Debugger:
@@ -167,19 +172,57 @@ class Debugger:
                 self.pause()
                 return
         if goal.is_reached:
+            then = self._then
             self.pause()
+            if then is not None:
+                self.post({"t": "view", "patch": then[0], "at": then[0]["k"]}, then[1])
         elif monotonic() - self._sent_at > ROWS_S:
             self.send_rows(goal.branch)
             self.announce_running()
 
     def pause(self) -> None:
         """Stop computing; the log says how far it came."""
-        goal, self.goal = self.goal, None
+        goal, self.goal, self._then = self.goal, None, None
         if goal is None:
             return
         self.log.append(p.Seek(goal.branch.run.length, goal.branch.index))
         self.send_rows(goal.branch)
         self.announce_running()
+
+    def repeat_recorded(self) -> None:
+        """Take the steps that another program recorded: what is over already opens at its end."""
+        branch = self.space.work.first
+        if method_of(branch.settings.method.name).repeats and not branch.run.is_done:
+            self.goal = Goal(branch, branch.run.n_iterations)
+
+    def show(self, iteration: int | None, obj: int | None, window: int | None) -> None:
+        """Take a window to an iteration of the first branch, and compute the whole run where it is not there yet.
+
+        Args:
+            iteration: 0 = before the first; None = the end of what is there.
+            obj: in focus; None = that of the iteration.
+            window: which; None = all.
+        """
+        branch = self.space.work.first
+        run = branch.run
+        patch = {"branch": branch.index, "obj": obj, "stage": None, "arm": None, "moment": None}
+        if iteration is not None and not run.is_done:
+            self.post({"t": "view", "patch": patch, "at": None}, window)
+            self.goal, self._then = Goal(branch, run.n_iterations), ({**patch, "k": iteration}, window)
+            return
+        k = run.length if iteration is None else min(iteration, run.length)
+        self.post({"t": "view", "patch": {**patch, "k": k}, "at": iteration}, window)
+
+    def refresh_gallery(self) -> None:
+        """Take over what a watched folder has now."""
+        gallery, space = self.gallery, self.space
+        if not isinstance(gallery, LiveGallery):
+            return
+        gallery.refresh()
+        frames = None
+        if self.batch_run and space.tools.session == gallery.session(self.batch_run):
+            frames = space.frames = gallery.frames(self.batch_run)
+        self.post({**answers_message(gallery), "frames": frames}, None)
 
     def step(self, branch: Branch) -> None:
         """Compute one iteration at the end of a branch."""
@@ -246,7 +289,8 @@ class Debugger:
         self.post({"t": "running", **running}, window)
 
     def _frame(self) -> dict[str, Any]:
-        return frame_message(self.space, self.blobs, self.demos, [_titled(path) for path in self.list_sessions()])
+        message = frame_message(self.space, self.blobs, self.demos, titled(self.list_sessions()))
+        return {**message, "run": self.batch_run}
 
     def _branches(self) -> dict[str, Any]:
         first = self.space.work.first.settings
@@ -276,11 +320,13 @@ class Debugger:
         gallery, space = self.gallery, self.space
         if (
             gallery is None
+            or not self.batch_run
             or branch is not space.work.first
-            or branch.settings.method != gallery.session(self.batch_run).method
+            or (branch.recording is None and branch.settings.method != gallery.session(self.batch_run).method)
         ):
             return {}
-        rows = (row for row in gallery.runs[self.batch_run].rows if row.frame == space.frame)
+        made_by = branch.settings.method.name
+        rows = (row for row in gallery.runs[self.batch_run].rows if (row.frame, row.method) == (space.frame, made_by))
         return {row.instance_id: row for row in rows if row.instance_id is not None}
 
     # What nobody waits for
@@ -326,11 +372,6 @@ class Debugger:
             evaluator.other_pose(o.target, o.answer.T_cam_obj, iterations)
             yield
         self.post(self._verdict(branch), None)
-
-
-def _titled(path: Path) -> dict[str, str]:
-    """Name a session file by what it shows, which does not give a diagnosis away, and by its path."""
-    return {"path": str(path), "title": path.stem}
 
 
 def _as_logged(verb: AnyVerb) -> AnyVerb:
@@ -526,98 +567,6 @@ def _swapped(items: Sequence, at: int, by: int) -> tuple | None:
     return tuple(swapped)
 
 
-# Opening something else
-
-
-def _open(d: Debugger, verb: p.Open, window: int | None) -> None:
-    space = d.space
-    if verb.hulls:
-        with space.with_hulls():
-            _open_it(d, verb, window)
-    else:
-        _open_it(d, verb, window)
-
-
-def _open_it(d: Debugger, verb: p.Open, window: int | None) -> None:
-    space = d.space
-    if verb.frame:
-        space.open_frame(verb.frame)
-    elif verb.recording:
-        space.open_recording(at_home(verb.recording))
-    elif verb.session:
-        file = at_home(verb.session)
-        space.open(load_session(file), file)
-    elif verb.demo:
-        space.open(*_demo_session(d, verb.demo))
-    elif verb.answer is not None:
-        entry = _gallery(d).answer(verb.answer)
-        _open_answer(d, entry.run, entry.row.frame, entry.iteration, entry.row.instance_id, window)
-        return
-    elif verb.link:
-        link = read_link(verb.link)
-        frame = link.frame or space.frame
-        obj = link.instance
-        if link.run or frame != space.frame:
-            _open_answer(d, link.run or d.batch_run, frame, link.iteration, obj, window)
-        if link.object is not None:
-            named = [i.instance_id for i in d.space.problem.instances if i.obj_id == link.object]
-            if not named:
-                raise InputError(f"frame {frame} holds no object {link.object}")
-            obj = named[0]
-        _show(d, link.iteration, obj, window)
-        return
-    else:
-        raise InputError("open what? Name a frame, a session, a recording, a demo, an answer or a link")
-    d.send_frame()
-
-
-def _demo_session(d: Debugger, name: str) -> tuple[Session, Path | None]:
-    """Return the session of a built-in scene: that of the file of its name, or else the open one's settings."""
-    if name not in d.demos:
-        raise SettingsError(unknown("built-in scene", name, d.demos))
-    own = next((path for path in d.list_sessions() if path.stem == name), None)
-    session = load_session(own) if own is not None else None
-    if session is not None and (session.scene.source, session.scene.demo) == ("demo", name):
-        return session, own
-    old = d.space.tools.session
-    scene = old.scene.model_copy(update={"source": "demo", "demo": name, "frames": (), "objects": ()})
-    hypotheses = old.hypotheses.model_copy(update={"source": "perturb", "files": (), "estimate": ()})
-    update = {"scene": scene, "hypotheses": hypotheses, "title": name, "edits": (), "changes": ()}
-    return old.model_copy(update=update), None
-
-
-def _gallery(d: Debugger) -> Gallery:
-    if d.gallery is None:
-        raise InputError("no batch is open; open one with verefine-viz view FOLDER")
-    return d.gallery
-
-
-def _open_answer(d: Debugger, run: str, frame: str, iteration: int | None, obj: int | None, window: int | None) -> None:
-    """Open a frame of a batch run, with the session of that run."""
-    gallery, space = d.gallery, d.space
-    if gallery is None or not run:
-        space.open_frame(frame)
-    elif run not in gallery.runs:
-        raise InputError(unknown("run", run, gallery.runs))
-    elif space.tools.session == gallery.session(run):
-        space.open_frame(frame)
-        d.batch_run = run
-    else:
-        space.open(gallery.session(run), None, frame)
-        d.batch_run = run
-    d.send_frame()
-    _show(d, iteration, obj, window)
-
-
-def _show(d: Debugger, iteration: int | None, obj: int | None, window: int | None) -> None:
-    """Take a window to an iteration, and compute the whole run where it is not there yet."""
-    branch = d.space.work.first
-    if iteration is not None and not branch.run.is_done:
-        d.goal = Goal(branch, branch.run.n_iterations)
-    patch = {"branch": branch.index, "k": iteration or 0, "obj": obj, "stage": None, "arm": None}
-    d.post({"t": "view", "patch": patch, "at": iteration}, window)
-
-
 # Answers and files
 
 
@@ -641,7 +590,7 @@ def _save(d: Debugger, verb: p.Save, window: int | None) -> None:
 
 
 def _tag(d: Debugger, verb: p.Tag, window: int | None) -> None:
-    gallery = _gallery(d)
+    gallery = open_gallery(d.gallery)
     gallery.tag([gallery.answer(key) for key in verb.answers], verb.tag, verb.on)
     d.post(answers_message(gallery), None)
 
@@ -660,7 +609,7 @@ HANDLERS: dict[type, Callable[[Debugger, Any, int | None], None]] = {
     p.Compare: _compare,
     p.Estimate: _estimate,
     p.Order: _order,
-    p.Open: _open,
+    p.Open: open_other,
     p.Want: _want,
     p.Evaluate: _evaluate,
     p.Save: _save,
