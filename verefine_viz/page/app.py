@@ -9,15 +9,18 @@ import webbrowser
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from verefine_viz.core.errors import SettingsError, unknown
+from verefine_viz.core.errors import SettingsError, VerefineError, unknown
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import METHODS
+from verefine_viz.page import proxy
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.gallery import Gallery
 from verefine_viz.page.protocol import AnyVerb
+from verefine_viz.page.scene3d.scene import Scene3D
+from verefine_viz.page.scene3d.viser_server import Viser3DServer
 from verefine_viz.page.server import PageServer
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.worker import Job, Jobs, Worker
@@ -60,7 +63,14 @@ class App:
         self._make_tools, self._gallery, self._first = make_tools, gallery, first
         self._folder = folder if folder is not None else Path("sessions")
         self.blobs, self.jobs = Blobs(), Jobs()
-        self.server = PageServer(host, port, allowed_origins, self._receive, self.blobs)
+        self.viser = Viser3DServer()
+        self.scene = Scene3D(self.viser, self._from_scene)
+        try:
+            routes = proxy.routes(self.viser.get_port())
+            self.server = PageServer(host, port, allowed_origins, self._receive, self.blobs, routes=routes)
+        except VerefineError:
+            self.viser.stop()
+            raise
         self.worker = Worker(self.jobs, self.server.post, self._open)
 
     def start(self) -> App:
@@ -107,6 +117,26 @@ class App:
         if self.worker.thread.is_alive():
             self.worker.thread.join(timeout=20)
         self.server.stop()
+        self.viser.stop()
+
+    def _from_scene(self, what: str, *given: Any) -> None:
+        """Tell the window that the 3D view follows what was done in it. Called on viser's threads."""
+        if not self.worker.ready.is_set() or self.worker.failure is not None:
+            return
+        window = self.debugger.look_window
+        if what == "edited":
+            obj, T = given
+            self.server.post({"t": "edited", "obj": obj, "T": T}, window)
+        elif what == "picked":
+            u, v = given
+            self.server.post({"t": "picked", "u": u, "v": v}, window)
+        elif self.debugger.look is not None and window is not None:
+            self.jobs.put(Job(window, self.debugger.look))
+
+    def _draw(self, debugger: Debugger) -> None:
+        """Draw what the window used last looks at."""
+        if debugger.look is not None and debugger.look.branch in debugger.space.branches:
+            self.scene.show(debugger.space, debugger.look)
 
     def _receive(self, window: int, verb: AnyVerb | None) -> None:
         self.jobs.put(Job(window, verb))
@@ -137,6 +167,7 @@ class App:
             lambda: tuple(sorted(self._folder.glob("*.toml"))),
             progress=progress,
         )
+        debugger.on_look = partial(self._draw, debugger)
         return debugger.carry_out(self._first)
 
 

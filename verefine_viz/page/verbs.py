@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from time import monotonic, perf_counter
 from typing import Any
@@ -115,7 +116,7 @@ class Debugger:
         self._sent_at = 0.0
         self._judged: dict[int, int] = {}
         """Branches whose verdict windows have, and of how many iterations."""
-        self._later: Iterator[None] | None = None
+        self._later: Iterator[None] | None = self._warm_up()
 
     # Verbs
 
@@ -199,6 +200,7 @@ class Debugger:
             self._sent[branch.index] = branch.run.length
             if branch.is_over:
                 self.post(self._verdict(branch), window)
+                self._judge(branch)
         if self.gallery is not None:
             self.post(answers_message(self.gallery), window)
         self.announce_running(window)
@@ -224,10 +226,16 @@ class Debugger:
         """Send the iterations that windows do not have, and the verdict once the run is over."""
         self.post(run_message(branch, self._sent.get(branch.index, 0)), None)
         self._sent[branch.index], self._sent_at = branch.run.length, monotonic()
-        if branch.is_over and self._judged.get(branch.index) != branch.run.length:
-            self._judged[branch.index] = branch.run.length
+        if branch.is_over and self._judge(branch):
             self.post(self._verdict(branch), None)
-            self._later = self._work_out(branch)
+
+    def _judge(self, branch: Branch) -> bool:
+        """Have what the verdict on a finished run may still say worked out, once; return whether it was not before."""
+        if self._judged.get(branch.index) == branch.run.length:
+            return False
+        self._judged[branch.index] = branch.run.length
+        self._later = self._work_out(branch)
+        return True
 
     def announce_running(self, window: int | None = None) -> None:
         """Say which branch is computed, and how long it will take."""
@@ -286,6 +294,14 @@ class Debugger:
         except StopIteration:
             self._later = None
         return self._later is not None
+
+    def _warm_up(self) -> Iterator[None]:
+        """Make a first step and forget it: else whoever makes it waits until its kernels are loaded."""
+        run = self.space.work.first.run
+        yield
+        with suppress(Exception):  # What is wrong is said when it is made in earnest.
+            if not run.is_done:
+                run.method.step(run.state)
 
     def _work_out(self, branch: Branch) -> Iterator[None]:
         """Work out physics, then the score around the answers, of objects whose verdict may change by it."""
