@@ -69,7 +69,7 @@ export function Chart({ series, x, xLabel = "iteration", yLabel, units = "", cur
     u.over.append(mark);
     const place = (p) => {
       const at = live.current.cursor;
-      mark.hidden = at == null;
+      mark.hidden = at == null || at < p.scales.x.min || at > p.scales.x.max;
       if (at != null) mark.style.transform = `translateX(${p.valToPos(at, "x").toFixed(1)}px)`;
     };
     place(u);
@@ -96,7 +96,7 @@ export function Chart({ series, x, xLabel = "iteration", yLabel, units = "", cur
     setOff(next);
     plot.current.u.setSeries(i + 1, { show: !next.has(name) });
   };
-  const at = hover ?? (cursor == null ? -1 : x.indexOf(cursor));
+  const at = hover ?? (cursor == null ? -1 : x.findLastIndex((k) => k <= cursor));
   return html`<div class="chart">
     <div class="plot" ref=${host} />
     <div class="chart-legend">${series.map((s, i) => html`
