@@ -87,7 +87,7 @@ def _finished(
     # Among others it is worked out bit by bit, while nothing else waits.
     ask = evaluator.known_plausibility if others else evaluator.plausibility
     physics = ask(target, best.T_cam_obj, others) if errors is None else None
-    rival = runner_up(own, best) if method.answers_best_of_all else None
+    rival = runner_up(branch, own, best)
     return FinishedObject(
         target,
         label,
@@ -169,7 +169,8 @@ def _words(o: FinishedObject, found: Sequence[Finding], also_fits: bool) -> tupl
         return "doubt", f"{found[0].title}{found[0].detail}"
     if also_fits:
         return "doubt", tie
-    return "unknown", f"{lead or 'one hypothesis alone'}, no doubt in sight"
+    alone = "one hypothesis alone: nothing to compare it with" if len(o.starts) < 2 else "no doubt in sight"
+    return "unknown", f"{lead}, no doubt in sight" if lead else alone
 
 
 def _also_fits(o: FinishedObject) -> list[float] | None:
