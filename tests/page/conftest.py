@@ -38,7 +38,7 @@ def debugger(posted: Posted) -> Debugger:
 
 
 @pytest.fixture
-def open_page(tmp_path: Path) -> Iterator[Callable[..., App]]:
+def open_page(tmp_path: Path, processes: None) -> Iterator[Callable[..., App]]:
     """Open pages on a free port; they are closed afterwards."""
     apps: list[App] = []
 

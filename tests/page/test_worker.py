@@ -132,7 +132,7 @@ def test_two_windows_see_one_run(open_page):
     assert rows[2] == [1]
 
 
-def test_session_that_cannot_be_opened_is_reported_and_the_server_ends():
+def test_session_that_cannot_be_opened_is_reported_and_the_server_ends(processes):
     from verefine_viz.page.app import App
 
     class Broken(FakeTools):
