@@ -5,4 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-ANSWERS: dict[type, Callable[..., dict[str, Any]]] = {}
+from verefine_viz.page import protocol as p
+from verefine_viz.page.views.comparison import comparison
+from verefine_viz.page.views.landscape import landscape
+from verefine_viz.page.views.physics import physics
+
+ANSWERS: dict[type, Callable[..., dict[str, Any]]] = {
+    p.Comparison: comparison,
+    p.Landscape: landscape,
+    p.Physics: physics,
+}
