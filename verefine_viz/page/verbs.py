@@ -319,7 +319,7 @@ class Debugger:
         first = self.space.work.first.settings
         return {
             "t": "branches",
-            "compare": self.space.work.compare and list(self.space.work.compare),
+            "compare": self.space.work.compare and dict(zip("ab", self.space.work.compare, strict=True)),
             "list": [
                 {
                     "index": b.index,

@@ -1,7 +1,7 @@
 // The timeline: the run's only controls, its marks, lanes of objects or hypotheses, and the curve of scores.
 import { html, useEffect, useRef, useState, useMemo } from "./vendor/htm-preact.js";
 import { state, useStore, setView, update, send } from "./store.js";
-import { armColor, back, isBusy, momentOf, pause, ranksOf, rampColor, rowsOf, run, runOf, seek, STAGE_COLORS, step, stepStage, toNextEvent, TONES } from "./moment.js";
+import { armColor, back, isBusy, momentOf, pause, ranksOf, rampColor, rowsOf, run, runOf, seek, sourceOf, STAGE_COLORS, step, stepStage, toNextEvent, TONES } from "./moment.js";
 import { Button, IconButton, Menu, number, Select, Swatch, Toggle } from "./ui.js";
 import { titled } from "./keys.js";
 import { remember } from "./layout.js";
@@ -129,7 +129,8 @@ function Legend() {
   const [moment, arm, by] = useStore((s) => [momentOf(s), s.view.arm, s.colorBy]);
   if (!moment) return null;
   const order = ranksOf(moment, by);
-  const list = moment.arms.map((a, j) => ({ ...a, j, source: moment.object.arms[j]?.source ?? "" }))
+  const scale = scaleOf(moment.run, by);
+  const list = moment.arms.map((a, j) => ({ ...a, j, source: sourceOf(moment.object, j) }))
     .filter((a) => `hypothesis ${a.j + 1} ${a.source}`.includes(text.toLowerCase()))
     .sort((a, b) => order[a.j] - order[b.j]);
   return html`<${Menu} icon="list" align="right" title="Hypotheses: what colours say, scores, filter" label="Hypotheses">
@@ -141,13 +142,23 @@ function Legend() {
       <div class="scroll"><table class="table"><thead><tr><th class="left">hypothesis</th><th>plays</th><th>score</th><th>mm</th></tr></thead>
       <tbody>${list.map((a) => html`<tr key=${a.j} class=${`clickable ${arm === a.j ? "current" : ""}`}
         onClick=${() => setView({ arm: arm === a.j ? null : a.j })}>
-        <td class="left"><${Swatch} color=${cellColor(by, moment, a)} /> ${a.j + 1} <span class="dim">${a.source}</span></td>
+        <td class="left"><${Swatch} color=${by === "rank" ? armColor(moment, a.j) : rampColor(scale(a))} /> ${a.j + 1} <span class="dim">${a.source}</span></td>
         <td>${number(a.plays, 0)}</td><td>${number(a.score, 3)}</td><td>${number(a.err, 1)}</td></tr>`)}</tbody></table></div>
     </div>
   <//>`;
 }
-const cellColor = (by, moment, a) =>
-  by === "rank" || moment.arms.length < 2 ? armColor(moment, a.j) : rampColor(by === "error" ? 1 - (a.err ?? 60) / 60 : a.score ?? 0);
+// Numbers to shares of the ramp, good = 1: the run's lowest and highest score or error are its ends.
+function scaleOf({ rows }, by) {
+  const of = (s) => (by === "error" ? s?.err : s?.score);
+  const known = rows.map((row) => of(row.stages.find((s) => s.name === row.accepted))).filter((x) => x != null);
+  const low = Math.min(...known);
+  const span = Math.max(...known) - low || 1;
+  return (pose) => {
+    const value = of(pose);
+    if (value == null || !known.length) return 0.5;
+    return by === "error" ? 1 - (value - low) / span : (value - low) / span;
+  };
+}
 
 // The strip: what is drawn is worked out once for a run and drawn once for a size; the cursor is an element that moves.
 
@@ -166,15 +177,8 @@ function modelOf(frame, runData, obj, by, hidden, arm) {
     ranks.set(id, shares);
   }
   const accepted = rows.map((row) => row.stages.find((s) => s.name === row.accepted) ?? {});
-  const known = (by === "error" ? accepted.map((s) => s.err) : accepted.map((s) => s.score)).filter((x) => x != null);
-  const low = Math.min(...known);
-  const span = Math.max(...known) - low || 1;
-  const share = (row, stage) => {
-    if (by === "rank") return ranks.get(row.obj)[row.arm];
-    const value = by === "error" ? stage.err : stage.score;
-    if (value == null) return 0.5;
-    return by === "error" ? 1 - (value - low) / span : (value - low) / span;
-  };
+  const scale = scaleOf(runData, by);
+  const share = (row, stage) => (by === "rank" ? ranks.get(row.obj)[row.arm] : scale(stage));
   const cells = rows.map((row, i) => ({
     k: row.k, obj: row.obj, arm: row.arm, share: share(row, accepted[i]), score: accepted[i].score,
     faint: (focus != null && row.obj !== focus) || (arm != null && row.arm !== arm),
@@ -337,7 +341,7 @@ function draw(canvas, model, p) {
     if (p.lane >= rem * 0.8 || i % 2 === 0) {
       ctx.save();
       ctx.beginPath();
-      ctx.rect(0, top, left - rem * 0.5, p.lane);
+      ctx.rect(0, top - p.lane, left - rem * 0.5, 3 * p.lane);
       ctx.clip();
       ctx.fillText(lane.name, from, top + p.lane / 2);
       ctx.restore();
