@@ -116,6 +116,7 @@ class Exporter:
         """Write a branch as a recording, which carries its run file, or as the run file alone."""
         from verefine_viz.batch.summary import run_end
         from verefine_viz.grasping.grasp_answer import answer_grasps
+        from verefine_viz.recording.reader import read_recording
         from verefine_viz.recording.recorder import Recorder
 
         run, session, settings = branch.run, space.session_of(branch), branch.settings.grasp
@@ -136,8 +137,13 @@ class Exporter:
         watchers = (file,) if recorder is None else (file, recorder)
         try:
             run.show((Watched(self._progress, run.length, watchers),))
-            if run.is_done:
-                file.finish(run_end(run, session, recorder.landscapes if recorder is not None else {}, grasps))
+            if branch.recording is not None:
+                end = read_recording(branch.recording).end
+            else:
+                known = recorder.landscapes if recorder is not None else {}
+                end = run_end(run, session, known, grasps) if run.is_done else None
+            if end is not None:
+                file.finish(end)
             file.close()
             if recorder is not None:
                 recorder.close(file.path.read_bytes())
