@@ -29,7 +29,8 @@ on("frame", (message) => {
   state.verdicts.clear();
   update({ frame: message, compare: null, replaying: null });
   if (!isAgain) {
-    setView({ branch: 0, k: 0, stage: null, obj: null, arm: null, moment: null, edited: null, a: null, b: null, pixel: null });
+    setView({ branch: 0, k: 0, stage: null, obj: null, arm: null, moment: null, edited: null, a: null, b: null,
+      pixel: null });
   }
   document.title = `${message.title} · verefine-viz`;
 });
@@ -65,7 +66,8 @@ on("written", (file) => {
   update({ written: [...state.written.filter((f) => f.path !== file.path), file] });
   toast("note", `Written: ${file.path ?? file.name}`, { url: file.url, name: file.name });
 });
-on("edited", ({ obj, T }) => setView({ edited: { ...(state.view.edited ?? { arm: momentOf(state)?.arm ?? 0 }), obj, T } }));
+on("edited", ({ obj, T }) =>
+  setView({ edited: { ...(state.view.edited ?? { arm: momentOf(state)?.arm ?? 0 }), obj, T } }));
 on("picked", ({ u, v }) => setView({ pixel: [u, v] }));
 on("scene3d", ({ window }) => update({ scene3d: window }));
 on("answers", (message) => update({ answers: message }));
@@ -88,7 +90,8 @@ function tellLook() {
   if (!moment || state.connection !== "open") return;
   const beside = moment.beside ? { branch: moment.beside.branch, k: moment.beside.k } : null;
   const verb = {
-    verb: "look", branch: view.branch, k: moment.k, stage: view.stage, obj: moment.obj, arm: moment.arm, moment: view.moment,
+    verb: "look", branch: view.branch, k: moment.k, stage: view.stage, obj: moment.obj, arm: moment.arm,
+      moment: view.moment,
     edited: view.edited?.T ?? null, grasp: view.grasp ?? null, b: beside, answer: moment.isAnswer,
   };
   const text = JSON.stringify(verb);
