@@ -282,6 +282,7 @@ let target = null; // the iteration that a link names, while its rows are yet to
 let pinned = false; // a link's iteration is shown: rows that come do not move the view
 let timer = null;
 
+const isKnown = () => state.runs.has(state.view.branch);
 const known = () => runOf(state).rows.length;
 const atEnd = () => state.view.k >= known();
 const computes = () => state.running.branch != null;
@@ -296,13 +297,16 @@ export function seek(k) {
 }
 
 export function step() {
+  if (!isKnown()) return undefined;
   stopReplay();
   if (state.view.stage) return setView({ stage: null, moment: null });
   if (!atEnd()) return setView({ k: state.view.k + 1, ...ofIteration });
   if (!runOf(state).over && !computes()) send({ verb: "step", branch: state.view.branch });
+  return undefined;
 }
 
 export function stepStage() {
+  if (!isKnown()) return undefined;
   stopReplay();
   const { k, stage } = state.view;
   const names = (runOf(state).rows[k - 1]?.stages ?? []).map((one) => one.name);
@@ -315,6 +319,7 @@ export function stepStage() {
   if (runOf(state).over) return setView({ stage: null });
   stageNext = true;
   if (!computes()) send({ verb: "step", branch: state.view.branch });
+  return undefined;
 }
 
 export function back() {
@@ -327,11 +332,13 @@ export function back() {
 }
 
 export function run(until = "end") {
+  if (!isKnown()) return undefined;
   stopReplay();
   const r = runOf(state);
   if (r.over) return replay();
   setView({ k: known(), ...ofIteration });
   send({ verb: "run", branch: state.view.branch, until });
+  return undefined;
 }
 
 export function pause() {

@@ -67,7 +67,7 @@ function Controls() {
 const StageDots = ({ stages, stage, accepted }) => {
   const at = stage == null ? stages.length - 1 : stages.indexOf(stage);
   return html`<span class="stages">${stages.map((name, i) => html`
-    <button type="button" class=${`stage ${i <= at ? "on" : ""}`}
+    <button type="button" class=${`dot ${i <= at ? "on" : ""}`}
       title=${`${name}${name === accepted ? ", accepted" : ""} (S: next stage)`}
       onClick=${(e) => { e.currentTarget.blur(); setView({ stage: i === stages.length - 1 && stage != null && at === i
         ? null : name, moment: null }); }}>
@@ -326,7 +326,7 @@ function placeOf(model, [w, h, rem, ratio]) {
   const axis = Math.round(rem * 1.15);
   const room = Math.max(0, h - marksTop - marks - axis);
   const n = Math.max(model.lanes.length, 1);
-  const most = room * 0.52;
+  const most = room * (model.several && !model.chosen ? 0.6 : 0.52);
   const strip = most / n < rem * 0.5;
   const lane = strip ? Math.min(rem * 1.3, room * 0.35) : Math.min(most / n, rem * 1.3);
   const lanesTop = marksTop + marks;
@@ -359,7 +359,7 @@ function draw(canvas, model, p) {
     const top = p.lanesTop + i * p.lane;
     ctx.fillStyle = line;
     ctx.fillRect(left, Math.round(top + p.lane) - 1, right - left, 1);
-    font(0.86);
+    font(lane.color ? Math.min(0.86, p.lane / rem) : 0.86);
     ctx.textAlign = "left";
     ctx.fillStyle = dim;
     if (p.strip) {
@@ -372,7 +372,7 @@ function draw(canvas, model, p) {
       from += rem * 0.9;
       ctx.fillStyle = text;
     }
-    if (p.lane >= rem * 0.8 || i % 2 === 0) {
+    if (lane.color || p.lane >= rem * 0.8 || i % 2 === 0) {
       ctx.save();
       ctx.beginPath();
       ctx.rect(0, top - p.lane, left - rem * 0.5, 3 * p.lane);
