@@ -106,7 +106,11 @@ def moment_of(branch: Branch, look: Look) -> Moment:
     targets = {t.instance.instance_id: t for t in run.problem.targets}
     focus = look.obj
     if focus is None:
-        focus = at.instance_id if at else next((i for i, t in targets.items() if t.instance.hypotheses), [*targets][0])
+        focus = (
+            at.instance_id
+            if at
+            else next((i for i, t in targets.items() if t.instance.hypotheses), next(iter(targets)))
+        )
     if focus not in targets:
         raise InputError(unknown("object", focus, [*targets]))
     target = targets[focus]
@@ -116,6 +120,8 @@ def moment_of(branch: Branch, look: Look) -> Moment:
     answer = next(o.answer for o in objects if o.instance_id == focus)
     arm = _arm(look, (answer if is_answer else None) or iteration, own)
     poses = _poses(target, iteration, own, arm, look, iteration is at, answer if is_answer else None)
+    if is_answer and answer is not None and own is not None and (rival := runner_up(branch, own, answer)) is not None:
+        poses["runner-up"] = rival.T_cam_obj
     return Moment(branch, k, target, iteration, is_answer, poses, arm, own, objects)
 
 
@@ -213,8 +219,6 @@ def _poses(
     best = answer or (own.best if own is not None else None)
     if best is not None:
         poses["best"] = best.T_cam_obj
-    if answer is not None and own is not None and (rival := runner_up(own, answer)) is not None:
-        poses["runner-up"] = rival.T_cam_obj
     if look.edited is not None:
         poses["edited"] = pose_matrix(look.edited)
     if target.instance.T_cam_obj_gt is not None:
@@ -222,8 +226,10 @@ def _poses(
     return poses
 
 
-def runner_up(own: Any, best: Best) -> Best | None:
-    """Return the best pose of another hypothesis than the answer's."""
+def runner_up(branch: Branch, own: Any, best: Best) -> Best | None:
+    """Return the best pose of another hypothesis; None where the method does not answer with the best of all."""
+    if not method_of(branch.settings.method.name).answers_best_of_all:
+        return None
     others = [entry.as_best(j) for j, arm in enumerate(own.arms) if j != best.arm for entry in arm.entries]
     return max(others, key=lambda pose: pose.score.score, default=None)
 

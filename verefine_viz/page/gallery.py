@@ -1,0 +1,221 @@
+"""The answers of one or several batch runs, to sort, filter and open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from verefine_viz.batch.answer_cards import WRONG
+from verefine_viz.batch.answer_tags import Arrangement, TagFile, answer_key, checked_name, read_tags, save_tags
+from verefine_viz.batch.folder import SESSION_FILE
+from verefine_viz.batch.index import BatchIndex, Order, find_runs, has_finished_frame, read_batch, sort_key
+from verefine_viz.batch.runs import RUN_FILE, Runs
+from verefine_viz.batch.totals import doubts_in_words
+from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.settings import Session
+from verefine_viz.page.workspace import Records
+from verefine_viz.run.record import Answer
+from verefine_viz.run.run_file import SUFFIX, read_run_file
+from verefine_viz.run.session_file import load_session
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One object of a frame, as one run answered it; or a frame of a watched folder that is not solved yet."""
+
+    run: str
+    """Name of the run's folder."""
+    row: Answer
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether it is a frame that is not solved yet."""
+        return self.row.is_waiting
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether the answer is wrong or missing; False also where that is unknown."""
+        return not self.is_waiting and (self.row.status != "ok" or self.row.is_correct is False)
+
+    @property
+    def can_be_opened(self) -> bool:
+        """A frame that failed as a whole fails again, and an object that was excluded is again."""
+        return self.row.was_asked_for
+
+    @property
+    def iteration(self) -> int:
+        """What is opened: where it went wrong, else where the answer was made; 0 = before iteration 1."""
+        row = self.row
+        return (row.best_iteration if row.worst_iteration is None else row.worst_iteration) or 0
+
+
+class Gallery:
+    """All answers.
+
+    Args:
+        indices: the runs, at least one.
+        n_unfinished: runs that lie beside them and are not finished.
+        overrides: settings that win over those of the runs when a frame is opened.
+        notes: what of other runs cannot be read.
+    """
+
+    def __init__(
+        self,
+        indices: Sequence[BatchIndex],
+        n_unfinished: int = 0,
+        overrides: Mapping[str, Any] | None = None,
+        notes: Sequence[str] = (),
+    ) -> None:
+        self.runs = {index.folder.name: index for index in indices}
+        self.n_unfinished = n_unfinished
+        self.notes = (*notes, *(note for index in indices for note in index.notes))
+        """What is missing."""
+        self.entries = tuple(Entry(run, row) for run, index in self.runs.items() for row in index.rows)
+        self._overrides = overrides or {}
+        self._sessions: dict[str, Session] = {}
+        self._files: dict[str, TagFile] = {}
+        self.tag_faults: dict[str, str] = {}
+        """Why the tags of a run cannot be read."""
+        for run, index in self.runs.items():
+            try:
+                self._files[run] = read_tags(index.folder)
+            except InputError as error:
+                self._files[run], self.tag_faults[run] = TagFile(), str(error)
+
+    def records(self, run: str) -> Records:
+        """Return where the solved frames of a run lie; nowhere where other settings win over its own."""
+        runs = Runs(self.runs[run].folder / "runs")
+
+        def of_frame(frame: str) -> Path | None:
+            path = runs.path(frame)
+            return path if path.is_file() and not self._overrides else None
+
+        return of_frame
+
+    def loose_record(self, entry: Entry) -> Path | None:
+        """Return the file of an answer's run where a folder holds run files of any names; None where it is a batch."""
+        row = entry.row
+        return self._loose.get((entry.run, row.frame, row.method, row.seed))
+
+    @cached_property
+    def _loose(self) -> dict[tuple[str, str, str, int | None], Path]:
+        files: dict[tuple[str, str, str, int | None], Path] = {}
+        for run, index in self.runs.items():
+            for path in () if (index.folder / RUN_FILE).is_file() else sorted(index.folder.glob(f"*{SUFFIX}")):
+                with suppress(InputError):
+                    end = read_run_file(path, with_iterations=False).end
+                    for row in end.answers if end is not None else ():
+                        files[run, row.frame, row.method, row.seed] = path
+        return files
+
+    @property
+    def has_several_runs(self) -> bool:
+        return len(self.runs) > 1
+
+    @cached_property
+    def worst(self) -> Entry:
+        """What is opened first; of frames that can be opened, if there are any."""
+        ordered = self.sorted_by("error")
+        return next((entry for entry in ordered if entry.can_be_opened), ordered[0])
+
+    @cached_property
+    def outcome(self) -> str:
+        """How many objects are right, in words; as in a batch, one without an answer is not."""
+        solved = [e for e in self.entries if not e.is_waiting]
+        objects = [e.row for e in solved if e.row.is_object]
+        known = [row for row in objects if row.has_truth or row.is_correct is not None]
+        n_right, missing = sum(row.is_correct is True for row in known), sum(row.status != "ok" for row in objects)
+        n_frames, failed = len({e.row.frame for e in solved}), len(solved) - len(objects)
+        words = f"{n_right} of {len(known)} objects" if known else f"{len(objects)} objects"
+        words += (
+            f" of {len(self.runs)} runs" if self.has_several_runs else f" in {n_frames} frame{'s' * (n_frames != 1)}"
+        )
+        words += " are right" if known else ""
+        words += f"; {missing} {'has' if missing == 1 else 'have'} no answer" if missing else ""
+        words += f"; {failed} frame{'s' * (failed != 1)} failed" if failed else ""
+        n_waiting = len(self.entries) - len(solved)
+        return words + (f"; {n_waiting} frame{'s' * (n_waiting != 1)} not solved yet" if n_waiting else "")
+
+    @cached_property
+    def doubt(self) -> str:
+        """In how many frames the data are in doubt, and why; empty where none are."""
+        return doubts_in_words([(run, index.rows) for run, index in self.runs.items()])
+
+    def sorted_by(self, order: Order) -> tuple[Entry, ...]:
+        """Everything in one of ``batch.index.ORDERS``."""
+        place = sort_key(order)
+        return tuple(sorted(self.entries, key=lambda entry: place(entry.row)))
+
+    @cached_property
+    def first_arrangement(self) -> Arrangement:
+        """What is shown until the user chooses: wrong answers, if any are known to be, the worst first."""
+        has_wrong = any(entry.is_wrong for entry in self.entries)
+        return Arrangement(only={"result": WRONG} if has_wrong else {})
+
+    # Tags
+
+    def tags_of(self, entry: Entry) -> tuple[str, ...]:
+        return self._files[entry.run].tags.get(answer_key(entry.row), ())
+
+    def tag(self, entries: Sequence[Entry], tag: str, on: bool) -> None:
+        """Gives answers a tag, or takes it away; kept beside their runs.
+
+        Raises:
+            InputError: it is no tag, or a file is damaged or cannot be written.
+        """
+        tag = checked_name(tag)
+        for run in dict.fromkeys(entry.run for entry in entries):
+            tags = dict(self._files[run].tags)
+            for key in (answer_key(entry.row) for entry in entries if entry.run == run):
+                others = tuple(t for t in tags.pop(key, ()) if t != tag)
+                if others or on:
+                    tags[key] = (*others, tag) if on else others
+            self._save(run, self._files[run].model_copy(update={"tags": tags}))
+
+    def _save(self, run: str, file: TagFile) -> None:
+        if run in self.tag_faults:
+            raise InputError(self.tag_faults[run])
+        save_tags(self.runs[run].folder, file)
+        self._files[run] = file
+
+    def answer(self, key: int) -> Entry:
+        """The answer of a number, in the order of :attr:`entries`.
+
+        Raises:
+            InputError: there is none.
+        """
+        if not 0 <= key < len(self.entries):
+            raise InputError(unknown("answer", key, range(len(self.entries))))
+        return self.entries[key]
+
+    def session(self, run: str) -> Session:
+        """What opens a run, its frames sorted so that the one with the worst object comes first."""
+        if run not in self._sessions:
+            index, overrides = self.runs[run], self._overrides
+            session = load_session(index.folder / SESSION_FILE, overrides) if overrides else index.session
+            scene = session.scene.model_copy(update={"frames": index.frames})
+            self._sessions[run] = session.model_copy(update={"scene": scene})
+        return self._sessions[run]
+
+
+def read_gallery(folder: Path, overrides: Mapping[str, Any] | None = None) -> Gallery:
+    """The batch run in ``folder``, or those of several that have a finished frame.
+
+    Raises:
+        InputError: there is none, none is finished, or a file is damaged.
+    """
+    folders = find_runs(folder).runs
+    finished = [path for path in folders if has_finished_frame(path)]
+    indices, notes = list[BatchIndex](), list[str]()
+    for path in finished or folders[:1]:
+        try:
+            indices.append(read_batch(path))
+        except InputError as error:
+            notes.append(str(error))
+    if not indices:
+        raise InputError(notes[0])
+    return Gallery(indices, len(folders) - len(finished), overrides, notes)

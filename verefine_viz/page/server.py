@@ -1,0 +1,279 @@
+"""The page's server: its files, its websocket, binary arrays, thumbnails, and the 3D view behind it."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import logging
+import socket
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import FileResponse, Response
+from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from verefine_viz.core.errors import InputError, UnavailableError
+from verefine_viz.page.admission import Admission, Guard, in_url, is_loopback, reached_at
+from verefine_viz.page.blobs import Blobs
+from verefine_viz.page.protocol import AnyVerb, read_verb
+
+_LOG = logging.getLogger(__name__)
+WEB = Path(__file__).parent / "web"
+MOST_FAULTS = 10
+"""Malformed messages after which a window is closed."""
+MOST_MESSAGES = 20_000
+"""Messages that wait for a window; one that takes no more is closed."""
+_LONGEST_WAIT_S = 30.0
+"""For a thumbnail."""
+Receive = Callable[[int, AnyVerb | None], None]
+"""Gets what a window asks for; None = it has just connected."""
+
+
+class Window:
+    """One browser window."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        self.out: asyncio.Queue[str | None] = asyncio.Queue(MOST_MESSAGES)
+        """Messages to send; None = close."""
+
+    def put(self, message: str | None) -> None:
+        """Send a message once there is time."""
+        try:
+            self.out.put_nowait(message)
+        except asyncio.QueueFull:
+            _LOG.warning("window %d takes no messages; closed", self.number)
+            while not self.out.empty():
+                self.out.get_nowait()
+            self.out.put_nowait(None)
+
+
+class PageServer:
+    """Serves one page until it is stopped.
+
+    Args:
+        host: address to listen on.
+        port: port to listen on; 0 = any free one.
+        allowed_origins: other addresses of the page, see :class:`Admission`.
+        receive: gets what windows ask for, on the server's thread.
+        blobs: binary arrays by key.
+        thumbnail: begins to make the small picture of an answer of the gallery (WebP); None = there is none.
+        file: gives the file of a name that this program wrote, to download; None = it wrote none.
+        routes: further routes, such as the 3D view's.
+
+    Raises:
+        SettingsError: an allowed origin is none.
+        UnavailableError: the address cannot be bound.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        allowed_origins: Sequence[str],
+        receive: Receive,
+        blobs: Blobs,
+        thumbnail: Callable[[int], Future[bytes] | None] = lambda number: None,
+        file: Callable[[str], Path | None] = lambda name: None,
+        routes: Sequence[BaseRoute] = (),
+    ) -> None:
+        self._receive, self._blobs, self._thumbnail, self._file = receive, blobs, thumbnail, file
+        self._windows: dict[int, Window] = {}
+        self._numbers = count(1)
+        admission = Admission(host, allowed_origins)
+        self._socket = bind(host, port)
+        self.host, self.port = host, int(self._socket.getsockname()[1])
+        if not is_loopback(host):
+            _LOG.warning(
+                "%s is no loopback address: whoever reaches it can use the page; for remote use prefer 127.0.0.1 and "
+                "ssh -L %d:127.0.0.1:%d", host, self.port, self.port,
+            )  # fmt: skip
+        app = Starlette(
+            routes=[
+                Route("/", lambda request: FileResponse(WEB / "index.html", headers={"cache-control": "no-cache"})),
+                Route("/blob/{key}", self._blob),
+                Route("/thumb/{number:int}", self._thumb),
+                Route("/file/{name}", self._written),
+                WebSocketRoute("/ws", self._talk),
+                Mount("/web", _Files(directory=WEB)),
+                *routes,
+            ]
+        )
+        config = uvicorn.Config(
+            Guard(app, admission, lambda: self.port),
+            log_config=None, access_log=False, lifespan="off", ws="websockets-sansio", ws_max_size=4 * 1024**2,
+            timeout_graceful_shutdown=1,
+        )  # fmt: skip
+        self._server = uvicorn.Server(config)
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._is_up = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="verefine-server", daemon=True)
+
+    @property
+    def url(self) -> str:
+        """What to type into a browser on this machine."""
+        return f"http://{in_url(reached_at(self.host))}:{self.port}"
+
+    def start(self) -> None:
+        """Serve on a thread of its own."""
+        self._thread.start()
+        self._is_up.wait(timeout=20)
+
+    def stop(self) -> None:
+        """Close all connections and free the port."""
+        self._server.should_exit = True
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(lambda: [window.put(None) for window in self._windows.values()])
+        self._thread.join(timeout=10)
+        self._socket.close()
+
+    def post(self, message: dict[str, Any], window: int | None = None) -> None:
+        """Send a message to a window, or to all. Callable from any thread."""
+        text = msgspec.json.encode(message, enc_hook=_plain).decode()
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._put, text, window)
+
+    @property
+    def n_windows(self) -> int:
+        """How many windows are connected."""
+        return len(self._windows)
+
+    # The server's thread
+
+    def _serve(self) -> None:
+        async def serve() -> None:
+            self._loop = asyncio.get_running_loop()
+            self._loop.call_later(0, self._is_up.set)
+            await self._server.serve(sockets=[self._socket])
+
+        asyncio.run(serve())
+
+    def _put(self, text: str, window: int | None) -> None:
+        for one in [*self._windows.values()] if window is None else filter(None, [self._windows.get(window)]):
+            one.put(text)
+
+    async def _talk(self, socket: WebSocket) -> None:
+        await socket.accept()
+        window = Window(next(self._numbers))
+        self._windows[window.number] = window
+        await socket.send_text(msgspec.json.encode({"t": "hello", "window": window.number}).decode())
+        self._receive(window.number, None)
+        sending = asyncio.create_task(_send_all(socket, window))
+        try:
+            await self._listen(socket, window)
+        except (WebSocketDisconnect, RuntimeError):
+            pass
+        finally:
+            del self._windows[window.number]
+            sending.cancel()
+
+    async def _listen(self, socket: WebSocket, window: Window) -> None:
+        faults = 0
+        while True:
+            message = await socket.receive()
+            if message["type"] == "websocket.disconnect":
+                return
+            try:
+                verb = read_verb(message.get("text") or "")
+            except InputError as error:
+                faults += 1
+                _LOG.warning("window %d: %s", window.number, error)
+                if faults >= MOST_FAULTS:
+                    _LOG.warning("window %d sent %d malformed messages; closed", window.number, faults)
+                    await socket.close(1008)
+                    return
+                continue
+            self._receive(window.number, verb)
+
+    async def _blob(self, request: Request) -> Response:
+        blob = self._blobs.get(request.path_params["key"])
+        if blob is None:
+            return Response(status_code=404)
+        return Response(blob.data, media_type=blob.media_type, headers={"cache-control": "no-store"})
+
+    async def _thumb(self, request: Request) -> Response:
+        future = self._thumbnail(request.path_params["number"])
+        if future is None:
+            return Response(status_code=404)
+        try:
+            made = await asyncio.wait_for(asyncio.shield(asyncio.wrap_future(future)), _LONGEST_WAIT_S)
+        except TimeoutError:
+            return Response(status_code=503)
+        # Its address names the answer too, so the browser need not ask again.
+        kept = {"cache-control": "private, max-age=3600"}
+        return Response(made, media_type="image/webp", headers=kept) if made else Response(status_code=404)
+
+    async def _written(self, request: Request) -> Response:
+        path = self._file(request.path_params["name"])
+        if path is None or not path.is_file():
+            return Response(status_code=404)
+        return FileResponse(path, filename=path.name, headers={"cache-control": "no-store"})
+
+
+class _Files(StaticFiles):
+    """Files that browsers ask for again each time, so that a new version is never mixed with an old one."""
+
+    def file_response(self, *args: Any, **kwargs: Any) -> Response:
+        response = super().file_response(*args, **kwargs)
+        response.headers["cache-control"] = "no-cache"
+        return response
+
+
+async def _send_all(socket: WebSocket, window: Window) -> None:
+    while (text := await window.out.get()) is not None:
+        await socket.send_text(text)
+    await socket.close(1001)
+
+
+def _plain(value: Any) -> Any:
+    """Write numpy's numbers and arrays, and sets, as JSON can."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, set | frozenset):
+        return sorted(value)
+    raise TypeError(f"{type(value).__name__} cannot be sent to the page")
+
+
+def bind(host: str, port: int) -> socket.socket:
+    """Bind a socket to an address of this machine.
+
+    Raises:
+        UnavailableError: the port is taken or not a port, or the host is not one of this machine's.
+    """
+    if not 0 <= port <= 65535:
+        raise UnavailableError(f"port {port} does not exist; choose one from 1 to 65535, or 0 for any free one")
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        bound = socket.socket(family, kind, protocol)
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            bound.bind(address)
+            bound.listen(128)
+        except OSError:
+            bound.close()
+            raise
+        return bound
+    except UnicodeError:  # A name with parts of more than 63 letters, or with letters that no name has.
+        raise UnavailableError(f"host {host!r} is no name of a machine, expected 127.0.0.1 in most cases") from None
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            raise UnavailableError(
+                f"port {port} on {host} is taken; stop the program that uses it, or choose another: --port N, or "
+                "make app PORT=N (0 = any free one)"
+            ) from None
+        if error.errno == errno.EACCES:
+            raise UnavailableError(f"port {port} needs more rights than you have; choose one above 1023") from None
+        raise UnavailableError(
+            f"host {host!r} cannot be bound ({error.strerror or error}); expected an address of this machine, "
+            "usually 127.0.0.1"
+        ) from None

@@ -1,0 +1,641 @@
+"""Carries out verbs: what is open, which runs go on, and what windows are told. Needs no screen."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from time import monotonic, perf_counter
+from typing import Any
+
+from msgspec.structs import replace
+
+from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.paths import at_home
+from verefine_viz.core.problem import Placed, Problem
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.methods.registry import method_of
+from verefine_viz.page import protocol as p
+from verefine_viz.page.blobs import Blobs
+from verefine_viz.page.branch import Branch
+from verefine_viz.page.gallery import Gallery
+from verefine_viz.page.live_gallery import LiveGallery
+from verefine_viz.page.marks import jumps
+from verefine_viz.page.moment import labels_of, pose_matrix
+from verefine_viz.page.opening import open_gallery, open_other, titled
+from verefine_viz.page.protocol import AnyVerb
+from verefine_viz.page.views.answers import answers_message
+from verefine_viz.page.views.frame import frame_message
+from verefine_viz.page.views.rows import run_message
+from verefine_viz.page.views.verdict import finished_objects, verdict_message
+from verefine_viz.page.wants import ANSWERS
+from verefine_viz.page.worker import Post
+from verefine_viz.page.workspace import Workspace
+from verefine_viz.run.breakpoints import hits, with_changes
+from verefine_viz.run.variants import settings_between
+from verefine_viz.scenes.hypothesis_pool import asked_estimators
+
+ROWS_S = 0.1
+"""Time between two messages with the rows of a run that goes on [s]."""
+_TIMED = 20
+"""Iterations whose mean duration says how long the others will take."""
+SOURCES = {"results": "the results files", "perturb": "the disturbed ground truth"}
+"""What the page calls where initial poses come from; estimators have their names."""
+_NOT_LOGGED = (p.Look, p.Want, p.Run, p.Seek, p.Pause, p.Cancel, p.Evaluate, p.Save, p.Tag)
+"""Verbs that change no record; how far a run came is logged where it stops."""
+
+
+_BEGINS_ANEW = (p.Restart, p.Open, p.Order, p.Estimate)
+"""Verbs after which other runs are there: what is computed ends before them."""
+
+
+class Goal:
+    """What a branch is computed to.
+
+    Args:
+        branch: which.
+        k: until it holds so many iterations, breakpoints or not; None = to its end, and breakpoints stop it.
+        until: "end", or "event": the first mark stops it too.
+        then: called once it is reached.
+    """
+
+    def __init__(
+        self, branch: Branch, k: int | None = None, until: str = "end", then: Callable[[], None] = lambda: None
+    ) -> None:
+        self.branch, self.k, self.until, self.then = branch, k, until, then
+        self.seconds: deque[float] = deque(maxlen=_TIMED)
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether nothing is left to compute."""
+        run = self.branch.run
+        return run.is_done or (self.k is not None and run.length >= self.k)
+
+    @property
+    def remaining_s(self) -> float | None:
+        """Estimated time to the goal [s]; None where nothing was timed yet."""
+        if not self.seconds:
+            return None
+        run = self.branch.run
+        return ((self.k or run.n_iterations) - run.length) * sum(self.seconds) / len(self.seconds)
+
+
+class Debugger:
+    """What is open, and what happens to it.
+
+    Args:
+        space: the open session.
+        post: sends messages to windows; None where there are none.
+        blobs: where binary arrays are held for them.
+        gallery: the answers of a batch; None = no batch is open.
+        demos: names of the built-in scenes.
+        sessions: lists the session files that lie at hand.
+        write: writes a file for ``Save``; None = nothing can be written.
+        progress: checked between the parts of long work.
+    """
+
+    def __init__(
+        self,
+        space: Workspace,
+        post: Post = lambda message, window: None,
+        blobs: Blobs | None = None,
+        gallery: Gallery | None = None,
+        demos: Sequence[str] = (),
+        sessions: Callable[[], Sequence[Path]] = tuple,
+        write: Callable[[Debugger, p.Save], dict[str, Any]] | None = None,
+        progress: ProgressToken = NEVER_CANCELLED,
+    ) -> None:
+        self.space, self.post, self.blobs = space, post, blobs or Blobs()
+        self.gallery, self.demos, self.list_sessions = gallery, demos, sessions
+        self._write, self.progress = write, progress
+        self.batch_run = gallery.worst.run if gallery is not None else ""
+        """The batch run whose session is open; "" = none is."""
+        self.goals: dict[int, Goal] = {}
+        """What is computed, by branch; in turns where there are several."""
+        self.log: list[AnyVerb] = []
+        """Verbs that changed a record; carried out again they give the same records."""
+        self.look: p.Look | None = None
+        """What the window used last looks at."""
+        self.look_window: int | None = None
+        self.on_look: Callable[[], None] = lambda: None
+        """Draws the 3D view."""
+        self._sent: dict[int, int] = {}
+        """Rows of each branch that windows have."""
+        self._sent_at = 0.0
+        self._judged: dict[int, int] = {}
+        """Branches whose verdict windows have, and of how many iterations."""
+        self._later: Iterator[None] | None = self._warm_up()
+        self.repeat_recorded()
+
+    # Verbs
+
+    def apply(self, window: int | None, verb: AnyVerb) -> None:
+        """Begin to carry out a verb; a run goes on with each :meth:`tick`.
+
+        Raises:
+            VerefineError: it cannot be done; everything is as before.
+            Cancelled: it is no longer wanted; everything is as before.
+        """
+        if isinstance(verb, _BEGINS_ANEW):
+            self.pause()
+        is_logged = not isinstance(verb, _NOT_LOGGED)
+        if is_logged:
+            self.log.extend(self.progress_verbs())
+        HANDLERS[type(verb)](self, verb, window)
+        if is_logged:
+            self.log.append(_as_logged(verb))
+        if not isinstance(verb, (p.Look, p.Want)):
+            self.announce_running()
+
+    def carry_out(self, verbs: Iterable[AnyVerb]) -> Debugger:
+        """Carry out verbs one after another, each to its end."""
+        for verb in verbs:
+            self.apply(None, verb)
+            while self.is_running:
+                self.tick()
+        return self
+
+    @property
+    def is_running(self) -> bool:
+        """Whether a branch is computed."""
+        return bool(self.goals)
+
+    def compute(self, goal: Goal) -> None:
+        """Have a branch computed to a goal, beside what is computed already."""
+        self.goals[goal.branch.index] = goal
+
+    def tick(self) -> None:
+        """Compute one iteration of the branch whose turn it is."""
+        if not self.goals:
+            return
+        index, goal = next(iter(self.goals.items()))
+        run = goal.branch.run
+        if not goal.is_reached:
+            began = perf_counter()
+            run.seek(run.length)
+            iteration = run.step()
+            goal.seconds.append(perf_counter() - began)
+            reasons = hits(self.space.breakpoints, run.problem, iteration) if goal.k is None else ()
+            if reasons and not run.is_done:
+                self.pause(index)
+                self.say(f"Breakpoint at iteration {iteration.index}: {'; '.join(reasons)}")
+                return
+            if goal.until == "event" and iteration.index in jumps(goal.branch.marks()):
+                self.pause(index)
+                return
+        if goal.is_reached:
+            self.pause(index)
+            goal.then()
+            return
+        self.goals[index] = self.goals.pop(index)  # The next one's turn.
+        if monotonic() - self._sent_at > ROWS_S:
+            for other in self.goals.values():
+                self.send_rows(other.branch)
+            self.announce_running()
+
+    def pause(self, index: int | None = None) -> None:
+        """Stop computing a branch, or all; the log says how far each came."""
+        stopped = [goal for i, goal in self.goals.items() if index in (None, i)]
+        if not stopped:
+            return
+        self.log.extend(p.Seek(goal.branch.run.length, goal.branch.index) for goal in stopped)
+        for goal in stopped:
+            del self.goals[goal.branch.index]
+            self.send_rows(goal.branch)
+        self.announce_running()
+
+    def progress_verbs(self) -> list[AnyVerb]:
+        """Return verbs that compute as much as is there of what is being computed."""
+        return [p.Seek(goal.branch.run.length, goal.branch.index) for goal in self.goals.values()]
+
+    def repeat_recorded(self) -> None:
+        """Take the steps that another program recorded: what is over already opens at its end."""
+        branch = self.space.work.first
+        if method_of(branch.settings.method.name).repeats and not branch.run.is_done:
+            self.compute(Goal(branch, branch.run.n_iterations))
+
+    def show(self, iteration: int | None, obj: int | None, window: int | None) -> None:
+        """Take a window to an iteration of the first branch, and compute the whole run where it is not there yet.
+
+        Args:
+            iteration: 0 = before the first; None = the end of what is there.
+            obj: in focus; None = that of the iteration.
+            window: which; None = all.
+        """
+        branch = self.space.work.first
+        run = branch.run
+        patch = {"branch": branch.index, "obj": obj, "stage": None, "arm": None, "moment": None}
+        if iteration is not None and not run.is_done:
+            self.post({"t": "view", "patch": patch, "at": None}, window)
+            seen = {"t": "view", "patch": {**patch, "k": iteration}, "at": iteration}
+            self.compute(Goal(branch, run.n_iterations, then=lambda: self.post(seen, window)))
+            return
+        k = run.length if iteration is None else min(iteration, run.length)
+        self.post({"t": "view", "patch": {**patch, "k": k}, "at": iteration}, window)
+
+    def refresh_gallery(self) -> None:
+        """Take over what a watched folder has now."""
+        gallery, space = self.gallery, self.space
+        if not isinstance(gallery, LiveGallery):
+            return
+        gallery.refresh()
+        frames = None
+        if self.batch_run and space.tools.session == gallery.session(self.batch_run):
+            frames = space.frames = gallery.frames(self.batch_run)
+        self.post({**answers_message(gallery), "frames": frames}, None)
+
+    def step(self, branch: Branch) -> None:
+        """Compute one iteration at the end of a branch."""
+        if branch.run.is_done:
+            raise InputError("the run is over; restart it, or fork it with other settings")
+        branch.run.seek(branch.run.length)
+        branch.run.step()
+        self.send_rows(branch)
+
+    # What windows are told
+
+    def welcome(self, window: int) -> None:
+        """Send a window that has just connected all that is known."""
+        self.post(self._frame(), window)
+        self.post(self._branches(), window)
+        for branch in self.space.branches.values():
+            self.post(run_message(branch, 0), window)
+            self._sent[branch.index] = branch.run.length
+            if branch.is_over:
+                self.post(self._verdict(branch), window)
+                self._judge(branch)
+        if self.gallery is not None:
+            self.post(answers_message(self.gallery), window)
+        self.announce_running(window)
+        self.post({"t": "scene3d", "window": self.look_window}, window)
+
+    def say(self, text: str, window: int | None = None) -> None:
+        """Show a few words."""
+        self.post({"t": "note", "text": text}, window)
+
+    def send_frame(self) -> None:
+        """Send everything anew: another frame, session or start."""
+        self._sent, self._judged, self._later = {}, {}, None
+        self.post(self._frame(), None)
+        self.send_branches()
+        for branch in self.space.branches.values():
+            self.send_rows(branch)
+
+    def send_branches(self) -> None:
+        """Send which branches there are."""
+        self.post(self._branches(), None)
+
+    def send_rows(self, branch: Branch) -> None:
+        """Send the iterations that windows do not have, and the verdict once the run is over."""
+        self.post(run_message(branch, self._sent.get(branch.index, 0)), None)
+        self._sent[branch.index], self._sent_at = branch.run.length, monotonic()
+        if branch.is_over and self._judge(branch):
+            self.post(self._verdict(branch), None)
+
+    def _judge(self, branch: Branch) -> bool:
+        """Have what the verdict on a finished run may still say worked out, once; return whether it was not before."""
+        if self._judged.get(branch.index) == branch.run.length:
+            return False
+        self._judged[branch.index] = branch.run.length
+        self._later = self._work_out(branch)
+        return True
+
+    def announce_running(self, window: int | None = None) -> None:
+        """Say which branch is computed, and how long it will take."""
+        left = [goal.remaining_s for goal in self.goals.values()]
+        running = {
+            "branch": next(iter(self.goals), None),
+            "branches": list(self.goals),
+            "remaining_s": sum(s for s in left if s is not None) if any(s is not None for s in left) else None,
+        }
+        self.post({"t": "running", **running}, window)
+
+    def _frame(self) -> dict[str, Any]:
+        message = frame_message(self.space, self.blobs, self.demos, titled(self.list_sessions()))
+        return {**message, "run": self.batch_run}
+
+    def _branches(self) -> dict[str, Any]:
+        first = self.space.work.first.settings
+        return {
+            "t": "branches",
+            "compare": self.space.work.compare and dict(zip("ab", self.space.work.compare, strict=True)),
+            "list": [
+                {
+                    "index": b.index,
+                    "name": b.name,
+                    "parent": b.parent,
+                    "from": b.forked_at,
+                    "recording": str(b.recording) if b.recording else None,
+                    "missing": b.missing,
+                    "method": b.settings.method.name,
+                    "settings": {name: value for name, _, value in settings_between(first, b.settings)},
+                }
+                for b in self.space.branches.values()
+            ],
+        }
+
+    def _verdict(self, branch: Branch) -> dict[str, Any]:
+        return verdict_message(branch, self._batch_rows(branch))
+
+    def _batch_rows(self, branch: Branch) -> dict[int, Any]:
+        """Return what the batch reports of the frame, by instance; nothing of a branch that is not its run."""
+        gallery, space = self.gallery, self.space
+        if (
+            gallery is None
+            or not self.batch_run
+            or branch is not space.work.first
+            or (branch.recording is None and branch.settings.method != gallery.session(self.batch_run).method)
+        ):
+            return {}
+        made_by = branch.settings.method.name
+        rows = (row for row in gallery.runs[self.batch_run].rows if (row.frame, row.method) == (space.frame, made_by))
+        return {row.instance_id: row for row in rows if row.instance_id is not None}
+
+    # What nobody waits for
+
+    def later(self) -> bool:
+        """Work out a piece of what the verdict may still say; return whether there is more."""
+        if self._later is None:
+            return False
+        try:
+            next(self._later)
+        except StopIteration:
+            self._later = None
+        return self._later is not None
+
+    def _warm_up(self) -> Iterator[None]:
+        """Make a first step and forget it: else whoever makes it waits until its kernels are loaded."""
+        run = self.space.work.first.run
+        yield
+        with suppress(Exception):  # What is wrong is said when it is made in earnest.
+            if not run.is_done:
+                run.method.step(run.state)
+
+    def _work_out(self, branch: Branch) -> Iterator[None]:
+        """Work out physics, then the score around the answers, of objects whose verdict may change by it."""
+        evaluator = branch.final_evaluator
+        objects = [o for o in finished_objects(branch) if o.answer is not None]
+        unknown_truth = [o for o in objects if o.errors is None]
+        placed = [Placed(o.instance_id, o.target.model, o.answer.T_cam_obj) for o in objects if o.answer is not None]
+        for o in unknown_truth:
+            assert o.answer is not None
+            others = [other for other in placed if other.instance_id != o.instance_id]
+            evaluator.plausibility(o.target, o.answer.T_cam_obj, others)
+            yield
+        if unknown_truth:
+            self.post(self._verdict(branch), None)
+        for o in objects:
+            assert o.answer is not None
+            iterations = branch.run.iterations_of(o.instance_id)
+            evaluator.landscape(o.target, o.answer.T_cam_obj)
+            yield
+            evaluator.near_symmetries(o.target.model)
+            yield
+            evaluator.other_pose(o.target, o.answer.T_cam_obj, iterations)
+            yield
+        self.post(self._verdict(branch), None)
+
+
+def _as_logged(verb: AnyVerb) -> AnyVerb:
+    """Return a verb without the run that it starts: how far that came is logged by itself."""
+    return replace(verb, run=False) if isinstance(verb, (p.Fork, p.Compare)) else verb
+
+
+# Moving on
+
+
+def _look(d: Debugger, verb: p.Look, window: int | None) -> None:
+    if window != d.look_window:
+        d.look_window = window
+        d.post({"t": "scene3d", "window": window}, None)
+    d.look = verb
+    d.on_look()
+
+
+def _step(d: Debugger, verb: p.Step, window: int | None) -> None:
+    d.step(d.space.branch(verb.branch))
+
+
+def _seek(d: Debugger, verb: p.Seek, window: int | None) -> None:
+    branch = d.space.branch(verb.branch)
+    if branch.run.length < verb.k and not branch.run.is_done:
+        d.compute(Goal(branch, verb.k))
+
+
+def _run(d: Debugger, verb: p.Run, window: int | None) -> None:
+    branch = d.space.branch(verb.branch)
+    if branch.run.is_done:
+        raise InputError("the run is over; restart it, or fork it with other settings")
+    d.compute(Goal(branch, None, verb.until))
+
+
+def _pause(d: Debugger, verb: p.Pause | p.Cancel, window: int | None) -> None:
+    d.pause()
+
+
+def _break(d: Debugger, verb: p.Break, window: int | None) -> None:
+    d.space.breakpoints = with_changes(d.space.breakpoints, verb.changes.items())
+    d.post({"t": "breakpoints", "breakpoints": d.space.breakpoints.model_dump()}, None)
+
+
+# Branches
+
+
+def _restart(d: Debugger, verb: p.Restart, window: int | None) -> None:
+    branch = d.space.branch(verb.branch)
+    before = d.space.session_of(branch)
+    d.space.restart(branch, verb.changes)
+    d.send_frame()
+    lost = sum(edit not in d.space.session_of(d.space.work.first).edits for edit in before.edits)
+    if lost:
+        d.say(f"{lost} edited pose{'s are' if lost > 1 else ' is'} not moved again.")
+
+
+def _fork(d: Debugger, verb: p.Fork, window: int | None) -> None:
+    old, edit = d.space.branch(verb.branch), verb.edit
+    moved = None if edit is None else (edit.obj, edit.arm, pose_matrix(edit.T))
+    branch = d.space.fork(old, min(verb.k, old.run.length), verb.changes, moved)
+    d.send_branches()
+    d.send_rows(branch)
+    d.post({"t": "view", "patch": {"branch": branch.index, "k": branch.run.length, "edited": None}}, window)
+    if verb.run and not branch.run.is_done:
+        d.compute(Goal(branch))
+    elif branch.run.is_done:
+        d.say("Nothing is left to run after the last iteration. Fork at an earlier one.", window)
+
+
+def _branch(d: Debugger, verb: p.Branch, window: int | None) -> None:
+    branch = d.space.branch(verb.index)
+    if verb.remove:
+        d.pause(branch.index)
+        d.space.remove(branch)
+    elif verb.name.strip():
+        branch.name = verb.name.strip()
+    d.send_branches()
+
+
+def _compare(d: Debugger, verb: p.Compare, window: int | None) -> None:
+    space, a = d.space, d.space.branch(verb.a)
+    if verb.stop:
+        space.work.compare = None
+        d.send_branches()
+        return
+    if verb.recording:
+        b = space.recorded(at_home(verb.recording))
+    elif verb.changes is not None:
+        b = space.beside(a, verb.changes)
+    elif verb.b is not None:
+        b = space.branch(verb.b)
+    else:
+        raise InputError("compare with what? Name a branch, a recording, or settings to change")
+    space.work.compare = (a.index, b.index)
+    d.send_branches()
+    d.send_rows(b)
+    if verb.run and not b.run.is_done:
+        d.compute(Goal(b))
+
+
+def _estimate(d: Debugger, verb: p.Estimate, window: int | None) -> None:
+    space, branch, instance_id = d.space, d.space.branch(verb.branch), verb.obj
+    labels = labels_of(space.problem)
+    if instance_id not in labels:
+        raise InputError(unknown("instance", instance_id, list(labels)))
+    label, settings = labels[instance_id], branch.tools.session.hypotheses
+    if verb.estimator == "session" and (space.frame, instance_id) not in asked_estimators(settings):
+        raise InputError(f"{label} already has the session's initial poses; choose ppf or pcs to estimate others")
+    now = settings.source if verb.estimator == "session" else verb.estimator
+    new = space.estimate(branch, instance_id, verb.estimator, f"{label} from {SOURCES.get(now, now)}")
+    n = len(new.run.problem.target(instance_id).instance.hypotheses)
+    d.send_frame()
+    d.post({"t": "view", "patch": {"branch": new.index, "k": 0, "obj": instance_id}}, None)
+    d.say(f"{label} now has {n} initial pose{'s' if n != 1 else ''}; the run before is still there as a branch.")
+
+
+def _order(d: Debugger, verb: p.Order, window: int | None) -> None:
+    branch = d.space.branch(verb.branch)
+    d.space.restart(branch, _reordered(d.space, branch, verb))
+    d.send_frame()
+
+
+def _reordered(space: Workspace, branch: Branch, verb: p.Order) -> dict[str, Any]:
+    """Return the settings that change the order, or what is in the way, as a session file has them."""
+    problem = space.problem
+    graph, session = problem.dependencies, branch.tools.session
+    if verb.reset:
+        return {"dependency.order": (), "dependency.order_file": ""}
+    if verb.drop is not None:
+        number, drop = verb.drop
+        support = problem.observation.support
+        around = support.surroundings if support is not None else None
+        numbers = [one.number for one in around.unknown] if around is not None else []
+        if number not in numbers:
+            raise InputError(unknown("unknown object", number, numbers))
+        others = tuple(other for other in session.physics.dropped if other != (space.frame, number))
+        return {"physics.dropped": (*others, (space.frame, number)) if drop else others}
+    if graph is None:
+        raise InputError("how the objects of this frame depend on each other is unknown")
+    if verb.cut is not None:
+        first, second, cut = verb.cut
+        pairs = {frozenset((e.first, e.second)) for e in graph.edges}
+        if frozenset((first, second)) not in pairs:
+            there = [f"#{min(pair)} and #{max(pair)}" for pair in sorted(pairs, key=sorted)]
+            raise InputError(unknown("pair of instances", f"#{first} and #{second}", there))
+        others = tuple(pair for pair in session.dependency.cut if set(pair) != {first, second})
+        return {"dependency.cut": (*others, (min(first, second), max(first, second))) if cut else others}
+    if verb.move is None or verb.move[1] not in (-1, 1):
+        raise InputError("an object moves by one place at a time, -1 or 1")
+    instance_id, by = verb.move
+    there = [i for cluster in graph.clusters for i in cluster]
+    if instance_id not in there:
+        raise InputError(unknown("instance", instance_id, there))
+    clusters = moved(graph.clusters, instance_id, by)
+    if clusters is None:
+        raise InputError(f"instance {instance_id} is {'first' if by < 0 else 'last'} in the order already")
+    return {"dependency.order": as_entries(problem, clusters)}
+
+
+Clusters = tuple[tuple[int, ...], ...]
+
+
+def as_entries(problem: Problem, clusters: Clusters) -> tuple[tuple[int | str, ...], ...]:
+    """Write clusters as a session file does: by object, or by instance where an object is there twice."""
+    obj_ids = {i.instance_id: i.obj_id for i in problem.instances}
+    there = list(obj_ids.values())
+    return tuple(
+        tuple(obj_ids[i] if there.count(obj_ids[i]) == 1 else f"#{i}" for i in cluster) for cluster in clusters
+    )
+
+
+def moved(clusters: Clusters, instance_id: int, by: int) -> Clusters | None:
+    """Move an instance one place in its cluster, or at its end the whole cluster; None where that is at the end too.
+
+    Args:
+        clusters: in the order to solve them.
+        instance_id: what moves.
+        by: −1 earlier, 1 later.
+    """
+    k = next(k for k, cluster in enumerate(clusters) if instance_id in cluster)
+    within = _swapped(clusters[k], clusters[k].index(instance_id), by)
+    if within is not None:
+        return (*clusters[:k], within, *clusters[k + 1 :])
+    return _swapped(clusters, k, by)
+
+
+def _swapped(items: Sequence, at: int, by: int) -> tuple | None:
+    to = at + by
+    if not 0 <= to < len(items):
+        return None
+    swapped = list(items)
+    swapped[at], swapped[to] = swapped[to], swapped[at]
+    return tuple(swapped)
+
+
+# Answers and files
+
+
+def _want(d: Debugger, verb: p.Want, window: int | None) -> None:
+    answer = ANSWERS[type(verb.of)](d.space, verb.of, d.blobs)
+    d.post({"t": "answer", "id": verb.id, **answer}, window)
+
+
+def _evaluate(d: Debugger, verb: p.Evaluate, window: int | None) -> None:
+    from verefine_viz.page.views.grasp import grasp
+
+    answer = grasp(d.space, verb, d.blobs, d.progress)
+    d.post({"t": "answer", "id": verb.id, **answer}, window)
+
+
+def _save(d: Debugger, verb: p.Save, window: int | None) -> None:
+    if d._write is None:
+        raise InputError("nothing can be written here")
+    written = d._write(d, verb)
+    d.post({"t": "written", **written}, window)
+
+
+def _tag(d: Debugger, verb: p.Tag, window: int | None) -> None:
+    gallery = open_gallery(d.gallery)
+    gallery.tag([gallery.answer(key) for key in verb.answers], verb.tag, verb.on)
+    d.post(answers_message(gallery), None)
+
+
+HANDLERS: dict[type, Callable[[Debugger, Any, int | None], None]] = {
+    p.Look: _look,
+    p.Step: _step,
+    p.Seek: _seek,
+    p.Run: _run,
+    p.Pause: _pause,
+    p.Cancel: _pause,
+    p.Break: _break,
+    p.Restart: _restart,
+    p.Fork: _fork,
+    p.Branch: _branch,
+    p.Compare: _compare,
+    p.Estimate: _estimate,
+    p.Order: _order,
+    p.Open: open_other,
+    p.Want: _want,
+    p.Evaluate: _evaluate,
+    p.Save: _save,
+    p.Tag: _tag,
+}

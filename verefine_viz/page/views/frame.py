@@ -1,0 +1,174 @@
+"""The open frame: its picture, its objects, its settings, and what can be opened instead: message ``frame``."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from verefine_viz.core.observation import Observation
+from verefine_viz.core.problem import LeftOut, Problem, Target
+from verefine_viz.methods.registry import ALL_METHOD_NAMES, method_of
+from verefine_viz.page.blobs import Blobs
+from verefine_viz.page.branch import Branch
+from verefine_viz.page.moment import clusters_of, color_of, labels_of, state_of
+from verefine_viz.page.views.rows import errors_of, pose_list
+from verefine_viz.page.views.settings import editable_settings
+from verefine_viz.page.words import source_of
+from verefine_viz.page.workspace import Workspace
+from verefine_viz.pictures.contours import contour_lines
+from verefine_viz.refiners.registry import REFINERS
+
+Json = dict[str, Any]
+ESTIMATORS = ("ppf", "pcs", "densefusion", "session")
+
+
+def frame_message(space: Workspace, blobs: Blobs, demos: Sequence[str], sessions: Sequence[Json]) -> Json:
+    """Return all of the open frame that does not depend on a run."""
+    branch, problem = space.work.first, space.problem
+    observation, session = problem.observation, branch.tools.session
+    h, w = observation.camera.shape
+    camera = observation.camera
+    return {
+        "t": "frame",
+        "id": space.frame_id,
+        "title": session.title or problem.title,
+        "frame": space.frame,
+        "frames": space.frames,
+        "source": session.scene.source,
+        "dataset": session.scene.dataset or session.scene.demo,
+        "method": session.method.name,
+        "method_label": method_of(session.method.name).label,
+        "refiner": session.method.refiner,
+        "tau_m": session.score.tau_m,
+        "colour_weight": session.score.colour_weight,
+        "camera": {"w": w, "h": h, "K": [camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0]},
+        "rgb": None if observation.rgb is None else blobs.put(_png(observation.rgb), "image/png"),
+        "depth": blobs.put(np.ascontiguousarray(observation.depth_m, np.float32).tobytes()),
+        "objects": [*_objects(branch), *(_left_out(one) for one in problem.left_out)],
+        "support": _support(observation),
+        "order": order_of(problem),
+        "notes": problem.notes,
+        "doubts": branch.doubts(),
+        "session_file": str(next(reversed(space.files))) if space.files else None,
+        "recording": str(branch.recording) if branch.recording else None,
+        "demos": demos,
+        "sessions": sessions,
+        "breakpoints": space.breakpoints.model_dump(),
+        "choices": {
+            "methods": [{"name": name, "label": method_of(name).label} for name in ALL_METHOD_NAMES],
+            "refiners": list(REFINERS),
+            "estimators": ESTIMATORS,
+            "settings": editable_settings(branch.settings),
+        },
+    }
+
+
+def _objects(branch: Branch) -> list[Json]:
+    """Return the objects in the order to solve them."""
+    problem, labels = branch.run.problem, labels_of(branch.run.problem)
+    ids = [i.instance_id for i in problem.instances]
+    out = []
+    for number, cluster in enumerate(clusters_of(branch), 1):
+        for instance_id in cluster:
+            color = "#{:02x}{:02x}{:02x}".format(*color_of(ids.index(instance_id)))
+            out.append(_object(branch, problem.target(instance_id), labels[instance_id], color, number))
+    return out
+
+
+def _object(branch: Branch, target: Target, label: str, color: str, cluster: int) -> Json:
+    instance, model = target.instance, target.model
+    rows, columns = np.nonzero(instance.mask)
+    box = [int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1] if len(rows) else None
+    T_gt = instance.T_cam_obj_gt
+    return {
+        "id": instance.instance_id,
+        "obj_id": instance.obj_id,
+        "label": label,
+        "color": color,
+        "cluster": cluster,
+        "diameter_mm": 1e3 * model.diameter_m,
+        "symmetric": model.is_symmetric,
+        "has_gt": T_gt is not None,
+        "gt": None if T_gt is None else pose_list(T_gt),
+        "gt_score": None if T_gt is None else branch.evaluator_of(0).score(target, T_gt).score,
+        "visible": instance.visib_fract,
+        "box": box,
+        "mask": [[round(float(x), 1) for x in line.ravel()] for line in contour_lines(instance.mask)],
+        "arms": _initial(branch, target),
+        "left_out": "",
+    }
+
+
+def _initial(branch: Branch, target: Target) -> list[Json]:
+    own = state_of(branch.run.state_at(0), target)
+    if own is None:
+        return []
+    starts = zip(own.arms, target.instance.hypotheses, strict=False)
+    return [
+        {
+            "T": pose_list(arm.current.T_cam_obj),
+            "score": arm.current.score.score,
+            **errors_of(branch, target, arm.current.T_cam_obj, 0),
+            "plays": float(arm.plays),
+            "mean": float(arm.mean),
+            "source": source_of(hypothesis),
+            "confidence": hypothesis.confidence,
+        }
+        for arm, hypothesis in starts
+    ]
+
+
+def _left_out(one: LeftOut) -> Json:
+    return {
+        "id": one.instance_id,
+        "obj_id": one.obj_id,
+        "label": one.name,
+        "color": "#888888",
+        "cluster": 0,
+        "has_gt": one.has_truth,
+        "gt": None,
+        "box": None,
+        "mask": [],
+        "arms": [],
+        "left_out": one.why,
+    }
+
+
+def _support(observation: Observation) -> Json | None:
+    support = observation.support
+    if support is None:
+        return None
+    return {
+        "source": support.gravity_source,
+        "inlier_share": support.inlier_share,
+        "rms_mm": 1e3 * support.rms_m,
+        "tilt_deg": support.tilt_deg,
+        "unknown": [one.number for one in support.surroundings.unknown] if support.surroundings is not None else [],
+    }
+
+
+def order_of(problem: Problem) -> Json | None:
+    """Return the dependency graph: who stands on whom, and in which order objects are solved."""
+    graph = problem.dependencies
+    if graph is None:
+        return None
+    return {
+        "clusters": graph.clusters,
+        "source": graph.source,
+        "notes": graph.notes,
+        "edges": [
+            {"kind": e.kind, "first": e.first, "second": e.second, "strength": e.strength, "evidence": e.evidence,
+             "state": e.state}
+            for e in graph.edges
+        ],
+    }  # fmt: skip
+
+
+def _png(rgb: np.ndarray) -> bytes:
+    out = io.BytesIO()
+    Image.fromarray(rgb).save(out, "png", compress_level=1)
+    return out.getvalue()

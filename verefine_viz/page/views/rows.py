@@ -1,0 +1,163 @@
+"""The iterations of a branch as the browser keeps them: message ``run``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Target
+from verefine_viz.core.records import Best, Iteration
+from verefine_viz.page.branch import Branch
+from verefine_viz.page.moment import clusters_of, labels_of, state_of
+from verefine_viz.page.words import brief, sentence, stage_sentence
+
+Json = dict[str, Any]
+
+
+def pose_list(T_cam_obj: Float) -> list[float]:
+    """Write a pose by rows, 16 numbers."""
+    return [float(x) for x in T_cam_obj.ravel()]
+
+
+def run_message(branch: Branch, first: int) -> Json:
+    """Return the iterations after the ``first``, and what holds of the whole run so far."""
+    run = branch.run
+    return {
+        "t": "run",
+        "branch": branch.index,
+        "from": first,
+        "total": max(run.n_iterations, run.length),
+        "over": run.is_done,
+        "missing": branch.missing,
+        "rows": rows(branch, first),
+        "marks": branch.marks(),
+    }
+
+
+def rows(branch: Branch, first: int) -> list[Json]:
+    """Return a row for each iteration after the ``first``."""
+    cluster_of = {i: k for k, cluster in enumerate(clusters_of(branch), 1) for i in cluster}
+    return [_row(branch, iteration, cluster_of) for iteration in branch.run.iterations[first:]]
+
+
+def _row(branch: Branch, iteration: Iteration, cluster_of: dict[int, int]) -> Json:
+    run, k = branch.run, iteration.index
+    target = run.problem.target(iteration.instance_id)
+    refiner, labels = branch.settings.method.refiner, labels_of(run.problem)
+    own = sum(i.instance_id == iteration.instance_id for i in run.iterations[:k])
+    choice = iteration.choice
+    return {
+        "k": k,
+        "obj": iteration.instance_id,
+        "arm": iteration.arm,
+        "n": iteration.arm_iteration,
+        "own": own,
+        "pass": iteration.scene_pass,
+        "cluster": cluster_of.get(iteration.instance_id, 1),
+        "stages": _stages(branch, iteration, target, refiner),
+        "accepted": iteration.accepted,
+        "best": best(branch, target, iteration.best, k),
+        "events": [(event.kind, event.text) for event in iteration.events],
+        "choice": choice
+        and {
+            "plays": choice.plays.tolist(),
+            "mean": choice.mean.tolist(),
+            "bonus": choice.exploration.tolist(),
+            "ucb": choice.ucb.tolist(),
+            "reason": choice.reason,
+        },
+        "arms": arms(branch, target, state_of(run.state_scored_at(k), target), k),
+        "path": None if iteration.path is None else len(iteration.path.Ts_cam_obj),
+        "placed": [{"obj": p.instance_id, "T": pose_list(p.T_cam_obj)} for p in iteration.placed],
+        "scene": _scene(iteration),
+        "tree": _tree(iteration),
+        "ms": iteration.ms,
+        "brief": brief(iteration, target),
+        "text": sentence(iteration, target, refiner, labels, run.problem),
+    }
+
+
+def _stages(branch: Branch, iteration: Iteration, target: Target, refiner: str) -> list[Json]:
+    out = []
+    for j, stage in enumerate(iteration.stages):
+        score = stage.score
+        out.append(
+            {
+                "name": stage.name,
+                "score": score and score.score,
+                "depth_fit": score and score.depth_fit,
+                "normal_fit": score and score.normal_fit,
+                "colour_fit": score and score.colour_fit,
+                **errors_of(branch, target, stage.T_cam_obj, iteration.index),
+                "ms": stage.ms,
+                "T": pose_list(stage.T_cam_obj),
+                "text": stage_sentence(iteration, j, target, refiner),
+            }
+        )
+    return out
+
+
+def errors_of(branch: Branch, target: Target, T_cam_obj: Float, k: int) -> Json:
+    """Return the errors of a pose: ADD(-S) [mm], rotation [deg], translation [mm]; None without ground truth."""
+    errors = branch.evaluator_of(k).errors(target, T_cam_obj)
+    if errors is None:
+        return {"err": None, "deg": None, "mm": None}
+    return {"err": errors.add_s_mm, "deg": errors.rotation_deg, "mm": errors.translation_mm}
+
+
+def best(branch: Branch, target: Target, one: Best, k: int) -> Json:
+    """Return an answer."""
+    return {
+        "score": one.score.score,
+        **errors_of(branch, target, one.T_cam_obj, k),
+        "arm": one.arm,
+        "k": one.iteration,
+        "stage": one.stage,
+        "T": pose_list(one.T_cam_obj),
+    }
+
+
+def arms(branch: Branch, target: Target, own: Any, k: int) -> list[Json]:
+    """Return the hypotheses of an object with their plays, means and current poses."""
+    if own is None:
+        return []
+    return [
+        {
+            "plays": float(arm.plays),
+            "mean": float(arm.mean),
+            "score": arm.current.score.score,
+            "err": errors_of(branch, target, arm.current.T_cam_obj, k)["err"],
+            "T": pose_list(arm.current.T_cam_obj),
+        }
+        for arm in own.arms
+    ]
+
+
+def _scene(iteration: Iteration) -> Json | None:
+    record = iteration.scene
+    if record is None:
+        return None
+    return {
+        "number": iteration.scene_pass,
+        "score": record.score.score,
+        "best_known": record.best_known.score,
+        "reward": record.reward,
+        "incumbent": record.incumbent_score,
+    }
+
+
+def _tree(iteration: Iteration) -> Json | None:
+    step = iteration.tree
+    if step is None:
+        return None
+    return {
+        "cluster": step.cluster,
+        "branch": step.branch,
+        "node": step.node
+        and {"node": step.node.node, "parent": step.node.parent, "obj": step.node.instance_id, "arm": step.node.arm,
+             "lcp": step.node.lcp},
+        "choices": step.choices,
+        "rollout": [{"obj": p.instance_id, "T": pose_list(p.T_cam_obj)} for p in step.rollout],
+        "cost": step.cost_px,
+        "incumbent": step.incumbent_cost_px,
+    }  # fmt: skip

@@ -1,0 +1,62 @@
+"""The settings that a run can be restarted or forked with."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic.fields import FieldInfo
+
+from verefine_viz.core.settings import SURROUNDINGS, Session
+from verefine_viz.methods.registry import ALL_METHOD_NAMES
+from verefine_viz.refiners.registry import REFINERS
+from verefine_viz.run.session_file import DURING_A_RUN
+
+SECTIONS = ("method", "score", "physics", "icp", "tricp", "mcts", "dependency", "hypotheses", "grasp")
+_COMMON = (
+    "method.name", "method.refiner", "method.iterations", "method.exploration", "method.discount", "score.pixels",
+    "score.tau_m", "score.alpha", "score.colour_weight", "physics.enabled", "physics.collider", "physics.steps",
+    "icp.max_iterations", "tricp.trim", "dependency.rule", "hypotheses.seed",
+)  # fmt: skip
+"""What is changed most, first on the page."""
+
+
+def editable_settings(session: Session) -> list[dict[str, Any]]:
+    """Return every setting that holds one value, with what is allowed, those changed most first."""
+    rows = []
+    for section in SECTIONS:
+        settings = getattr(session, section)
+        for name, field in type(settings).model_fields.items():
+            row = _row(f"{section}.{name}", field, getattr(settings, name))
+            if row is not None:
+                rows.append(row)
+    order = {name: k for k, name in enumerate(_COMMON)}
+    return sorted(rows, key=lambda row: order.get(row["name"], len(order)))
+
+
+def _row(name: str, field: FieldInfo, value: Any) -> dict[str, Any] | None:
+    choices: list[Any] | None = None
+    if name == "method.name":
+        choices = list(ALL_METHOD_NAMES)
+    elif name == "method.refiner":
+        choices = list(REFINERS)
+    elif get_origin(field.annotation) is Literal:
+        choices = list(get_args(field.annotation))
+    if isinstance(value, bool):
+        kind = "bool"
+    elif choices is not None:
+        kind = "choice"
+    elif isinstance(value, int | float):
+        kind = "int" if field.annotation is int else "float"
+    elif isinstance(value, str):
+        kind = "text"
+    else:
+        return None
+    return {
+        "name": name,
+        "kind": kind,
+        "value": value,
+        "choices": choices,
+        "common": name in _COMMON,
+        "can_fork": name.partition(".")[0] in DURING_A_RUN and name.rpartition(".")[2] not in SURROUNDINGS,
+        "help": " ".join((field.description or "").split()),
+    }

@@ -1,0 +1,241 @@
+"""What came of a finished run, object by object, and why: message ``verdict``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.records import Best
+from verefine_viz.diagnosis.causes import ADVICE, TITLES, Cause, Finding
+from verefine_viz.diagnosis.data_doubts import plane_doubt
+from verefine_viz.diagnosis.impossible import impossible
+from verefine_viz.diagnosis.lost_poses import lost
+from verefine_viz.diagnosis.signs import FinishedObject, RunnerUp, signs
+from verefine_viz.evaluation.matched_estimates import CORRECT
+from verefine_viz.evaluation.pose_errors import add_s_mm
+from verefine_viz.methods.registry import method_of
+from verefine_viz.page.branch import Branch
+from verefine_viz.page.evaluator import CachedEvaluator
+from verefine_viz.page.moment import labels_of, runner_up
+from verefine_viz.page.views.rows import pose_list
+
+Json = dict[str, Any]
+BAD_FIT = 0.6
+"""A right answer that scores less fits its image badly."""
+NEAR_TIE = 0.005
+"""A pose elsewhere that scores less by no more explains the image equally well [score]."""
+
+
+def verdict_message(branch: Branch, entry: Mapping[int, Any] | None = None) -> Json:
+    """Return the verdict on a run that is over.
+
+    Args:
+        branch: the run.
+        entry: what a batch reports of it by instance_id, which made re-runs.
+    """
+    objects = finished_objects(branch)
+    shown = [_object(branch, o, (entry or {}).get(o.instance_id)) for o in objects]
+    return {
+        "t": "verdict",
+        "branch": branch.index,
+        "over": branch.is_over,
+        "missing": branch.missing,
+        "objects": shown,
+        "scene": _scene(shown),
+        "doubts": branch.doubts(),
+        "notes": _notes(branch),
+    }
+
+
+def finished_objects(branch: Branch) -> tuple[FinishedObject, ...]:
+    """Gather what the run made of every object; none while it is not over, nor of a record that ended early."""
+    run = branch.run
+    if not branch.is_over:
+        return ()
+    state, labels = run.final_state, labels_of(run.problem)
+    placed = [
+        Placed(target.instance.instance_id, target.model, best.T_cam_obj)
+        for target, best in zip(state.problem.targets, state.best, strict=True)
+        if best is not None
+    ]
+    return tuple(
+        _finished(branch, target, own, best, labels, placed)
+        for target, own, best in zip(state.problem.targets, state.objects, state.best, strict=True)
+    )
+
+
+def _finished(
+    branch: Branch, target: Target, own: Any, best: Best | None, labels: Mapping[int, str], placed: Sequence[Placed]
+) -> FinishedObject:
+    """Gather one object; ``own``: the method's state, None where it has no hypothesis; ``placed``: all answers."""
+    instance_id, T_gt = target.instance.instance_id, target.instance.T_cam_obj_gt
+    label, evaluator = labels[instance_id], branch.final_evaluator
+    if best is None or own is None:
+        return FinishedObject(target, label)
+    method = method_of(branch.settings.method.name)
+    iterations = branch.run.iterations_of(instance_id)
+    starts = [
+        next((e for e in reversed(arm.entries) if e.stage == "edited" and e.iteration == 0), arm.entries[0])
+        for arm in own.arms
+    ]
+    errors = evaluator.errors(target, best.T_cam_obj)
+    is_wrong = errors is not None and errors.relative >= CORRECT
+    others = [other for other in placed if other.instance_id != instance_id]
+    # Among others it is worked out bit by bit, while nothing else waits.
+    ask = evaluator.known_plausibility if others else evaluator.plausibility
+    physics = ask(target, best.T_cam_obj, others) if errors is None else None
+    rival = runner_up(branch, own, best)
+    return FinishedObject(
+        target,
+        label,
+        best,
+        errors,
+        starts=tuple(evaluator.errors(target, start.T_cam_obj) for start in starts),
+        n_tried=tuple(sum(i.arm == j for i in iterations) for j in range(len(own.arms))),
+        score_at_gt=evaluator.score(target, T_gt) if T_gt is not None else None,
+        runner_up=rival
+        and RunnerUp(
+            rival, best.score.score - rival.score.score, add_s_mm(target.model, rival.T_cam_obj, best.T_cam_obj)
+        ),
+        discarded=branch.discarded().get(instance_id) if is_wrong else None,
+        lost=lost(iterations, best, partial(_error, evaluator, target)) if is_wrong and not method.has_tree else None,
+        undeclared=evaluator.undeclared_turn(target, best.T_cam_obj) if is_wrong else None,
+        impossible=None if physics is None else impossible(target, physics, labels),
+        around=evaluator.known_landscape(target, best.T_cam_obj) if errors is None else None,
+        other_pose=evaluator.known_other_pose(target, best.T_cam_obj, iterations)[1],
+    )
+
+
+def _error(evaluator: CachedEvaluator, target: Target, T_cam_obj: Float) -> float | None:
+    errors = evaluator.errors(target, T_cam_obj)
+    return None if errors is None else errors.relative
+
+
+def _object(branch: Branch, o: FinishedObject, batch: Any | None) -> Json:
+    best, limit = o.answer, 1e3 * CORRECT * o.target.model.diameter_m
+    if best is None:
+        title = TITLES[Cause.NO_HYPOTHESIS]
+        return {"obj": o.instance_id, "label": o.label, "tone": "none", "words": title, "limit": limit, "findings": []}
+    refiner = branch.run.method_of(branch.run.length).refiner
+    found = list(signs(o, branch.settings, refiner))
+    findings = [_finding(sign, branch) for sign in found]
+    if batch is not None and batch.cause and batch.cause not in [f["cause"] for f in findings]:
+        findings.insert(0, _of_batch(batch))
+    also = _also_fits(o)
+    tone, words = _words(o, found, also is not None)
+    if batch is not None and batch.cause and o.is_wrong:
+        words = TITLES[Cause(batch.cause)]
+    return {
+        "obj": o.instance_id,
+        "label": o.label,
+        "tone": tone,
+        "words": words,
+        "score": best.score.score,
+        "gt_score": o.score_at_gt and o.score_at_gt.score,
+        "err": None if o.errors is None else o.errors.add_s_mm,
+        "deg": None if o.errors is None else o.errors.rotation_deg,
+        "mm": None if o.errors is None else o.errors.translation_mm,
+        "limit": limit,
+        "k": best.iteration,
+        "arm": best.arm,
+        "stage": best.stage,
+        "T": pose_list(best.T_cam_obj),
+        "runner_up": o.runner_up
+        and {
+            "arm": o.runner_up.pose.arm,
+            "lead": o.runner_up.lead,
+            "apart_mm": o.runner_up.apart_mm,
+            "T": pose_list(o.runner_up.pose.T_cam_obj),
+        },
+        "also_fits": also,
+        "findings": findings,
+    }
+
+
+def _words(o: FinishedObject, found: Sequence[Finding], also_fits: bool) -> tuple[str, str]:
+    """Return the tone and the words of an object's verdict."""
+    tie = "another pose explains the depth equally well"
+    if o.is_wrong:
+        return "wrong", f"{found[0].title}{found[0].detail}" if found else tie if also_fits else "no cause in sight"
+    lead = o.runner_up.in_words() if o.runner_up is not None else ""
+    if o.errors is not None:
+        if o.score.score < BAD_FIT:
+            return "doubt", f"right, but it fits badly: score {o.score.score:.2f}"
+        return "right", f"{tie}, and this one is right" if also_fits else lead
+    if found:
+        return "doubt", f"{found[0].title}{found[0].detail}"
+    if also_fits:
+        return "doubt", tie
+    alone = "one hypothesis alone: nothing to compare it with" if len(o.starts) < 2 else "no doubt in sight"
+    return "unknown", f"{lead}, no doubt in sight" if lead else alone
+
+
+def _also_fits(o: FinishedObject) -> list[float] | None:
+    """Return a pose elsewhere that explains the image equally well."""
+    if o.other_pose is not None:
+        return pose_list(o.other_pose.T_cam_obj)
+    rival, truth = o.runner_up, o.target.instance.T_cam_obj_gt
+    limit_mm = 1e3 * CORRECT * o.target.model.diameter_m
+    if o.is_wrong and o.score_at_gt is not None and truth is not None:
+        if abs(o.score.score - o.score_at_gt.score) <= NEAR_TIE:
+            return pose_list(truth)
+    elif rival is not None and rival.lead <= NEAR_TIE and rival.apart_mm > limit_mm:
+        return pose_list(rival.pose.T_cam_obj)
+    return None
+
+
+def _finding(finding: Finding, branch: Branch) -> Json:
+    k = finding.iteration
+    return {
+        "cause": finding.cause,
+        "title": finding.title,
+        "text": finding.text,
+        "k": k if k is not None and k <= branch.run.length else None,
+        "advice": ADVICE.get(finding.cause, ""),
+        "try": finding.try_ or None,
+        "by_batch": False,
+    }
+
+
+def _of_batch(row: Any) -> Json:
+    return {
+        "cause": row.cause,
+        "title": TITLES[Cause(row.cause)],
+        "text": row.evidence,
+        "k": row.worst_iteration,
+        "advice": ADVICE.get(Cause(row.cause), ""),
+        "try": None,
+        "by_batch": True,
+    }
+
+
+def _scene(objects: Sequence[Json]) -> Json:
+    """Return the verdict on all objects; the worst is named first."""
+    if not objects:
+        return {"tone": "unknown", "words": "", "worst": None, "right": 0, "known": 0}
+    known = [o for o in objects if o.get("err") is not None]
+    if known:
+        worst = max(known, key=lambda o: o["err"] / o["limit"])
+        right = sum(o["err"] < o["limit"] for o in known)
+        asked = len(known) + sum(o["tone"] == "none" for o in objects)
+        tone = "right" if right == asked else "wrong"
+        return {"tone": tone, "words": f"{right} of {asked} right", "worst": worst["obj"], "right": right,
+                "known": asked}  # fmt: skip
+    impossible = [o for o in objects if any(f["cause"] == Cause.IMPOSSIBLE for f in o["findings"])]
+    worst = min(impossible or objects, key=lambda o: o.get("score", 0.0))
+    n, some = len(objects), len(impossible)
+    words = f"{some} of {n} objects cannot stand so" if some else f"{n} objects, no ground truth"
+    tone = "doubt" if some or any(o["tone"] == "doubt" for o in objects) else "unknown"
+    return {"tone": tone, "words": words, "worst": worst["obj"], "right": 0, "known": 0}
+
+
+def _notes(branch: Branch) -> list[str]:
+    """Return what of the frame makes physics doubtful."""
+    observation = branch.run.problem.observation
+    if observation.support is None:
+        return [f"No physics: {observation.support_note or 'no support plane was found'}."]
+    doubt = plane_doubt(observation.support)
+    return [doubt] if doubt else []

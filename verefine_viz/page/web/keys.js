@@ -1,0 +1,144 @@
+// One table of keys, the same for buttons' titles, the help and the palette; keys work whatever was clicked last.
+import { html, useState, useRef, useEffect } from "./vendor/htm-preact.js";
+import { state, setView, update, send, useStore } from "./store.js";
+import { back, isBusy, pause, run, runOf, seek, step, stepStage, stopReplay, toggleRun, toNextEvent } from "./moment.js";
+import { Dialog, fillPane } from "./ui.js";
+import { tabs, idOf } from "./tabs/all.js";
+import { setPreset, PRESETS, switchTheme } from "./layout.js";
+import { copyLink } from "./messages.js";
+
+// when: whether it can be done now; silent: not in the lists. The first key is the one that titles name.
+export const ACTIONS = [
+  { id: "back", keys: ["ArrowLeft", "b"], title: "Back", group: "Move", action: back, when: () => state.view.k > 0 || state.view.stage },
+  { id: "step", keys: ["ArrowRight", "n"], title: "Step", group: "Move", action: step },
+  { id: "stage", keys: ["s"], title: "Next stage of the iteration", group: "Move", action: stepStage },
+  { id: "run", keys: [" "], title: "Run or pause", group: "Move", action: toggleRun },
+  { id: "event", keys: ["e"], title: "To the next event", group: "Move", action: () => toNextEvent(1) },
+  { id: "event-back", keys: ["E"], title: "To the event before", group: "Move", action: () => toNextEvent(-1) },
+  { id: "start", keys: ["Home"], title: "To the start", group: "Move", action: () => seek(0) },
+  { id: "end", keys: ["End"], title: "To the end", group: "Move", action: () => seek(runOf(state).rows.length) },
+  { id: "gallery", keys: ["g"], title: "Gallery", group: "Show", action: () => setPreset(state.view.preset === "gallery" ? "inspect" : "gallery") },
+  { id: "fill", keys: ["f"], title: "Fill the middle with a pane, or all panes", group: "Show", action: () => fillPane(state.view.full ?? state.lastPane ?? "image") },
+  { id: "theme", keys: ["t"], title: "Light or dark", group: "Show", action: switchTheme },
+  { id: "link", keys: [], title: "Copy the link", group: "Show", action: copyLink },
+  { id: "help", keys: ["?"], title: "All keys", group: "Show", action: () => update({ overlay: state.overlay === "help" ? null : "help" }) },
+  { id: "palette", keys: ["Ctrl+k"], title: "Palette: everything by name", group: "Show", action: () => update({ overlay: "palette" }) },
+  { id: "escape", keys: ["Escape"], title: "Close, unmark, cancel", group: "Show", action: escape },
+];
+
+const NAMES = { ArrowLeft: "←", ArrowRight: "→", " ": "Space", Escape: "Esc", E: "Shift+E", "Ctrl+k": "Ctrl+K" };
+export const keyName = (key) => NAMES[key] ?? (key.length === 1 ? key.toUpperCase() : key);
+// A button's title: what it does and its key.
+export function titled(id, words) {
+  const action = ACTIONS.find((a) => a.id === id);
+  return `${words ?? action.title}${action.keys.length ? ` (${keyName(action.keys[0])})` : ""}`;
+}
+
+// More actions, of panes: returns what takes them away again. { id, keys, title, group, action, when }.
+export function addKeys(actions) {
+  ACTIONS.push(...actions);
+  return () => actions.forEach((a) => ACTIONS.includes(a) && ACTIONS.splice(ACTIONS.indexOf(a), 1));
+}
+
+function escape() {
+  if (state.overlay) return update({ overlay: null });
+  if (state.busy.text && state.busy.cancel) return send({ verb: "cancel" });
+  if (state.replaying) return stopReplay();
+  if (state.view.edited) return setView({ edited: null });
+  if (state.view.pixel) return setView({ pixel: null });
+  if (state.view.full) return setView({ full: null });
+  if (state.view.stage) return setView({ stage: null, moment: null });
+  if (state.view.obj != null) return setView({ obj: null, arm: null });
+  if (isBusy()) pause();
+  return undefined;
+}
+
+const isText = (e) => e?.matches?.("textarea, select, [contenteditable], input:not([type=checkbox], [type=radio], [type=range], [type=button])");
+
+function pressed(event) {
+  if (event.defaultPrevented || event.isComposing) return;
+  if (isText(event.target) && event.key !== "Escape") return;
+  const ctrl = event.ctrlKey || event.metaKey;
+  if (event.altKey || (ctrl && event.key.toLowerCase() !== "k")) return;
+  const key = ctrl ? "Ctrl+k" : event.key;
+  if (state.overlay && !["Escape", "?"].includes(key)) return;
+  let action = ACTIONS.find((a) => a.keys.includes(key)) ?? ACTIONS.find((a) => !event.shiftKey && a.keys.includes(key.toLowerCase()));
+  if (!action && /^[1-9]$/.test(key) && tabs[key - 1]) action = { action: () => setView({ tab: idOf(tabs[key - 1]) }) };
+  if (!action) return;
+  event.preventDefault(); // also what a focused button or the page would do with it
+  event.stopPropagation();
+  if (event.key === "Escape") event.target.blur?.();
+  if (!action.when || action.when()) action.action();
+}
+
+// Listens in a window: this one, and that of the 3D pane.
+export function attachKeys(target) {
+  target.addEventListener("keydown", pressed, true);
+  // A button that has the focus all the same would be pressed when Space is let go.
+  target.addEventListener("keyup", (e) => e.key === " " && !isText(e.target) && e.preventDefault(), true);
+}
+
+export function Overlay() {
+  const overlay = useStore((s) => s.overlay);
+  const close = () => update({ overlay: null });
+  if (overlay === "help") return html`<${Help} onClose=${close} />`;
+  if (overlay === "palette") return html`<${Palette} onClose=${close} />`;
+  return null;
+}
+
+function Help({ onClose }) {
+  const groups = [...new Set(ACTIONS.map((a) => a.group))];
+  const all = [...ACTIONS, { keys: ["1"], title: `Tabs ${tabs.map((t) => t.title).slice(0, 9).join(", ")}`, group: "Show", shown: "1 – 9" }];
+  return html`<${Dialog} title="Keys" onClose=${onClose} wide>
+    <div class="keys">${groups.map((group) => html`<section><h3>${group}</h3><dl>
+      ${all.filter((a) => a.group === group && a.keys.length && !a.silent).map((a) => html`
+        <div><dt>${(a.shown ? [a.shown] : a.keys.map(keyName)).map((k) => html`<kbd>${k}</kbd>`)}</dt><dd>${a.title}</dd></div>`)}
+    </dl></section>`)}</div>
+    <p class="dim">Drag on the timeline to move through the run. Double click a pane's title to fill the middle.</p>
+  <//>`;
+}
+
+function everything() {
+  const items = ACTIONS.filter((a) => a.id !== "palette" && !a.silent && (!a.when || a.when()))
+    .map((a) => ({ kind: a.group, words: a.title, key: a.keys[0] && keyName(a.keys[0]), action: a.action }));
+  for (const preset of PRESETS) items.push({ kind: "Preset", words: preset.title, action: () => setPreset(preset.id) });
+  for (const o of state.frame?.objects ?? []) items.push({ kind: "Object", words: o.label, action: () => setView({ obj: o.id, arm: null }) });
+  tabs.forEach((t, i) => items.push({ kind: "Tab", words: t.title, key: i < 9 ? String(i + 1) : "", action: () => setView({ tab: idOf(t) }) }));
+  for (const b of state.branches) items.push({ kind: "Branch", words: b.name, action: () => setView({ branch: b.index, k: runOf(state, b.index).rows.length, stage: null }) });
+  for (const f of state.frame?.frames ?? []) items.push({ kind: "Frame", words: f, action: () => send({ verb: "open", frame: f }) });
+  for (const d of state.frame?.demos ?? []) items.push({ kind: "Demo", words: d, action: () => send({ verb: "open", demo: d }) });
+  return items;
+}
+
+const MOST = 60;
+function Palette({ onClose }) {
+  const [text, setText] = useState("");
+  const [at, setAt] = useState(0);
+  const input = useRef();
+  const list = useRef();
+  useEffect(() => input.current.focus(), []);
+  useEffect(() => list.current.querySelector(".current")?.scrollIntoView({ block: "nearest" }), [at]);
+  const words = text.toLowerCase().split(/\s+/).filter(Boolean);
+  const items = everything().filter((i) => words.every((w) => `${i.kind} ${i.words}`.toLowerCase().includes(w))).slice(0, MOST);
+  const take = (item) => {
+    onClose();
+    item?.action();
+  };
+  const down = (e) => {
+    const move = { ArrowDown: 1, ArrowUp: -1 }[e.key];
+    if (move) {
+      e.preventDefault();
+      setAt((at + move + items.length) % Math.max(items.length, 1));
+    } else if (e.key === "Enter") take(items[at]);
+  };
+  return html`<${Dialog} onClose=${onClose}>
+    <input class="palette" ref=${input} placeholder="Type what to do or to show" value=${text} spellcheck=${false}
+      onInput=${(e) => { setText(e.currentTarget.value); setAt(0); }} onKeyDown=${down} />
+    <ul class="choices" ref=${list}>${items.map((item, i) => html`
+      <li class=${i === at ? "current" : ""} onPointerMove=${() => i !== at && setAt(i)} onClick=${() => take(item)}>
+        <span class="dim">${item.kind}</span><span>${item.words}</span>${item.key && html`<kbd>${item.key}</kbd>`}
+      </li>`)}
+      ${items.length === 0 && html`<li class="dim">nothing by that name</li>`}
+    </ul>
+  <//>`;
+}

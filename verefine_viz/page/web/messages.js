@@ -1,0 +1,154 @@
+// What the server's messages change, what it is told in return, and the page's address.
+import { state, setView, update, send, on, listen, connect, forgetAnswers } from "./store.js";
+import { followed, goTo, momentOf, runOf, stopReplay } from "./moment.js";
+
+Object.assign(state, { replaying: null, version: "" });
+
+const TOAST_MS = 6000;
+let number = 0;
+export function toast(kind, text, more = {}) {
+  const id = ++number;
+  const toasts = [...state.toasts.filter((t) => t.text !== text), { id, kind, text, ...more }].slice(-4);
+  update({ toasts });
+  if (kind !== "error") setTimeout(() => dismiss(id), TOAST_MS);
+  return id;
+}
+export const dismiss = (id) => update({ toasts: state.toasts.filter((t) => t.id !== id) });
+
+on("hello", ({ window, version }) => {
+  const again = state.version && state.version !== version;
+  update({ connection: "open", window, version });
+  if (again) location.reload(); // another program: its page may be another, too
+});
+
+on("frame", (message) => {
+  const isAgain = state.frame?.id === message.id; // after the connection was lost
+  forgetAnswers();
+  stopReplay();
+  state.runs.clear();
+  state.verdicts.clear();
+  update({ frame: message, compare: null, replaying: null });
+  if (!isAgain) {
+    setView({ branch: 0, k: 0, stage: null, obj: null, arm: null, moment: null, edited: null, a: null, b: null, pixel: null });
+  }
+  document.title = `${message.title} · verefine-viz`;
+});
+
+on("branches", ({ list, compare }) => {
+  update({ branches: list, compare });
+  for (const branch of state.runs.keys()) if (!list.some((b) => b.index === branch)) state.runs.delete(branch);
+  if (list.length && !list.some((b) => b.index === state.view.branch)) setView({ branch: list[0].index, k: Infinity });
+});
+
+on("run", (message) => {
+  const { branch, from } = message;
+  const before = state.runs.get(branch);
+  const wasAtEnd = branch === state.view.branch && state.view.k >= (before?.rows.length ?? 0);
+  // The rows are one array that grows; the run is another object each time, so that what depends on it is worked out.
+  const rows = from > 0 && before ? before.rows : [];
+  rows.length = Math.min(rows.length, from);
+  for (const row of message.rows) rows.push(row);
+  state.runs.set(branch, {
+    rows, total: message.total, over: message.over, marks: message.marks, scene: message.scene ?? before?.scene ?? null,
+    start: message.start ?? (from > 0 ? before?.start : null) ?? null,
+  });
+  followed(wasAtEnd, branch);
+});
+
+on("verdict", (message) => state.verdicts.set(message.branch, message));
+on("breakpoints", ({ breakpoints }) => state.frame && update({ frame: Object.assign(state.frame, { breakpoints }) }));
+on("busy", (message) => update({ busy: message }));
+on("running", (message) => update({ running: message }));
+on("note", ({ text }) => toast("note", text));
+on("error", ({ text, offer }) => toast("error", text, { offer }));
+on("written", (file) => {
+  update({ written: [...state.written.filter((f) => f.path !== file.path), file] });
+  toast("note", `Written: ${file.path ?? file.name}`, { url: file.url, name: file.name });
+});
+on("edited", ({ obj, T }) => setView({ edited: { ...(state.view.edited ?? { arm: momentOf(state)?.arm ?? 0 }), obj, T } }));
+on("picked", ({ u, v }) => setView({ pixel: [u, v] }));
+on("scene3d", ({ window }) => update({ scene3d: window }));
+on("answers", (message) => update({ answers: message }));
+// at: the iteration that a link names, which may be yet to come; null = it names none, so the end is shown.
+on("view", ({ patch, at }) => {
+  const { k, ...rest } = patch;
+  setView(rest);
+  if (at !== undefined) goTo(at ?? runOf(state).rows.length);
+  else if (k != null) setView({ k: Math.min(k, runOf(state).rows.length), stage: null, moment: null });
+});
+
+// The server, and with it the 3D view, is told what this window looks at: at most every 40 ms, the latest wins.
+
+// What this window looks at, as a verb; null while there is nothing.
+export function lookOf(s) {
+  const { view } = s;
+  const moment = momentOf(s);
+  if (!moment) return null;
+  const beside = moment.beside ? { branch: moment.beside.branch, k: moment.beside.k } : null;
+  return {
+    verb: "look", branch: view.branch, k: moment.k, stage: view.stage, obj: moment.obj, arm: moment.arm, moment: view.moment,
+    edited: view.edited?.T ?? null, grasp: view.grasp ?? null, b: beside, answer: moment.isAnswer,
+  };
+}
+
+let told = "";
+let waiting = null;
+function tellLook() {
+  waiting = null;
+  const verb = state.connection === "open" ? lookOf(state) : null;
+  const text = JSON.stringify(verb);
+  if (verb && text !== told && send(verb)) told = text;
+}
+listen(() => {
+  waiting ??= setTimeout(tellLook, 40);
+});
+
+// The address: frame, object and iteration, as `frame=0/0&object=2&iteration=17`.
+
+let written = null;
+export function linkOf(s) {
+  if (!s.frame) return "";
+  const parts = [];
+  if (s.frame.frame) parts.push(`frame=${s.frame.frame}`);
+  const object = s.frame.objects.find((o) => o.id === s.view.obj);
+  if (object) {
+    const single = s.frame.objects.filter((o) => o.obj_id === object.obj_id).length === 1;
+    parts.push(single ? `object=${object.obj_id}` : `instance=${object.id}`);
+  }
+  parts.push(`iteration=${Math.min(s.view.k, runOf(s).rows.length)}`);
+  if (s.frame.run) parts.push(`run=${encodeURIComponent(s.frame.run)}`);
+  return parts.join("&");
+}
+
+export function copyLink() {
+  const link = `${location.origin}${location.pathname}#${linkOf(state)}`;
+  const shown = () => toast("note", link);
+  navigator.clipboard?.writeText(link).then(() => toast("note", "The link is in the clipboard."), shown) ?? shown();
+}
+
+let addressWaits = null;
+function writeAddress() {
+  addressWaits = null;
+  const link = linkOf(state);
+  if (!link || link === written || opening) return;
+  written = link;
+  history.replaceState(null, "", `#${link}`);
+}
+
+let opening = location.hash.length > 1; // a link that is yet to be opened must not be overwritten
+export function openLink(link) {
+  if (send({ verb: "open", link })) opening = false;
+}
+
+export function start() {
+  const text = decodeURI(location.hash.slice(1));
+  listen(() => {
+    if (opening && state.connection === "open" && state.frame) openLink(text);
+    addressWaits ??= setTimeout(writeAddress, 200); // browsers limit how often an address may change
+  });
+  addEventListener("hashchange", () => {
+    const link = decodeURI(location.hash.slice(1));
+    if (link && link !== written) openLink(link);
+  });
+  connect();
+}

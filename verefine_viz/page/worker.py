@@ -1,0 +1,277 @@
+"""The one thread that computes: it takes verbs in their order, answers wants in between, and goes on with a run."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import OrderedDict, deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from time import monotonic
+from typing import NamedTuple, Protocol
+
+from verefine_viz.core.errors import Cancelled, VerefineError
+from verefine_viz.core.progress_token import ProgressToken
+from verefine_viz.page.protocol import AnyVerb, Cancel, Look, Want
+from verefine_viz.refiners.registry import raised_by_refiner
+from verefine_viz.run.kernel_compilation import COMPILING, compiling_reported
+
+_LOG = logging.getLogger(__name__)
+BETWEEN_S = 0.1
+"""Time between two words on how much is done [s]."""
+
+
+class Job(NamedTuple):
+    """What a window asks for, or what the program has to do itself; without a verb the window has just connected."""
+
+    window: int
+    verb: AnyVerb | Callable[[], None] | None
+
+
+class Jobs:
+    """What waits for the worker. Callable from any thread."""
+
+    def __init__(self) -> None:
+        self._wake = threading.Condition()
+        self._verbs: deque[Job] = deque()
+        self._wants: OrderedDict[tuple[int, str], Want] = OrderedDict()
+        self._look: Job | None = None
+        self._is_cancelled = self._is_stopping = self._is_idle = False
+        self.can_cancel = False
+        """Whether what the worker does may be given up."""
+        self.gives_way = False
+        """Whether what the worker does is given up once anything waits."""
+        self.wants_hulls = False
+        """Whether what is being opened is to be opened with hulls in place of convex parts."""
+
+    def put(self, job: Job) -> None:
+        """Add a job; a want takes the place of the one in its slot, and ``Cancel`` does not wait."""
+        verb = job.verb
+        with self._wake:
+            if isinstance(verb, Cancel):
+                self._is_cancelled = self.can_cancel
+                if self._is_cancelled:
+                    self._verbs = deque(waiting for waiting in self._verbs if callable(waiting.verb))
+            elif isinstance(verb, Want):
+                slot = (job.window, verb.slot or verb.id)
+                self._wants.pop(slot, None)
+                self._wants[slot] = verb
+            elif isinstance(verb, Look):
+                self._look = job
+            else:
+                self._verbs.append(job)
+            self._is_idle = False
+            self._wake.notify_all()
+
+    def take(self, wait: bool) -> Job | None:
+        """Return the next job: verbs, then wants, then the last look; None where there is none, or at the end.
+
+        Args:
+            wait: whether to wait for one.
+        """
+        with self._wake:
+            if wait:
+                self._is_idle = not self._waits
+                self._wake.notify_all()
+                self._wake.wait_for(lambda: self._waits or self._is_stopping)
+                self._is_idle = False
+            if self._is_stopping:
+                return None
+            if self._verbs:
+                return self._verbs.popleft()
+            if self._wants:
+                (window, _), want = self._wants.popitem(last=False)
+                return Job(window, want)
+            look, self._look = self._look, None
+            return look
+
+    @property
+    def _waits(self) -> bool:
+        return bool(self._verbs or self._wants or self._look)
+
+    def is_wanted(self) -> bool:
+        """Whether what the worker does is still wanted."""
+        return not (self._is_cancelled or self._is_stopping or self.wants_hulls or (self.gives_way and self._waits))
+
+    @contextmanager
+    def cancellable(self) -> Iterator[None]:
+        """Let ``Cancel`` end what is done inside."""
+        with self._wake:
+            self.can_cancel, self._is_cancelled = True, False
+        try:
+            yield
+        finally:
+            with self._wake:
+                self.can_cancel = self._is_cancelled = self.wants_hulls = False
+
+    def wait_until_idle(self, timeout_s: float) -> None:
+        """Wait until everything so far is done.
+
+        Raises:
+            TimeoutError: it takes longer than that.
+        """
+        with self._wake:
+            if not self._wake.wait_for(lambda: self._is_idle and not self._waits, timeout_s):
+                raise TimeoutError(f"still busy after {timeout_s} s")
+
+    @property
+    def is_stopping(self) -> bool:
+        return self._is_stopping
+
+    def stop(self) -> None:
+        """End the worker; what it does is given up where that is possible."""
+        with self._wake:
+            self._is_stopping = True
+            self._wake.notify_all()
+
+
+class Desk(Protocol):
+    """What the worker works at; ``verbs.Debugger`` is the page's."""
+
+    @property
+    def is_running(self) -> bool:
+        """Whether :meth:`tick` has something to compute."""
+        ...
+
+    def welcome(self, window: int) -> None:
+        """Send a window that has just connected all that is known."""
+        ...
+
+    def apply(self, window: int, verb: AnyVerb) -> None:
+        """Carry out a verb."""
+        ...
+
+    def tick(self) -> None:
+        """Compute one iteration."""
+        ...
+
+    def pause(self) -> None:
+        """Stop computing."""
+        ...
+
+    def later(self) -> bool:
+        """Work out a piece of what nobody waits for; return whether there is more."""
+        ...
+
+
+Post = Callable[[dict, int | None], None]
+"""Sends a message to a window; None = to all."""
+
+
+class Worker:
+    """Opens the desk, then works until it is stopped.
+
+    Args:
+        jobs: what windows ask for.
+        post: sends messages.
+        open_desk: opens what is shown; gets the token with which long work reports and is cancelled.
+    """
+
+    def __init__(self, jobs: Jobs, post: Post, open_desk: Callable[[ProgressToken], Desk]) -> None:
+        self._jobs, self._post, self._open_desk = jobs, post, open_desk
+        self.progress = ProgressToken(self._report, jobs.is_wanted)
+        self._text, self._share, self._reported_at = "", None, 0.0
+        self._waiting: list[int] = []
+        self.ready = threading.Event()
+        self.failure: BaseException | None = None
+        self.thread = threading.Thread(target=self._work, name="verefine-worker", daemon=True)
+
+    # What is being done
+
+    def _report(self, text: str, share: float | None = None) -> None:
+        now = monotonic()
+        if (self._jobs.gives_way and text != COMPILING) or (not text and now - self._reported_at < BETWEEN_S):
+            return
+        self._text, self._share, self._reported_at = text or self._text, share, now
+        self._post({"t": "busy", "text": self._text, "share": share, "cancel": self._jobs.can_cancel}, None)
+
+    def _idle(self) -> None:
+        if self._text:
+            self._text = ""
+            self._post({"t": "busy", "text": "", "share": None, "cancel": False}, None)
+
+    # The thread
+
+    def _work(self) -> None:
+        with compiling_reported(lambda: self._report(COMPILING)):
+            try:
+                with self._jobs.cancellable():
+                    self._report("Opening.")
+                    self.desk = self._open_desk(self.progress)
+            except (Exception, Cancelled) as error:
+                self.failure = error
+                if not isinstance(error, VerefineError | Cancelled):
+                    _LOG.exception("the session could not be opened")
+                self._post(
+                    {"t": "busy", "text": f"This cannot be opened: {error}", "share": None, "cancel": False}, None
+                )
+                return
+            finally:
+                self.ready.set()
+            self._idle()
+            for window in self._waiting:
+                self.desk.welcome(window)
+            has_more = True
+            while not self._jobs.is_stopping:
+                job = self._jobs.take(wait=not (self.desk.is_running or has_more))
+                if job is not None:
+                    self._do(job)
+                    has_more = True
+                if self.desk.is_running:
+                    self._guarded(None, self.desk.tick)
+                elif job is None and has_more:
+                    has_more = self._later()
+
+    def welcome_later(self, window: int) -> None:
+        """Note a window that connected before the desk is open."""
+        self._waiting.append(window)
+
+    def _do(self, job: Job) -> None:
+        window, verb = job
+        if verb is None:
+            self._guarded(window, lambda: self.desk.welcome(window))
+        elif callable(verb):
+            self._guarded(None, verb)
+        else:
+            self._guarded(window, lambda: self.desk.apply(window, verb), verb)
+
+    def _guarded(self, window: int | None, do: Callable[[], None], verb: AnyVerb | None = None) -> None:
+        """Do something; what goes wrong becomes one message and leaves everything as it was."""
+        try:
+            with self._jobs.cancellable():
+                do()
+        except Cancelled:
+            self.desk.pause()
+            self._post({"t": "note", "text": "Cancelled: everything is as it was before."}, window)
+        except Exception as error:
+            text = str(error)
+            if not isinstance(error, VerefineError):
+                _LOG.exception("%s failed", type(verb).__name__ if verb is not None else "computing")
+                text = unforeseen(error)
+            if isinstance(verb, Want):
+                self._post({"t": "answer", "id": verb.id, "gone": text}, window)
+            else:
+                self.desk.pause()
+                self._post({"t": "error", "text": text, "offer": getattr(error, "offer", None)}, window)
+        self._idle()
+
+    def _later(self) -> bool:
+        """Do a piece of what nobody waits for; give it up once somebody does."""
+        self._jobs.gives_way = True
+        try:
+            return self.desk.later()
+        except Cancelled:
+            return True
+        except Exception:
+            _LOG.exception("work aside failed")
+            return False
+        finally:
+            self._jobs.gives_way = False
+
+
+def unforeseen(error: Exception) -> str:
+    """Say what an error is that was not foreseen: a bug, unless a refiner of another program raised it."""
+    of_refiner = raised_by_refiner(error)
+    if not of_refiner:
+        return f"{type(error).__name__}: {error} (a bug: please report it with the log)"
+    return f"{of_refiner[0].upper()}{of_refiner[1:]}. The run stands before it: mend the refiner, then start again."
