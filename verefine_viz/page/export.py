@@ -21,7 +21,7 @@ from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.maps_sheet import maps_sheet
-from verefine_viz.page.protocol import AnyVerb, Save, Seek, write_verb
+from verefine_viz.page.protocol import AnyVerb, Save, write_verb
 from verefine_viz.page.saved_session import Saved, savable
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
@@ -184,8 +184,7 @@ class Watched:
 
 def logged(d: Debugger) -> list[AnyVerb]:
     """Return the verbs that lead to what is open; of a run that goes on, as far as it is now."""
-    goal = d.goal
-    return [*d.log, *([Seek(goal.branch.run.length, goal.branch.index)] if goal is not None else [])]
+    return [*d.log, *d.progress_verbs()]
 
 
 def write_answers(branch: Branch, path: Path) -> None:

@@ -224,8 +224,10 @@ class Landscape(Wanted):
     obj: int
     branch: Index = 0
     k: Index = 0
-    frame: Literal["table", "object"] = "table"
+    part: Literal["curves", "slice", "other"] = "curves"
+    """Curves along all axes, the map over two of them, or what fits as well."""
     axes: tuple[Index, Index] = (5, 0)
+    """Of the map: across and up."""
 
 
 class Comparison(Wanted, tag="compare"):
@@ -233,6 +235,8 @@ class Comparison(Wanted, tag="compare"):
 
     a: Index
     b: Index
+    done: tuple[Index, Index] = (0, 0)
+    """Iterations of both: a browser asks again when there are more."""
 
 
 class Crops(Wanted):

@@ -41,9 +41,9 @@ def carry_out(
     debugger = Debugger(Workspace(session, None, make_tools, records=records), gallery=gallery)
     for line in filter(str.strip, lines):
         verb = read_verb(line)
-        debugger.goal = None  # How far a run came is a verb of its own.
+        debugger.goals.clear()  # How far a run came is a verb of its own.
         debugger.apply(None, verb)
         while isinstance(verb, Seek) and debugger.is_running:
             debugger.tick()
-    debugger.goal = None
+    debugger.goals.clear()
     return debugger

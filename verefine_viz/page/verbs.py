@@ -46,6 +46,10 @@ _NOT_LOGGED = (p.Look, p.Want, p.Run, p.Seek, p.Pause, p.Cancel, p.Evaluate, p.S
 """Verbs that change no record; how far a run came is logged where it stops."""
 
 
+_BEGINS_ANEW = (p.Restart, p.Open, p.Order, p.Estimate)
+"""Verbs after which other runs are there: what is computed ends before them."""
+
+
 class Goal:
     """What a branch is computed to.
 
@@ -53,10 +57,13 @@ class Goal:
         branch: which.
         k: until it holds so many iterations, breakpoints or not; None = to its end, and breakpoints stop it.
         until: "end", or "event": the first mark stops it too.
+        then: called once it is reached.
     """
 
-    def __init__(self, branch: Branch, k: int | None = None, until: str = "end") -> None:
-        self.branch, self.k, self.until = branch, k, until
+    def __init__(
+        self, branch: Branch, k: int | None = None, until: str = "end", then: Callable[[], None] = lambda: None
+    ) -> None:
+        self.branch, self.k, self.until, self.then = branch, k, until, then
         self.seconds: deque[float] = deque(maxlen=_TIMED)
 
     @property
@@ -104,7 +111,8 @@ class Debugger:
         self._write, self.progress = write, progress
         self.batch_run = gallery.worst.run if gallery is not None else ""
         """The batch run whose session is open; "" = none is."""
-        self.goal: Goal | None = None
+        self.goals: dict[int, Goal] = {}
+        """What is computed, by branch; in turns where there are several."""
         self.log: list[AnyVerb] = []
         """Verbs that changed a record; carried out again they give the same records."""
         self.look: p.Look | None = None
@@ -118,8 +126,6 @@ class Debugger:
         self._judged: dict[int, int] = {}
         """Branches whose verdict windows have, and of how many iterations."""
         self._later: Iterator[None] | None = self._warm_up()
-        self._then: tuple[dict[str, Any], int | None] | None = None
-        """What a window looks at once the goal is reached."""
         self.repeat_recorded()
 
     # Verbs
@@ -131,10 +137,13 @@ class Debugger:
             VerefineError: it cannot be done; everything is as before.
             Cancelled: it is no longer wanted; everything is as before.
         """
-        if not isinstance(verb, (p.Look, p.Want, p.Save, p.Tag, p.Break, p.Evaluate)):
+        if isinstance(verb, _BEGINS_ANEW):
             self.pause()
+        is_logged = not isinstance(verb, _NOT_LOGGED)
+        if is_logged:
+            self.log.extend(self.progress_verbs())
         HANDLERS[type(verb)](self, verb, window)
-        if not isinstance(verb, _NOT_LOGGED):
+        if is_logged:
             self.log.append(_as_logged(verb))
         if not isinstance(verb, (p.Look, p.Want)):
             self.announce_running()
@@ -150,13 +159,17 @@ class Debugger:
     @property
     def is_running(self) -> bool:
         """Whether a branch is computed."""
-        return self.goal is not None
+        return bool(self.goals)
+
+    def compute(self, goal: Goal) -> None:
+        """Have a branch computed to a goal, beside what is computed already."""
+        self.goals[goal.branch.index] = goal
 
     def tick(self) -> None:
-        """Compute one iteration towards the goal."""
-        goal = self.goal
-        if goal is None:
+        """Compute one iteration of the branch whose turn it is."""
+        if not self.goals:
             return
+        index, goal = next(iter(self.goals.items()))
         run = goal.branch.run
         if not goal.is_reached:
             began = perf_counter()
@@ -165,35 +178,42 @@ class Debugger:
             goal.seconds.append(perf_counter() - began)
             reasons = hits(self.space.breakpoints, run.problem, iteration) if goal.k is None else ()
             if reasons and not run.is_done:
-                self.pause()
+                self.pause(index)
                 self.say(f"Breakpoint at iteration {iteration.index}: {'; '.join(reasons)}")
                 return
             if goal.until == "event" and iteration.index in jumps(goal.branch.marks()):
-                self.pause()
+                self.pause(index)
                 return
         if goal.is_reached:
-            then = self._then
-            self.pause()
-            if then is not None:
-                self.post({"t": "view", "patch": then[0], "at": then[0]["k"]}, then[1])
-        elif monotonic() - self._sent_at > ROWS_S:
-            self.send_rows(goal.branch)
+            self.pause(index)
+            goal.then()
+            return
+        self.goals[index] = self.goals.pop(index)  # The next one's turn.
+        if monotonic() - self._sent_at > ROWS_S:
+            for other in self.goals.values():
+                self.send_rows(other.branch)
             self.announce_running()
 
-    def pause(self) -> None:
-        """Stop computing; the log says how far it came."""
-        goal, self.goal, self._then = self.goal, None, None
-        if goal is None:
+    def pause(self, index: int | None = None) -> None:
+        """Stop computing a branch, or all; the log says how far each came."""
+        stopped = [goal for i, goal in self.goals.items() if index in (None, i)]
+        if not stopped:
             return
-        self.log.append(p.Seek(goal.branch.run.length, goal.branch.index))
-        self.send_rows(goal.branch)
+        self.log.extend(p.Seek(goal.branch.run.length, goal.branch.index) for goal in stopped)
+        for goal in stopped:
+            del self.goals[goal.branch.index]
+            self.send_rows(goal.branch)
         self.announce_running()
+
+    def progress_verbs(self) -> list[AnyVerb]:
+        """Return verbs that compute as much as is there of what is being computed."""
+        return [p.Seek(goal.branch.run.length, goal.branch.index) for goal in self.goals.values()]
 
     def repeat_recorded(self) -> None:
         """Take the steps that another program recorded: what is over already opens at its end."""
         branch = self.space.work.first
         if method_of(branch.settings.method.name).repeats and not branch.run.is_done:
-            self.goal = Goal(branch, branch.run.n_iterations)
+            self.compute(Goal(branch, branch.run.n_iterations))
 
     def show(self, iteration: int | None, obj: int | None, window: int | None) -> None:
         """Take a window to an iteration of the first branch, and compute the whole run where it is not there yet.
@@ -208,7 +228,8 @@ class Debugger:
         patch = {"branch": branch.index, "obj": obj, "stage": None, "arm": None, "moment": None}
         if iteration is not None and not run.is_done:
             self.post({"t": "view", "patch": patch, "at": None}, window)
-            self.goal, self._then = Goal(branch, run.n_iterations), ({**patch, "k": iteration}, window)
+            seen = {"t": "view", "patch": {**patch, "k": iteration}, "at": iteration}
+            self.compute(Goal(branch, run.n_iterations, then=lambda: self.post(seen, window)))
             return
         k = run.length if iteration is None else min(iteration, run.length)
         self.post({"t": "view", "patch": {**patch, "k": k}, "at": iteration}, window)
@@ -282,10 +303,12 @@ class Debugger:
 
     def announce_running(self, window: int | None = None) -> None:
         """Say which branch is computed, and how long it will take."""
-        goal = self.goal
-        running = {"branch": None} if goal is None else {
-            "branch": goal.branch.index, "until": goal.until, "k": goal.k, "remaining_s": goal.remaining_s
-        }  # fmt: skip
+        left = [goal.remaining_s for goal in self.goals.values()]
+        running = {
+            "branch": next(iter(self.goals), None),
+            "branches": list(self.goals),
+            "remaining_s": sum(s for s in left if s is not None) if any(s is not None for s in left) else None,
+        }
         self.post({"t": "running", **running}, window)
 
     def _frame(self) -> dict[str, Any]:
@@ -296,7 +319,7 @@ class Debugger:
         first = self.space.work.first.settings
         return {
             "t": "branches",
-            "compare": self.space.work.compare and list(self.space.work.compare),
+            "compare": self.space.work.compare and dict(zip("ab", self.space.work.compare, strict=True)),
             "list": [
                 {
                     "index": b.index,
@@ -397,18 +420,18 @@ def _step(d: Debugger, verb: p.Step, window: int | None) -> None:
 def _seek(d: Debugger, verb: p.Seek, window: int | None) -> None:
     branch = d.space.branch(verb.branch)
     if branch.run.length < verb.k and not branch.run.is_done:
-        d.goal = Goal(branch, verb.k)
+        d.compute(Goal(branch, verb.k))
 
 
 def _run(d: Debugger, verb: p.Run, window: int | None) -> None:
     branch = d.space.branch(verb.branch)
     if branch.run.is_done:
         raise InputError("the run is over; restart it, or fork it with other settings")
-    d.goal = Goal(branch, None, verb.until)
+    d.compute(Goal(branch, None, verb.until))
 
 
 def _pause(d: Debugger, verb: p.Pause | p.Cancel, window: int | None) -> None:
-    pass  # Whatever runs was paused before.
+    d.pause()
 
 
 def _break(d: Debugger, verb: p.Break, window: int | None) -> None:
@@ -437,7 +460,7 @@ def _fork(d: Debugger, verb: p.Fork, window: int | None) -> None:
     d.send_rows(branch)
     d.post({"t": "view", "patch": {"branch": branch.index, "k": branch.run.length, "edited": None}}, window)
     if verb.run and not branch.run.is_done:
-        d.goal = Goal(branch)
+        d.compute(Goal(branch))
     elif branch.run.is_done:
         d.say("Nothing is left to run after the last iteration. Fork at an earlier one.", window)
 
@@ -445,6 +468,7 @@ def _fork(d: Debugger, verb: p.Fork, window: int | None) -> None:
 def _branch(d: Debugger, verb: p.Branch, window: int | None) -> None:
     branch = d.space.branch(verb.index)
     if verb.remove:
+        d.pause(branch.index)
         d.space.remove(branch)
     elif verb.name.strip():
         branch.name = verb.name.strip()
@@ -469,7 +493,7 @@ def _compare(d: Debugger, verb: p.Compare, window: int | None) -> None:
     d.send_branches()
     d.send_rows(b)
     if verb.run and not b.run.is_done:
-        d.goal = Goal(b)
+        d.compute(Goal(b))
 
 
 def _estimate(d: Debugger, verb: p.Estimate, window: int | None) -> None:

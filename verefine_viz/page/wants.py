@@ -5,4 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-ANSWERS: dict[type, Callable[..., dict[str, Any]]] = {}
+from verefine_viz.page import protocol as p
+from verefine_viz.page.views.comparison import comparison
+from verefine_viz.page.views.landscape import landscape
+from verefine_viz.page.views.physics import physics
+from verefine_viz.page.views.pixel_maps import maps
+from verefine_viz.page.views.pose_outlines import outlines
+from verefine_viz.page.views.shaded_model import shaded
+
+ANSWERS: dict[type, Callable[..., dict[str, Any]]] = {
+    p.Comparison: comparison,
+    p.Landscape: landscape,
+    p.Maps: maps,
+    p.Outlines: outlines,
+    p.Physics: physics,
+    p.Shaded: shaded,
+}

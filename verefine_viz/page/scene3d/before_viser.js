@@ -15,6 +15,10 @@
     if (event.reason instanceof EvalError) event.preventDefault();
   });
 
+  // In a small pane viser would open its sheet for telephones, which covers half of the view.
+  const matchMedia = window.matchMedia.bind(window);
+  window.matchMedia = (query) => matchMedia(query.includes("max-width") ? "not all" : query);
+
   // The page around this one says so where it matters.
   const style = document.createElement("style");
   style.textContent = "#webgl-software-rendering { display: none }";

@@ -17,6 +17,7 @@ from verefine_viz.pictures.surroundings_meshes import SOLID_COLOR, SURFACE_COLOR
 IMAGE_PLANE_M = 0.12
 """How far before the sensor its photo hangs in the scene [m]."""
 _GRID_M = 0.8
+_ARROW_M = 0.07
 _GRAVITY_COLOR = (250, 205, 60)
 _UP_FROM_CAMERA = transform(np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), np.zeros(3))
 """World from camera where no support is known: up is the image's up."""
@@ -140,17 +141,17 @@ def _add_gravity(
         return []
     centre, sensor = apply(T_world_cam, np.stack([points_cam.mean(axis=0), np.zeros(3)]))
     radius_m = float(np.percentile(np.linalg.norm(points_cam - points_cam.mean(axis=0), axis=1), 90))
+    length_m = min(radius_m, _ARROW_M)
     beside = np.cross(sensor - centre, [0.0, 0.0, 1.0])
     beside *= (1.3 * radius_m + 0.01) / max(float(np.linalg.norm(beside)), 1e-9)
-    foot = centre - (centre @ support.normal_world) * support.normal_world - beside
+    foot = centre - (centre @ support.normal_world) * support.normal_world + beside
     # Lines, since they keep their colour in the shade.
-    up = np.array([0.0, 0.0, radius_m])
+    up = np.array([0.0, 0.0, length_m])
     tip, tail = foot + 0.3 * up, foot + 1.3 * up
-    barb_m = 0.1 * radius_m
-    barbs = tip + barb_m * np.array([[1, 0, 2.5], [-1, 0, 2.5], [0, 1, 2.5], [0, -1, 2.5]])
+    barbs = tip + 0.1 * length_m * np.array([[1, 0, 2.5], [-1, 0, 2.5], [0, 1, 2.5], [0, -1, 2.5]])
     strokes = np.array([(tail, tip), *((tip, barb) for barb in barbs)], np.float32)
     nodes: list[viser.SceneNodeHandle] = [add_outline(scene, "/world/gravity", strokes, _GRAVITY_COLOR, 3)]
     if support.tilt_deg > TILT_SHOWN_DEG:
-        normal = np.array([(tail, tail - radius_m * support.normal_world)], np.float32)
+        normal = np.array([(tail, tail - length_m * support.normal_world)], np.float32)
         nodes.append(add_outline(scene, "/world/normal", normal, SURFACE_COLOR, 3))
     return nodes

@@ -85,6 +85,7 @@ class Scene3D:
         # An environment map costs software renderers many seconds and shows nothing here.
         server.scene.configure_environment_map(None)
         server.scene.configure_default_lights(True, cast_shadow=False)
+        server.scene.add_light_hemisphere("/fill", intensity=1.2)  # What faces away from the light is not black.
         server.scene.world_axes.visible = False
         server.scene.on_click()(self._on_click)
         self.panel = ScenePanel(server, self._on_panel, self._on_camera_button)
@@ -177,7 +178,7 @@ class Scene3D:
         for one in moment.objects:
             drawing, in_focus = self._drawing_of(one), one.instance_id == focus
             T_body = moved.get(one.instance_id, T_main if in_focus else one.T_cam_obj)
-            if not in_focus and "other objects" not in layers:
+            if not in_focus and ("other objects" not in layers or self.panel.box is not None):
                 T_body = None
             outlines = self._outlines(moment, name, layers) if in_focus else {}
             if (T_beside := beside.get(one.instance_id)) is not None:
@@ -331,6 +332,7 @@ class Scene3D:
         if to == "first":
             take_to_first_look(self._server, client)
         elif to == "sensor":
+            self.panel.hide("photo")  # It would hide everything else from there.
             take_to_sensor(client, self._problem.observation, self._T_world_cam)
         else:
             hiding = [

@@ -88,12 +88,9 @@ class ScenePanel:
         """What is shown."""
         return frozenset(name for name, box in self._layers.items() if box.value)
 
-    def set(self, cloud: CloudColors | None = None, **layers: bool) -> None:
-        """Change widgets as a user would; layers with blanks are written with underscores."""
-        if cloud is not None:
-            self._cloud.value = cloud
-        for name, on in layers.items():
-            self._layers[name.replace("_", " ")].value = on
+    def hide(self, layer: str) -> None:
+        """Take a layer from the view, as if the user had."""
+        self._layers[layer].value = False
 
     @property
     def box(self) -> float | None:

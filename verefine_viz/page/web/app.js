@@ -5,7 +5,7 @@ import { start, dismiss } from "./messages.js";
 import { applyTheme, setSize, sizesOf } from "./layout.js";
 import { attachKeys, Overlay } from "./keys.js";
 import { momentOf } from "./moment.js";
-import { Button, IconButton, Icon, Pane, Splitter, Tabs } from "./ui.js";
+import { Button, IconButton, Icon, Menu, Pane, Splitter, Tabs } from "./ui.js";
 import { Verdict } from "./verdict.js";
 import { Objects } from "./objects.js";
 import { Timeline } from "./timeline.js";
@@ -85,8 +85,19 @@ function Status() {
       : running.branch != null ? html`<span class="meter"><i class="unknown" style=${{ width: "30%" }} /></span><span>Computing</span>` : ""}</span>
     <span class="spring" />
     ${branches.length > 1 && html`<span class="branches">${branches.map((b) => html`<${BranchButton} key=${b.index} branch=${b} on=${b.index === branch} />`)}</span>`}
+    <${Notes} />
     ${shown?.recording && html`<span class="dim" title=${shown.recording}>recording</span>`}
   </footer>`;
+}
+
+// What is worth knowing of the frame's data.
+function Notes() {
+  const frame = useStore((s) => s.frame);
+  const notes = [...(frame?.doubts ?? []).map((n) => [n, true]), ...(frame?.notes ?? []).map((n) => [n, false])];
+  if (!notes.length) return null;
+  return html`<${Menu} align="right" icon=${frame.doubts?.length ? "warn" : undefined} title="Notes on the data of this frame"
+    label=${notes.length === 1 ? "1 note" : `${notes.length} notes`}><div class="notes">${notes.map(([n, doubt]) => html`
+      <p class=${doubt ? "tone-doubt" : ""}>${n}</p>`)}</div><//>`;
 }
 
 function BranchButton({ branch, on }) {

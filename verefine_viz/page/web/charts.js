@@ -28,7 +28,16 @@ export function Chart({ series, x, xLabel = "iteration", yLabel, units = "", cur
     const u = new uPlot(
       {
         width: width(), height: height * rem, legend: { show: false }, padding: [0.5 * rem, 0.8 * rem, 0, 0],
-        scales: { x: { time: false }, y: range ? { range } : {} },
+        scales: {
+          x: { time: false },
+          // What is drawn across is in view, too.
+          y: { range: range ?? ((_, low, high) => {
+            const all = [low, high, ...live.current.lines.map((l) => l.y)].filter((v) => v != null);
+            const [least, most] = [Math.min(...all), Math.max(...all)];
+            const pad = (most - least || 1) * 0.08;
+            return [least >= 0 ? Math.max(0, least - pad) : least - pad, most + pad];
+          }) },
+        },
         axes: [
           { ...axis(xLabel), size: 1.9 * rem, values: (_, at) => at.map((v) => (Number.isInteger(v) ? v : "")) },
           { ...axis(units ? `${yLabel} [${units}]` : yLabel), size: 3.1 * rem },
@@ -69,7 +78,7 @@ export function Chart({ series, x, xLabel = "iteration", yLabel, units = "", cur
     u.over.append(mark);
     const place = (p) => {
       const at = live.current.cursor;
-      mark.hidden = at == null;
+      mark.hidden = at == null || at < p.scales.x.min || at > p.scales.x.max;
       if (at != null) mark.style.transform = `translateX(${p.valToPos(at, "x").toFixed(1)}px)`;
     };
     place(u);
@@ -96,7 +105,7 @@ export function Chart({ series, x, xLabel = "iteration", yLabel, units = "", cur
     setOff(next);
     plot.current.u.setSeries(i + 1, { show: !next.has(name) });
   };
-  const at = hover ?? (cursor == null ? -1 : x.indexOf(cursor));
+  const at = hover ?? (cursor == null ? -1 : x.findLastIndex((k) => k <= cursor));
   return html`<div class="chart">
     <div class="plot" ref=${host} />
     <div class="chart-legend">${series.map((s, i) => html`

@@ -82,20 +82,25 @@ on("view", ({ patch, at }) => {
 
 // The server, and with it the 3D view, is told what this window looks at: at most every 40 ms, the latest wins.
 
+// What this window looks at, as a verb; null while there is nothing.
+export function lookOf(s) {
+  const { view } = s;
+  const moment = momentOf(s);
+  if (!moment) return null;
+  const beside = moment.beside ? { branch: moment.beside.branch, k: moment.beside.k } : null;
+  return {
+    verb: "look", branch: view.branch, k: moment.k, stage: view.stage, obj: moment.obj, arm: moment.arm, moment: view.moment,
+    edited: view.edited?.T ?? null, grasp: view.grasp ?? null, b: beside, answer: moment.isAnswer,
+  };
+}
+
 let told = "";
 let waiting = null;
 function tellLook() {
   waiting = null;
-  const { view } = state;
-  const moment = momentOf(state);
-  if (!moment || state.connection !== "open") return;
-  const beside = moment.beside ? { branch: moment.beside.branch, k: moment.beside.k } : null;
-  const verb = {
-    verb: "look", branch: view.branch, k: moment.k, stage: view.stage, obj: moment.obj, arm: moment.arm, moment: view.moment,
-    edited: view.edited?.T ?? null, grasp: view.grasp ?? null, b: beside, answer: moment.isAnswer,
-  };
+  const verb = state.connection === "open" ? lookOf(state) : null;
   const text = JSON.stringify(verb);
-  if (text !== told && send(verb)) told = text;
+  if (verb && text !== told && send(verb)) told = text;
 }
 listen(() => {
   waiting ??= setTimeout(tellLook, 40);

@@ -74,6 +74,12 @@ export function latest(rows, k) {
 
 export const startsOf = (run, object) => run.start?.[object.id] ?? object.arms;
 
+// Where a hypothesis comes from; "" where all come from the same.
+export function sourceOf(object, arm) {
+  const stem = (a) => (a.source ?? "").replace(/ #\d+$/, "");
+  return object.arms[arm] && new Set(object.arms.map(stem)).size > 1 ? stem(object.arms[arm]) : "";
+}
+
 function bestStart(run, object) {
   let arm = -1;
   startsOf(run, object).forEach((a, j, all) => {
@@ -199,7 +205,8 @@ function pairOf(s, moment, beside) {
     const side = (m, letter) => {
       const name = m.isAnswer || !m.poses.accepted ? "best" : "accepted";
       const title = s.branches.find((b) => b.index === m.branch)?.name ?? "";
-      return m.poses[name] && { name, ...m.poses[name], label: `${letter}: ${title}`, branch: m.branch, k: m.k };
+      const label = title.startsWith(`${letter}: `) ? title : `${letter}: ${title}`;
+      return m.poses[name] && { name, ...m.poses[name], label, branch: m.branch, k: m.k };
     };
     const first = s.view.branch === s.compare.a;
     const [a, b] = first ? [side(moment, "A"), side(beside, "B")] : [side(beside, "A"), side(moment, "B")];

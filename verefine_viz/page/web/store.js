@@ -112,32 +112,42 @@ export function connect() {
 // Answers of the server to what views ask for, the latest used last.
 
 const MOST_ANSWERS = 400;
-const known = new Map(); // id → { answer, asked }
+const known = new Map(); // what is asked, as JSON → { id, slot, answer }
+const asked = new Map(); // slot → what was asked for last, as JSON
+const waiting = new Map(); // id → what it asks for, as JSON: ids are short, poses are not
+let wants = 0;
 
 on("answer", (message) => {
-  const entry = known.get(message.id) ?? {};
-  known.set(message.id, { ...entry, answer: message });
+  const key = waiting.get(message.id) ?? message.id; // of `evaluate` the id itself
+  waiting.delete(message.id);
+  known.set(key, { ...known.get(key), answer: message });
 });
 
 export function forgetAnswers() {
   known.clear();
+  asked.clear();
+  waiting.clear();
 }
 
 // The answer to a want, or undefined; asked for once. `slot`: of the wants of one slot the server answers the latest.
 export function want(of, slot = "") {
-  const id = JSON.stringify(of);
-  let entry = known.get(id);
-  if (!entry || (!entry.answer && entry.slot && asked.get(entry.slot) !== id)) {
-    entry = { slot };
-    if (!send({ verb: "want", id, slot, of })) return undefined;
-    asked.set(slot, id);
+  const key = JSON.stringify(of);
+  let entry = known.get(key);
+  if (!entry || (!entry.answer && entry.slot && asked.get(entry.slot) !== key)) {
+    entry = { id: entry?.id ?? `want ${++wants}`, slot };
+    if (!send({ verb: "want", id: entry.id, slot, of })) return undefined;
+    asked.set(slot, key);
+    waiting.set(entry.id, key);
   }
-  known.delete(id);
-  known.set(id, entry); // used last
-  if (known.size > MOST_ANSWERS) known.delete(known.keys().next().value);
+  known.delete(key);
+  known.set(key, entry); // used last
+  if (known.size > MOST_ANSWERS) {
+    const [dropped, { id }] = known.entries().next().value;
+    known.delete(dropped);
+    waiting.delete(id);
+  }
   return entry.answer;
 }
-const asked = new Map(); // slot → id of the want asked for last
 
 export function useWant(of, slot = "") {
   return useStore(() => (of ? want(of, slot) : undefined));

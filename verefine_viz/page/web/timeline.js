@@ -1,8 +1,8 @@
 // The timeline: the run's only controls, its marks, lanes of objects or hypotheses, and the curve of scores.
 import { html, useEffect, useRef, useState, useMemo } from "./vendor/htm-preact.js";
 import { state, useStore, setView, update, send } from "./store.js";
-import { armColor, back, isBusy, momentOf, pause, ranksOf, rampColor, rowsOf, run, runOf, seek, STAGE_COLORS, step, stepStage, toNextEvent, TONES } from "./moment.js";
-import { Bar, Button, IconButton, Menu, number, Select, Swatch, Toggle } from "./ui.js";
+import { armColor, back, isBusy, momentOf, pause, ranksOf, rampColor, rowsOf, run, runOf, seek, sourceOf, STAGE_COLORS, step, stepStage, toNextEvent, TONES } from "./moment.js";
+import { Button, IconButton, Menu, number, Select, Swatch, Toggle } from "./ui.js";
 import { titled } from "./keys.js";
 import { remember } from "./layout.js";
 
@@ -39,7 +39,7 @@ function Controls() {
       <b>${k}</b><span class="dim"> of ${total}${done < total ? ` · ${done} made` : ""}</span>
     </span>
     <span class="where">${isAnswer
-      ? html`answer · <button type="button" class="link" title="all stages of the last iteration" onClick=${(e) => {
+      ? html`<button type="button" class="link" title="The answer is shown. The last iteration may have tried another pose: show it" onClick=${(e) => {
           e.currentTarget.blur();
           setView({ stage: moment.run.rows.at(-1).stages.at(-1).name, obj: moment.run.rows.at(-1).obj });
         }}>last iteration</button>`
@@ -129,7 +129,8 @@ function Legend() {
   const [moment, arm, by] = useStore((s) => [momentOf(s), s.view.arm, s.colorBy]);
   if (!moment) return null;
   const order = ranksOf(moment, by);
-  const list = moment.arms.map((a, j) => ({ ...a, j, source: moment.object.arms[j]?.source ?? "" }))
+  const scale = scaleOf(moment.run, by);
+  const list = moment.arms.map((a, j) => ({ ...a, j, source: sourceOf(moment.object, j) }))
     .filter((a) => `hypothesis ${a.j + 1} ${a.source}`.includes(text.toLowerCase()))
     .sort((a, b) => order[a.j] - order[b.j]);
   return html`<${Menu} icon="list" align="right" title="Hypotheses: what colours say, scores, filter" label="Hypotheses">
@@ -141,13 +142,23 @@ function Legend() {
       <div class="scroll"><table class="table"><thead><tr><th class="left">hypothesis</th><th>plays</th><th>score</th><th>mm</th></tr></thead>
       <tbody>${list.map((a) => html`<tr key=${a.j} class=${`clickable ${arm === a.j ? "current" : ""}`}
         onClick=${() => setView({ arm: arm === a.j ? null : a.j })}>
-        <td class="left"><${Swatch} color=${cellColor(by, moment, a)} /> ${a.j + 1} <span class="dim">${a.source}</span></td>
+        <td class="left"><${Swatch} color=${by === "rank" ? armColor(moment, a.j) : rampColor(scale(a))} /> ${a.j + 1} <span class="dim">${a.source}</span></td>
         <td>${number(a.plays, 0)}</td><td>${number(a.score, 3)}</td><td>${number(a.err, 1)}</td></tr>`)}</tbody></table></div>
     </div>
   <//>`;
 }
-const cellColor = (by, moment, a) =>
-  by === "rank" || moment.arms.length < 2 ? armColor(moment, a.j) : rampColor(by === "error" ? 1 - (a.err ?? 60) / 60 : a.score ?? 0);
+// Numbers to shares of the ramp, good = 1: the run's lowest and highest score or error are its ends.
+function scaleOf({ rows }, by) {
+  const of = (s) => (by === "error" ? s?.err : s?.score);
+  const known = rows.map((row) => of(row.stages.find((s) => s.name === row.accepted))).filter((x) => x != null);
+  const low = Math.min(...known);
+  const span = Math.max(...known) - low || 1;
+  return (pose) => {
+    const value = of(pose);
+    if (value == null || !known.length) return 0.5;
+    return by === "error" ? 1 - (value - low) / span : (value - low) / span;
+  };
+}
 
 // The strip: what is drawn is worked out once for a run and drawn once for a size; the cursor is an element that moves.
 
@@ -166,22 +177,18 @@ function modelOf(frame, runData, obj, by, hidden, arm) {
     ranks.set(id, shares);
   }
   const accepted = rows.map((row) => row.stages.find((s) => s.name === row.accepted) ?? {});
-  const known = (by === "error" ? accepted.map((s) => s.err) : accepted.map((s) => s.score)).filter((x) => x != null);
-  const low = Math.min(...known);
-  const span = Math.max(...known) - low || 1;
-  const share = (row, stage) => {
-    if (by === "rank") return ranks.get(row.obj)[row.arm];
-    const value = by === "error" ? stage.err : stage.score;
-    if (value == null) return 0.5;
-    return by === "error" ? 1 - (value - low) / span : (value - low) / span;
-  };
+  const scale = scaleOf(runData, by);
+  const share = (row, stage) => (by === "rank" ? ranks.get(row.obj)[row.arm] : scale(stage));
   const cells = rows.map((row, i) => ({
     k: row.k, obj: row.obj, arm: row.arm, share: share(row, accepted[i]), score: accepted[i].score,
     faint: (focus != null && row.obj !== focus) || (arm != null && row.arm !== arm),
   }));
-  const lanes = several
+  // Several objects have a lane each; once one is chosen its hypotheses have, below a band in the objects' colours.
+  const chosen = objects.find((o) => o.id === focus);
+  const lanes = !chosen
     ? objects.map((o) => ({ name: o.label, color: o.color, has: (c) => c.obj === o.id, id: o.id }))
-    : (objects[0]?.arms ?? []).map((a, j) => ({ name: `${j + 1}`, has: (c) => c.arm === j, arm: j }));
+    : chosen.arms.map((a, j) => ({ name: `hyp. ${j + 1}`, has: (c) => c.obj === chosen.id && c.arm === j, arm: j }));
+  const band = several && chosen ? new Map(objects.map((o) => [o.id, o.color])) : null;
   const marks = runData.marks.filter((m) => !hidden.has(m.tone));
   const curves = objects.filter((o) => focus == null || o.id === focus).map((o) => ({
     color: several ? o.color : STAGE_COLORS.best,
@@ -190,7 +197,7 @@ function modelOf(frame, runData, obj, by, hidden, arm) {
   }));
   const dots = focus == null ? [] : cells.filter((c) => c.obj === focus && c.score != null);
   const answers = runData.over ? [...last.values()].map(({ obj: id, best }) => ({ obj: id, ...best })).filter((b) => b.k) : [];
-  return { answers, total: Math.max(total, rows.length, 1), done: rows.length, cells, lanes, marks, curves, dots, several, focus };
+  return { answers, band, chosen, total: Math.max(total, rows.length, 1), done: rows.length, cells, lanes, marks, curves, dots, several, focus };
 }
 
 function Strip() {
@@ -278,11 +285,12 @@ const MARK_ROWS = [["problem"], ["rejected", "flip", "edited"], ["switched", "be
 function placeOf(model, [w, h, rem, ratio]) {
   const longest = Math.max(...model.lanes.map((l) => l.name.length), 6);
   const left = Math.round(Math.min(rem * 10, rem * (1.4 + 0.5 * longest)) + (model.several ? rem : 0));
+  const band = model.band ? Math.round(rem * 0.6) : 0;
   const right = Math.round(rem * 2.6);
   const marksTop = Math.round(rem * 0.9);
   const groups = MARK_ROWS.filter((tones) => model.marks.some((m) => tones.includes(m.tone)));
   const mark = Math.round(rem * 0.8);
-  const marks = groups.length * mark + Math.round(rem * 0.25);
+  const marks = groups.length * mark + Math.round(rem * 0.25) + band;
   const axis = Math.round(rem * 1.15);
   const room = Math.max(0, h - marksTop - marks - axis);
   const n = Math.max(model.lanes.length, 1);
@@ -293,7 +301,7 @@ function placeOf(model, [w, h, rem, ratio]) {
   const lanes = strip ? lane : lane * n;
   const curveTop = lanesTop + lanes + rem * 0.5;
   return {
-    w, h, rem, ratio, left, right, marksTop, mark, groups, lanesTop, lane, lanes, strip, curveTop,
+    w, h, rem, ratio, left, right, marksTop, mark, groups, band, lanesTop, lane, lanes, strip, curveTop,
     curveBottom: h - axis - rem * 0.2, cell: (w - left - right) / model.total,
   };
 }
@@ -321,27 +329,34 @@ function draw(canvas, model, p) {
     ctx.fillRect(left, Math.round(top + p.lane) - 1, right - left, 1);
     font(0.86);
     ctx.textAlign = "left";
-    ctx.fillStyle = lane.id === model.focus && model.several ? text : dim;
-    if (p.strip) return ctx.fillText(model.several ? `${model.lanes.length} objects` : `${model.lanes.length} hyp.`, rem * 0.7, top + p.lane / 2);
+    ctx.fillStyle = dim;
+    if (p.strip) return ctx.fillText(`${model.lanes.length} ${model.chosen ? "hyp." : "objects"}`, rem * 0.7, top + p.lane / 2);
     let from = rem * 0.7;
     if (lane.color) {
       ctx.fillStyle = lane.color;
       ctx.fillRect(from, top + p.lane / 2 - rem * 0.28, rem * 0.56, rem * 0.56);
       from += rem * 0.9;
-      ctx.fillStyle = lane.id === model.focus ? text : dim;
+      ctx.fillStyle = text;
     }
     if (p.lane >= rem * 0.8 || i % 2 === 0) {
       ctx.save();
       ctx.beginPath();
-      ctx.rect(0, top, left - rem * 0.5, p.lane);
+      ctx.rect(0, top - p.lane, left - rem * 0.5, 3 * p.lane);
       ctx.clip();
-      ctx.fillText(lane.color ? lane.name : `hyp. ${lane.name}`, from, top + p.lane / 2);
+      ctx.fillText(lane.name, from, top + p.lane / 2);
       ctx.restore();
     }
     return undefined;
   });
   const colors = model.lanes.find((l) => l.color) && p.strip;
+  if (model.band) {
+    for (const c of model.cells) {
+      ctx.fillStyle = model.band.get(c.obj);
+      ctx.fillRect(x(c.k) - cell / 2, p.lanesTop - p.band, cell + 0.3, p.band - 2);
+    }
+  }
   for (const c of model.cells) {
+    if (model.chosen && c.obj !== model.chosen.id) continue;
     const i = p.strip ? 0 : model.lanes.findIndex((l) => l.has(c));
     if (i < 0) continue;
     ctx.globalAlpha = c.faint ? 0.22 : 1;
@@ -352,6 +367,7 @@ function draw(canvas, model, p) {
   ctx.strokeStyle = STAGE_COLORS.best;
   ctx.lineWidth = Math.max(2, rem * 0.14);
   for (const c of model.answers) {
+    if (model.chosen && c.obj !== model.chosen.id) continue;
     const i = p.strip ? 0 : model.lanes.findIndex((l) => l.has(c));
     ctx.strokeRect(x(c.k) - Math.max(cell, 5) / 2, p.lanesTop + i * p.lane + 0.5, Math.max(cell, 5), p.lane - 1.5);
   }

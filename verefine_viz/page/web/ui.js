@@ -1,6 +1,6 @@
 // A small kit: what several panes need of buttons, menus, tables and icons.
 import { html, useState, useEffect, useRef } from "./vendor/htm-preact.js";
-import { useStore, update, state } from "./store.js";
+import { useStore, setView, state } from "./store.js";
 
 // Icons are 16×16 outlines, drawn in the colour of the text.
 const ICONS = {
@@ -192,10 +192,11 @@ export function Dialog({ title, onClose, children, wide }) {
   </div>`;
 }
 
-// The frame of a pane: its title fills the middle on a double click. tools: what stands beside the title.
+// The frame of a pane. A double click on its title fills the middle with it, and so does F while the pointer is over it.
+// tools: what stands beside the title.
 export function Pane({ name, title, tools, children }) {
   const full = useStore((s) => s.view.full);
-  return html`<section class=${`pane ${name}`}>
+  return html`<section class=${`pane ${name}`} onPointerEnter=${() => (state.lastPane = name)}>
     <header onDblClick=${(e) => e.target.closest("button, select, input") || fillPane(name)} title="double click: fill the middle (F)">
       <h2>${title}</h2><div class="tools">${tools}</div>
       <${IconButton} icon=${full === name ? "shrink" : "fill"} title=${full === name ? "all panes (F)" : "fill the middle (F)"}
@@ -205,6 +206,5 @@ export function Pane({ name, title, tools, children }) {
   </section>`;
 }
 export function fillPane(name) {
-  state.view = { ...state.view, full: state.view.full === name ? null : name };
-  update({ lastPane: name });
+  setView({ full: state.view.full === name ? null : name });
 }

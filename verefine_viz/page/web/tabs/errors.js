@@ -1,7 +1,7 @@
 // Errors against ground truth: over the run, by stage, and of every hypothesis.
 import { html, useMemo } from "../vendor/htm-preact.js";
 import { useStore, setView } from "../store.js";
-import { labelOf, momentOf, rowsOf, seek, STAGE_COLORS, startsOf } from "../moment.js";
+import { labelOf, momentOf, rowsOf, seek, sourceOf, STAGE_COLORS, startsOf } from "../moment.js";
 import { number, Swatch, Table } from "../ui.js";
 import { Chart } from "../charts.js";
 
@@ -28,7 +28,7 @@ export function render() {
   const starts = startsOf(run, object);
   const arms = moment.arms.map((a, j) => ({ ...a, j, start: starts[j] ?? {} }));
   const of_arm = [
-    { title: "hypothesis", left: true, of: (a) => html`${a.j === best?.arm ? html`<${Swatch} color=${STAGE_COLORS.best} />` : html`<${Swatch} color="transparent" />`}${a.j + 1} <span class="dim">${a.start.source ?? ""}</span>` },
+    { title: "hypothesis", left: true, of: (a) => html`<${Swatch} color=${a.j === best?.arm ? STAGE_COLORS.best : "transparent"} hollow />${a.j + 1} <span class="dim">${sourceOf(object, a.j)}</span>` },
     { title: "initial mm", hint: "ADD(-S) of its initial pose", of: (a) => error(limit)(a.start) },
     { title: "now mm", hint: "ADD(-S) of its current pose", of: error(limit) },
     { title: "score", of: (a) => number(a.score) },

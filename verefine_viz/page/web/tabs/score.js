@@ -1,7 +1,7 @@
 // Why one pose scores higher than another: A and B in numbers, the stages of the iteration, and the score over the run.
 import { html, useMemo } from "../vendor/htm-preact.js";
 import { useStore, setView, useWant } from "../store.js";
-import { armColor, labelOf, momentOf, rowsOf, seek, STAGE_COLORS, STAGE_MEANINGS } from "../moment.js";
+import { armColor, labelOf, momentOf, rowsOf, seek, sourceOf, STAGE_COLORS, STAGE_MEANINGS } from "../moment.js";
 import { Bar, Icon, number, Parts, Select, Swatch, Table } from "../ui.js";
 import { Chart } from "../charts.js";
 
@@ -85,8 +85,7 @@ function Stages({ moment }) {
 function Starts({ moment }) {
   const { object, isAnswer, arms } = moment;
   const columns = [
-    { title: "hypothesis", left: true, of: (a) => html`<${Swatch} color=${armColor(moment, a.j)} />${a.j + 1} <span class="dim">${
-      object.arms[a.j]?.source ?? ""}</span>` },
+    { title: "hypothesis", left: true, of: (a) => html`<${Swatch} color=${armColor(moment, a.j)} />${a.j + 1} <span class="dim">${sourceOf(object, a.j)}</span>` },
     { title: "score", of: (a) => html`<${Bar} share=${a.score} color=${armColor(moment, a.j)} />${number(a.score, 3)}` },
     ...(object.has_gt ? [{ title: "mm", hint: "ADD(-S)", of: (a) => number(a.err, 1) }] : []),
   ];

@@ -1,0 +1,173 @@
+"""Two branches side by side: pairs of iterations, the first differences, and who came nearer: the want ``compare``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Target
+from verefine_viz.core.records import Best
+from verefine_viz.page import protocol as p
+from verefine_viz.page.blobs import Blobs
+from verefine_viz.page.branch import Branch
+from verefine_viz.page.evaluator import together
+from verefine_viz.page.workspace import Workspace
+from verefine_viz.run.compare import (
+    Departure,
+    Departures,
+    Effort,
+    Outcome,
+    ScoredBest,
+    aligned,
+    departures,
+    effort_of,
+    outcomes,
+)
+from verefine_viz.run.variants import scores_alike, settings_between
+
+Json = dict[str, Any]
+
+
+def comparison(space: Workspace, want: p.Comparison, blobs: Blobs) -> Json:
+    """Return how two branches compare, as far as both are computed."""
+    a, b = space.branch(want.a), space.branch(want.b)
+    pairs = aligned(a.run.iterations, b.run.iterations)
+    alike, between = scores_alike(a.settings, b.settings), settings_between(a.settings, b.settings)
+    evaluator, ids_a = a.final_evaluator, {i.instance_id for i in a.run.problem.instances}
+
+    def score_of(target: Target, best: Best) -> float:
+        """By the rule of A, whose own target of the same object may count other masks."""
+        own = target.instance.instance_id
+        return evaluator.score(a.run.problem.target(own) if own in ids_a else target, best.T_cam_obj).score
+
+    answers = outcomes(a.run, b.run, evaluator.errors, None if alike else score_of)
+    differences = departures(a.run, b.run, pairs)
+    effort_a, effort_b = effort_of(a.run), effort_of(b.run)
+    return {
+        "names": names_of(a, b),
+        "settings": [[name, _plain(one), _plain(other)] for name, one, other in between],
+        "scores_alike": alike,
+        "pairs": [[pair.instance_id, pair.n, pair.a, pair.b] for pair in pairs],
+        "departures": [_departure(one) for one in differences if one is not None],
+        "words": departure_in_words(differences, min(effort_a.iterations, effort_b.iterations)),
+        "rows": [_outcome(o, alike) for o in answers],
+        "frame": _frame_scores(a, b, answers),
+        "effort": {"a": _effort(effort_a), "b": _effort(effort_b)},
+    }
+
+
+def names_of(a: Branch, b: Branch) -> tuple[str, str]:
+    """Name two branches by what tells them apart, as short as can be: "rir" and "sir", "c = 0.7" and "c = 0.1"."""
+    changed = {name: (one, other) for name, one, other in settings_between(a.settings, b.settings)}
+    pairs = [tuple(map(str, changed[name])) for name in ("method.name", "preset") if name in changed]
+    if not pairs:
+        pairs = [
+            tuple(f"{name.rpartition('.')[2]} = {_plain(value)}" for value in both)
+            for name, both in [*changed.items()][:2]
+        ]
+    if not pairs:
+        name_a, name_b = (side.name.removeprefix("B: ") for side in (a, b))
+        return name_a, name_b if name_b != name_a else f"{name_b} (2)"
+    name_a, name_b = (
+        ", ".join((*parts, side.recording.name) if side.recording else parts)
+        for parts, side in zip(zip(*pairs, strict=True), (a, b), strict=True)
+    )
+    return name_a, name_b
+
+
+def departure_in_words(differences: Departures, n_both: int) -> str:
+    """Say where two runs part: "A and B do the same for 1 iteration. Then in iteration 2 B works on hypothesis 3."."""
+    deed, score = differences.deed, differences.score
+    if deed is not None:
+        same = deed.place - 1
+        if deed.place < 2:
+            begin = "part at once:" if deed.place else "begin differently:"
+        else:
+            begin = f"do the same for {same} iteration{'s' if same > 1 else ''}. Then"
+        did = f"B {deed.text}" if deed.place == 0 or deed.kind == "missing" else f"{_at(deed)} B {deed.text}"
+        return f"A and B {begin} {did}."
+    if score is not None:
+        return f"A and B reach the same poses, but score them differently: {_at(score)}, B {score.text}."
+    if n_both == 0:
+        return "A and B start from the same poses."
+    return f"A and B did the same in all {n_both} iterations that both have made, bit for bit."
+
+
+def _at(departure: Departure) -> str:
+    if departure.a is None or departure.b is None:
+        return "before iteration 1" if departure.place == 0 else f"in iteration {departure.a or departure.b}"
+    if departure.a == departure.b:
+        return f"in iteration {departure.a}"
+    return f"in iteration {departure.b} (A's {departure.a})"
+
+
+def _departure(departure: Departure) -> Json:
+    return {
+        "place": departure.place,
+        "kind": departure.kind,
+        "text": departure.text,
+        "a": departure.a,
+        "b": departure.b,
+    }
+
+
+def _outcome(o: Outcome, alike: bool) -> Json:
+    """Return one object's answers in both runs; who is nearer only where that can be told."""
+    is_known = o.a is not None and o.b is not None and o.a.errors is not None and o.b.errors is not None
+    return {
+        "obj": o.instance_id,
+        "name": o.name,
+        "a": _side(o.a),
+        "b": _side(o.b),
+        "winner": o.winner if alike or is_known else None,
+    }
+
+
+def _side(answer: ScoredBest | None) -> Json | None:
+    if answer is None:
+        return None
+    errors = answer.errors
+    return {
+        "score": answer.best.score.score,
+        "score_by_a": answer.score,
+        "err": None if errors is None else errors.add_s_mm,
+        "deg": None if errors is None else errors.rotation_deg,
+        "mm": None if errors is None else errors.translation_mm,
+        "k": answer.best.iteration,
+        "arm": answer.best.arm,
+    }
+
+
+def _frame_scores(a: Branch, b: Branch, answers: Sequence[Outcome]) -> list[float] | None:
+    """Return how well all answers of A, and of B, explain the frame together; None for one object.
+
+    By the settings of A, or where B scores by others, B's by its own.
+    """
+    both = [(o.instance_id, o.a.best, o.b.best) for o in answers if o.a is not None and o.b is not None]
+    if len(both) < 2:
+        return None
+
+    def scored(branch: Branch, poses: list[Float]) -> float:
+        targets = [branch.run.problem.target(own) for own, _, _ in both]
+        return together(branch.final_evaluator, targets, np.array(poses), branch.settings).score
+
+    of_b = a if scores_alike(a.settings, b.settings) else b
+    return [scored(a, [one.T_cam_obj for _, one, _ in both]), scored(of_b, [other.T_cam_obj for _, _, other in both])]
+
+
+def _effort(effort: Effort) -> Json:
+    return {
+        "iterations": effort.iterations,
+        "planned": effort.planned,
+        "refiner_calls": effort.refiner_calls,
+        "rollout_calls": effort.rollout_calls,
+        "ms": effort.ms,
+    }
+
+
+def _plain(value: Any) -> str:
+    words = f"{value:g}" if isinstance(value, float) else str(value)
+    return words if len(words) <= 40 else f"{words[:39]}…"
