@@ -252,7 +252,7 @@ function Card({ row, place, several, selected, current, open }) {
       <input type="checkbox" checked=${selected} title="Select (X, or Ctrl and click)" onChange=${() => toggle(row.key)} /></div>
     <div class="line"><b>${row.name || "all objects"}</b><span class="dim">${row.frame}</span></div>
     <div class="line"><span class="error">${errorWords(row) || words}</span><span>${row.score != null && number(row.score, 2)}</span></div>
-    <div class="line dim">${row.cause || (row.status !== "ok" ? row.message : "") || "\u00a0"}</div>
+    <div class="line dim"><span>${row.cause || (row.status !== "ok" ? row.message : "")}</span></div>
     <div class="line dim"><span>${several ? row.run : row.method}</span><span class="tags">${row.tags.map((tag) => html`
       <button key=${tag} title=${`Take the tag ${tag} away`} onClick=${() => send({ verb: "tag", answers: [row.key], tag, on: false })}>${tag}</button>`)}</span></div>
   </article>`;
@@ -284,7 +284,7 @@ function Facets() {
       const on = gallery.only[by] ?? [];
       const values = [...there].sort((a, b) => (counts.get(b)?.all ?? 0) - (counts.get(a)?.all ?? 0) || (a < b ? -1 : 1));
       const most = Math.max(1, ...[...counts.values()].map((c) => c.all));
-      const listed = unfolded[by] ? values : values.filter((v, i) => i < MOST_LINES || on.includes(v));
+      const listed = unfolded[by] ? values : values.filter((v, i) => (i < MOST_LINES && counts.has(v)) || on.includes(v));
       const set = (value) => choose({ only: { ...gallery.only, [by]: on.includes(value) ? on.filter((v) => v !== value) : [...on, value] }, at: null });
       return html`<section key=${by}><h3>${title}${on.length > 0 && html`<button class="link" onClick=${() => choose({ only: { ...gallery.only, [by]: [] } })}>all</button>`}</h3>
         ${listed.map((value) => html`<${Facet} key=${value} value=${value} count=${counts.get(value)} most=${most} on=${on.includes(value)} dim=${on.length > 0 && !on.includes(value)} onClick=${() => set(value)} />`)}
@@ -395,6 +395,6 @@ function Plot() {
   };
   return html`<section class="plot"><h3>Score over error</h3>
     <canvas ref=${canvas} class=${near ? "near" : ""} onPointerMove=${(e) => setNear(find(e))} onPointerLeave=${() => setNear(null)} onClick=${(e) => openAnswer(find(e)?.row)} />
-    <p>${near ? html`<b>${near.row.name}</b> ${near.row.frame} · ${errorWords(near.row)} · score ${number(near.row.score, 2)}` : html`<span class="dim">${known.length} answers with ground truth; click to open</span>`}</p>
+    <p>${near ? html`<b>${near.row.name}</b> ${near.row.frame} · ${errorWords(near.row)} · score ${number(near.row.score, 2)}` : html`<span class="dim">${known.length} with ground truth; a click opens</span>`}</p>
   </section>`;
 }
