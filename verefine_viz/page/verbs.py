@@ -244,7 +244,7 @@ class Debugger:
         first = self.space.work.first.settings
         return {
             "t": "branches",
-            "compare": self.space.work.compare and list(self.space.work.compare),
+            "compare": self.space.work.compare and dict(zip("ab", self.space.work.compare, strict=True)),
             "list": [
                 {
                     "index": b.index,
@@ -253,6 +253,9 @@ class Debugger:
                     "from": b.forked_at,
                     "recording": str(b.recording) if b.recording else None,
                     "missing": b.missing,
+                    "done": b.run.length,
+                    "total": max(b.run.n_iterations, b.run.length),
+                    "over": b.run.is_done,
                     "method": b.settings.method.name,
                     "settings": {name: value for name, _, value in settings_between(first, b.settings)},
                 }

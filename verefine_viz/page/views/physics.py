@@ -161,7 +161,7 @@ def _overlaps(moment: Moment, focus_alone: bool) -> list[Json]:
 def _path(moment: Moment, support: Support | None) -> Json | None:
     """Return the simulated path of the object's latest iteration: how far it came and what it touched, step by step."""
     iteration = moment.iteration
-    path = None if iteration is None or moment.is_answer else iteration.path
+    path = None if iteration is None else iteration.path
     if iteration is None or path is None:
         return None
     T_0, points = path.Ts_cam_obj[0], moment.target.model.points

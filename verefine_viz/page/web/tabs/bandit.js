@@ -62,7 +62,7 @@ function Arms({ moment }) {
     <div class="row"><span class="key"><span><i class="swatch mean" />mean</span>${choice && html`<span><i class="swatch bonus" />bonus</span>`}
       <span><i class="chosen-mark" />chosen</span></span><span class="spring" />
       ${arms.length > 2 && html`<${Select} value=${order} options=${orders} onChange=${setOrder} title="order of the hypotheses" />`}</div>
-    <table class=${`table arms ${arms.length > 12 ? "many" : ""}`}><thead><tr>
+    <table class=${`table bandit-arms ${arms.length > 12 ? "many" : ""}`}><thead><tr>
       <th class="left" title="hypothesis; a click puts it in focus">#</th>
       <th class="left wide" title=${choice ? "mean of the rewards + bonus of the exploration, as they were when the bandit chose" : "mean of the rewards"}>${choice ? "mean + bonus" : "mean"}</th>
       ${choice && html`<th title="upper confidence bound: mean + bonus; the highest is chosen">UCB</th>`}
