@@ -609,6 +609,7 @@ def _show(d: Debugger, iteration: int | None, obj: int | None, window: int | Non
 
 
 def _want(d: Debugger, verb: p.Want, window: int | None) -> None:
+    d.space.batch = d.gallery.runs[d.batch_run].folder if d.gallery is not None else None
     answer = ANSWERS[type(verb.of)](d.space, verb.of, d.blobs)
     d.post({"t": "answer", "id": verb.id, **answer}, window)
 

@@ -139,6 +139,9 @@ export function want(of, slot = "") {
 }
 const asked = new Map(); // slot → id of the want asked for last
 
+// An answer that was asked for by another verb than `want`, or undefined.
+export const answerTo = (id) => known.get(id)?.answer;
+
 export function useWant(of, slot = "") {
   return useStore(() => (of ? want(of, slot) : undefined));
 }

@@ -103,8 +103,9 @@ function Curves({ moment }) {
     if (!chosen.length) return [[], []];
     const last = own.at(-1);
     const n = last.arms.length;
-    const ranked = last.arms.map((a, j) => j).sort((i, j) => last.arms[j].plays - last.arms[i].plays || i - j);
-    const shown = new Set(ranked.slice(0, MOST_CURVES));
+    const sorted = (key) => last.arms.map((a, j) => j).sort((i, j) => last.arms[j][key] - last.arms[i][key] || i - j);
+    const ranked = sorted("score"); // colours are those of the table at the end of the run
+    const shown = new Set(sorted("plays").slice(0, MOST_CURVES));
     if (arm < n) shown.add(arm);
     return [chosen.map((row) => row.k), [...shown].sort((i, j) => i - j).map((j) => ({
       name: `${j + 1}`,

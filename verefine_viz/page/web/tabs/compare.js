@@ -1,9 +1,10 @@
 // Two runs of the same frame: where they part, who comes nearer, and all branches.
 import { html, useMemo, useState } from "../vendor/htm-preact.js";
-import { send, setView, state, useStore, useWant } from "../store.js";
+import { send, setView, state, useStore } from "../store.js";
 import { momentOf, rowsOf, runOf, startsOf, verdictOf } from "../moment.js";
 import { Button, IconButton, number, Select, Swatch, Table } from "../ui.js";
 import { Chart } from "../charts.js";
+import { useKept } from "./kept.js";
 import { putBeside, runBeside, runBoth } from "./beside.js";
 import { Field, listOf, parsed, settingsOf, shortName } from "./setting.js";
 
@@ -28,8 +29,8 @@ export function render() {
 function Pair({ compare, branches, moment }) {
   const { a, b } = compare;
   const [run_a, run_b, running] = useStore((s) => [runOf(s, a), runOf(s, b), s.running.branch]);
-  const answer = useWant({ what: "compare", a, b, done: [run_a.rows.length, run_b.rows.length] }, "compare");
-  const kept = useKept(answer, `${a} ${b}`); // while the next answer is on its way
+  const answer = useKept({ what: "compare", a, b, done: [run_a.rows.length, run_b.rows.length] }, "compare", `${a} ${b}`);
+  const kept = answer?.gone ? null : answer;
   const options = branches.map((one) => [String(one.index), one.name]);
   const choose = (side) => (index) => {
     const to = { ...compare, [side]: Number(index) };
@@ -62,24 +63,16 @@ function Pair({ compare, branches, moment }) {
         <tbody>${kept.settings.map(([name, x, y]) => html`<tr title=${name}><td class="left">${shortName(name)}</td><td>${x}</td><td>${y}</td></tr>`)}</tbody></table>`}`}`;
 }
 
-// The last answer that was there for `key`.
-function useKept(answer, key) {
-  const [kept] = useState({});
-  if (answer && !answer.gone) Object.assign(kept, { answer, key });
-  return kept.key === key ? kept.answer : undefined;
-}
-
 function Outcomes({ answer, moment }) {
   const pair = (o, of, digits) => html`${number(o.a && of(o.a), digits)}<span class="dim"> → </span>${number(o.b && of(o.b), digits)}`;
   const know = answer.rows.some((o) => o.a?.err != null || o.b?.err != null);
   const columns = [
     { title: "answers, A → B", left: true, of: (o) => o.name },
     { title: "score", hint: answer.scores_alike ? "verification score" : "each by the settings of its own run: they do not compare", of: (o) => pair(o, (x) => x.score, 3) },
-    { title: "mm", hint: "ADD(-S) against ground truth", of: (o) => pair(o, (x) => x.err, 1) },
-    { title: "turn °", hint: "rotation against ground truth", of: (o) => pair(o, (x) => x.deg, 0) },
+    { title: "mm", hint: "ADD(-S) against ground truth", of: (o) => html`<span title=${`turned ${number(o.a?.deg, 1)}° → ${number(o.b?.deg, 1)}°, shifted ${number(o.a?.mm, 1)} → ${number(o.b?.mm, 1)} mm`}>${pair(o, (x) => x.err, 1)}</span>` },
     { title: know ? "nearer" : "higher", hint: know ? "which is nearer to ground truth" : "which scores higher",
       of: (o) => (o.winner == null ? "–" : o.winner === "even" ? "=" : html`<${Letter} side=${o.winner.toLowerCase()} />`) },
-  ].filter((c) => know || !["mm", "turn °"].includes(c.title));
+  ].filter((c) => know || c.title !== "mm");
   const { a, b } = answer.effort;
   const effort = [["iterations", a.iterations, b.iterations, 0], ["refiner calls", a.refiner_calls, b.refiner_calls, 0], ["in roll-outs", a.rollout_calls, b.rollout_calls, 0], ["time s", a.ms / 1000, b.ms / 1000, 2]]
     .filter(([, x, y]) => x || y);
@@ -146,23 +139,23 @@ function NewB({ branch, branches, compare }) {
 function Branches({ branches, moment, compare }) {
   const [renamed, setRenamed] = useState(null);
   const nameOf = (index) => branches.find((b) => b.index === index)?.name ?? "–";
-  const worst = (index, key) => verdictOf(state, moment.obj, index)?.[key] ?? runOf(state, index).rows.findLast((r) => r.obj === moment.obj)?.best[key] ?? null;
+  const bestOf = (index, key) => verdictOf(state, moment.obj, index)?.[key] ?? runOf(state, index).rows.findLast((r) => r.obj === moment.obj)?.best[key] ?? null;
   const rename = (b, name) => {
     setRenamed(null);
     if (name.trim() && name !== b.name) send({ verb: "branch", index: b.index, name: name.trim() });
   };
   const sideOf = (b) => (b.index === compare?.a ? html`<${Letter} side="a" /> ` : b.index === compare?.b ? html`<${Letter} side="b" /> ` : "");
+  const origin = (b) => [b.recording ? "recording" : b.parent != null ? `left ${nameOf(b.parent)} after ${b.from}` : "", listOf(b.settings)].filter(Boolean).join(", ");
   const columns = [
     { title: "branch", left: true, of: (b) => (renamed === b.index
-      ? html`<input type="text" value=${b.name} maxlength="80" ref=${(e) => e?.focus()} onClick=${(e) => e.stopPropagation()}
+      ? html`<input type="text" value=${b.name} maxlength="80" ref=${(e) => e && document.activeElement !== e && e.focus()} onClick=${(e) => e.stopPropagation()}
           onKeyDown=${(e) => (e.key === "Enter" ? rename(b, e.currentTarget.value) : e.key === "Escape" && setRenamed(null))} onBlur=${(e) => rename(b, e.currentTarget.value)} />`
-      : html`${sideOf(b)}${b.name}<span class="dim">${b.recording ? " recording" : b.parent != null ? ` left ${nameOf(b.parent)} after ${b.from}` : ""}</span>`) },
-    { title: "changes", left: true, of: (b) => html`<span class="dim">${listOf(b.settings) || "–"}</span>` },
+      : html`${sideOf(b)}${b.name}<div class="dim">${origin(b)}</div>`) },
     { title: "done", of: (b) => `${runOf(state, b.index).rows.length}/${runOf(state, b.index).total}` },
-    { title: "score", hint: `of the best pose of ${moment.object.label}`, of: (b) => number(worst(b.index, "score"), 3) },
-    { title: "mm", hint: `ADD(-S) of the best pose of ${moment.object.label}`, of: (b) => number(worst(b.index, "err"), 1) },
+    { title: "score", hint: `of the best pose of ${moment.object.label}`, of: (b) => number(bestOf(b.index, "score"), 3) },
+    { title: "mm", hint: `ADD(-S) of the best pose of ${moment.object.label}`, of: (b) => number(bestOf(b.index, "err"), 1) },
     { title: "", of: (b) => html`<span class="acts" onClick=${(e) => e.stopPropagation()}>
-      <${Button} title="rename" onClick=${() => setRenamed(b.index)}>Rename<//>
+      ${b.index === moment.branch && html`<${Button} title="give this branch another name" onClick=${() => setRenamed(b.index)}>Rename<//>`}
       ${branches.length > 1 && html`<${IconButton} icon="close" title="remove this branch" onClick=${() => send({ verb: "branch", index: b.index, remove: true })} />`}</span>` },
   ].filter((c) => c.title !== "mm" || moment.object.has_gt);
   return html`<h3>${branches.length === 1 ? "The only branch" : `${branches.length} branches`}</h3>

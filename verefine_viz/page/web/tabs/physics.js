@@ -1,8 +1,8 @@
 // What physics says: whether each object can stand where it is, and what the simulation did step by step.
-import { html, useEffect } from "../vendor/htm-preact.js";
+import { html, useEffect, useState } from "../vendor/htm-preact.js";
 import { listen, send, setView, state, useStore } from "../store.js";
 import { labelOf, momentOf, STAGE_COLORS } from "../moment.js";
-import { Button, number, Swatch, Table } from "../ui.js";
+import { Button, number, Select, Swatch, Table } from "../ui.js";
 import { Chart } from "../charts.js";
 import { useKept } from "./kept.js";
 
@@ -94,6 +94,7 @@ listen(() => state.view.moment == null && stop());
 
 function Path({ path, moment }) {
   const at = useStore((s) => s.view.moment);
+  const [what, setWhat] = useState("moved");
   useEffect(() => stop, []);
   if (!path) return html`<p class="dim">${moment.row ? `Nothing was simulated in iteration ${moment.row.k}.` : "Nothing was simulated yet."}</p>`;
   const shown = Math.min(at ?? path.n - 1, path.n - 1);
@@ -101,19 +102,19 @@ function Path({ path, moment }) {
   const names = [...new Set(path.contacts.flat().map((c) => c.name))];
   const x = [...Array(path.n).keys()];
   const colors = ["#ff8c00", "#4aa3c7", "#b58ad6", "#8a8a8a"];
-  const series = [
-    { name: "moved mm", values: path.moved_mm, color: STAGE_COLORS.simulated },
-    { name: "turned °", values: path.turned_deg, color: "#4aa3c7" },
-    ...names.map((name, i) => ({ name: `force of ${name} N`, off: i > 0, dash: true, color: colors[(i + 2) % 4],
-      values: x.map((k) => (k ? path.contacts[k - 1].find((c) => c.name === name)?.force_n ?? 0 : null)) })),
-  ];
+  const series = {
+    moved: [{ name: "moved", values: path.moved_mm, color: STAGE_COLORS.simulated }],
+    turned: [{ name: "turned", values: path.turned_deg, color: STAGE_COLORS.simulated }],
+    force: names.map((name, i) => ({ name, color: colors[i % 4], values: x.map((k) => (k ? path.contacts[k - 1].find((c) => c.name === name)?.force_n ?? 0 : null)) })),
+  }[what];
   return html`<h3>Simulation of iteration ${path.k}</h3>
     <p>${path.n - 1} step${path.n === 2 ? "" : "s"}: moved ${number(path.moved_mm.at(-1), 1)} mm, turned ${number(path.turned_deg.at(-1), 1)}°. ${path.words}</p>
     <div class="row"><${Button} icon=${playing() ? "pause" : "run"} title="play the simulated path in 3D" onClick=${() => play(path.n)}>${playing() ? "Pause" : "Play"}<//>
       <input type="range" min="0" max=${path.n - 1} value=${shown} title="moment of the path; the 3D view shows it" onInput=${(e) => setView({ moment: Number(e.currentTarget.value) })} />
       <span class="number">step ${shown} of ${path.n - 1}</span>
       <${Button} disabled=${at == null} title="draw the path no more" onClick=${() => setView({ moment: null })}>Hide<//></div>
-    ${path.n > 2 && html`<${Chart} series=${series} x=${x} xLabel="step" yLabel="mm, °, N" digits=${1} cursor=${shown} onSeek=${(k) => setView({ moment: Math.max(0, Math.min(path.n - 1, k)) })} height=${9} />`}
+    ${path.n > 2 && html`<div class="row"><span class="spring" /><${Select} value=${what} options=${[["moved", "moved mm"], ["turned", "turned °"], ["force", "forces N"]]} onChange=${setWhat} /></div>
+      <${Chart} key=${what} series=${series} x=${x} xLabel="step" yLabel=${what} units=${{ moved: "mm", turned: "°", force: "N" }[what]} digits=${1} cursor=${shown} onSeek=${(k) => setView({ moment: Math.max(0, Math.min(path.n - 1, k)) })} height=${9} />`}
     ${shown > 0 && html`<${Table} rows=${contacts} columns=${[
       { title: `touches at step ${shown}`, left: true, of: (c) => c.name },
       { title: "points", of: (c) => c.n },
