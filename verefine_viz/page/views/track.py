@@ -111,8 +111,15 @@ def _solved(space: Workspace, target: Target) -> Rows:
     solved = space.solved(target.instance.obj_id)
     if len(solved) < 2:
         return []
-    frames = [frame for frame in space.frames if frame in solved]
-    changes = _motions(space, target, [PosedFrame(frame, solved[frame][1].T_cam_obj) for frame in frames])
+    scene = space.frame.partition("/")[0]
+    poses = []
+    for frame in space.frames:
+        if frame in solved and frame.partition("/")[0] == scene:
+            of_frame, best = solved[frame]
+            observation = of_frame.observation
+            T_table_cam = None if observation.support is None else observation.support.T_world_cam
+            poses.append(PosedFrame(frame, best.T_cam_obj, observation.T_map_cam, T_table_cam))
+    changes = _motions(space, target, poses)
     rows: Rows = []
     for motion in changes:
         of_frame, best = solved[motion.frame]

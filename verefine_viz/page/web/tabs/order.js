@@ -79,7 +79,7 @@ function Graph({ order, of, current }) {
       const words = /^[\d.]+ ?(%|mm)/.exec(e.evidence)?.[0] ?? "";
       return html`<g class=${`edge ${e.kind} ${e.state}`}><path class=${e.kind} d=${`M${NODE + 2} ${from}C${bulge} ${from} ${bulge} ${to} ${NODE + 8} ${to}`} />
         ${e.kind !== "contact" && html`<polygon points=${`${NODE + 2},${to} ${NODE + 10},${to - 4} ${NODE + 10},${to + 4}`} />`}
-        <text x=${NODE + 6 + 0.75 * (bulge - NODE)} y=${(from + to) / 2 + 4}>${words}${e.state === "ambiguous" ? " ⟲" : ""}</text>
+        <text x=${NODE + 14 + 0.75 * (bulge - NODE)} y=${(from + to) / 2 + 4}>${words}${e.state === "ambiguous" ? " ⟲" : ""}</text>
         <title>${of(e.first).label} ${KINDS[e.kind]} ${of(e.second).label}: ${e.evidence}${STATES[e.state] ? `; ${STATES[e.state]}` : ""}</title></g>`;
     })}
   </svg>`;
