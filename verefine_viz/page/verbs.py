@@ -601,6 +601,8 @@ def _want(d: Debugger, verb: p.Want, window: int | None) -> None:
     d.space.batch = d.gallery.runs[d.batch_run].folder if d.gallery is not None else None
     answer = ANSWERS[type(verb.of)](d.space, verb.of, d.blobs)
     d.post({"t": "answer", "id": verb.id, **answer}, window)
+    if isinstance(verb.of, p.Physics) and window == d.look_window:
+        d.on_look()  # Overlaps and supports are known now.
 
 
 def _evaluate(d: Debugger, verb: p.Evaluate, window: int | None) -> None:
