@@ -119,7 +119,8 @@ const capital = (text) => (text ? text[0].toUpperCase() + text.slice(1) : "");
 function Why({ verdict, first, n }) {
   const frame = useStore((s) => s.frame);
   const objects = [...verdict.objects].sort((a, b) => (b.obj === first) - (a.obj === first));
-  const doubts = [...(verdict.doubts ?? []), ...(verdict.notes ?? [])];
+  const said = new Set(verdict.objects.flatMap((o) => (o.findings ?? []).map((f) => f.text)));
+  const doubts = [...new Set([...(verdict.doubts ?? []), ...(verdict.notes ?? [])])].filter((text) => !said.has(text));
   const label = (id) => frame.objects.find((o) => o.id === id)?.label;
   return html`<${Menu} kind="why" title="Evidence and what to do about it" label=${n ? `why (${n})` : "why"}>
     ${(close) => html`<div class="findings scroll">
@@ -130,7 +131,7 @@ function Why({ verdict, first, n }) {
           <span class="dim">${numbers(o)}</span></h3>
         ${!(o.findings?.length) && html`<p>${capital(o.words)}.</p>`}
         ${(o.findings ?? []).map((f) => html`<article>
-          <h4>${f.title}</h4><p>${f.text}</p>${f.advice && html`<p class="dim">${f.advice}</p>`}
+          <h4>${capital(f.title)}</h4><p>${f.text}</p>${f.advice && html`<p class="dim">${capital(f.advice)}.</p>`}
           <div class="group">
             ${f.k != null && f.k > 0 && html`<${Button} title="go there"
               onClick=${() => { close(); setView({ obj: o.obj, arm: null }); seek(f.k); }}>Iteration ${f.k}<//>`}
