@@ -328,6 +328,9 @@ class Debugger:
                     "from": b.forked_at,
                     "recording": str(b.recording) if b.recording else None,
                     "missing": b.missing,
+                    "done": b.run.length,
+                    "total": max(b.run.n_iterations, b.run.length),
+                    "over": b.run.is_done,
                     "method": b.settings.method.name,
                     "settings": {name: value for name, _, value in settings_between(first, b.settings)},
                 }
@@ -595,6 +598,7 @@ def _swapped(items: Sequence, at: int, by: int) -> tuple | None:
 
 
 def _want(d: Debugger, verb: p.Want, window: int | None) -> None:
+    d.space.batch = d.gallery.runs[d.batch_run].folder if d.gallery is not None else None
     answer = ANSWERS[type(verb.of)](d.space, verb.of, d.blobs)
     d.post({"t": "answer", "id": verb.id, **answer}, window)
 

@@ -35,9 +35,10 @@ export function titled(id, words) {
   return `${words ?? action.title}${action.keys.length ? ` (${keyName(action.keys[0])})` : ""}`;
 }
 
-// More actions, of panes: returns what takes them away again. { id, keys, title, group, action, when }.
+// More actions, of panes: returns what takes them away again. { id, keys, title, group, action, when }. They go before
+// others of their keys while they can be done.
 export function addKeys(actions) {
-  ACTIONS.push(...actions);
+  ACTIONS.unshift(...actions);
   return () => actions.forEach((a) => ACTIONS.includes(a) && ACTIONS.splice(ACTIONS.indexOf(a), 1));
 }
 
@@ -74,8 +75,11 @@ function pressed(event) {
   if (event.altKey || (ctrl && event.key.toLowerCase() !== "k")) return;
   const key = ctrl ? "Ctrl+k" : event.key;
   if (state.overlay && !["Escape", "?"].includes(key)) return;
-  let action = ACTIONS.find((a) => a.keys.includes(key))
-    ?? ACTIONS.find((a) => !event.shiftKey && a.keys.includes(key.toLowerCase()));
+  const of = (name) => {
+    const all = ACTIONS.filter((a) => a.keys.includes(name));
+    return all.find((a) => !a.when || a.when()) ?? all[0];
+  };
+  let action = of(key) ?? (event.shiftKey ? null : of(key.toLowerCase()));
   if (!action && /^[1-9]$/.test(key) && tabs[key - 1]) action = { action: () => setView({ tab: idOf(tabs[key - 1]) }) };
   if (!action) return;
   event.preventDefault(); // also what a focused button or the page would do with it

@@ -77,7 +77,10 @@ on("edited", ({ obj, T }) =>
   setView({ edited: { ...(state.view.edited ?? { arm: momentOf(state)?.arm ?? 0 }), obj, T } }));
 on("picked", ({ u, v }) => setView({ pixel: [u, v] }));
 on("scene3d", ({ window }) => update({ scene3d: window }));
-on("answers", (message) => update({ answers: message }));
+on("answers", (message) => {
+  const grown = message.frames && state.frame ? { frame: { ...state.frame, frames: message.frames } } : {};
+  update({ answers: message, ...grown });
+});
 // at: the iteration that a link names, which may be yet to come; null = it names none, so the end is shown.
 on("view", ({ patch, at }) => {
   const { k, ...rest } = patch;

@@ -3,6 +3,7 @@ import { html, useState } from "./vendor/htm-preact.js";
 import { state, useStore, setView, send, update } from "./store.js";
 import { momentOf, seek, worstOf } from "./moment.js";
 import { Button, Icon, IconButton, Menu, MenuItem, number } from "./ui.js";
+import { Failures } from "./gallery.js";
 import { titled } from "./keys.js";
 import { copyLink } from "./messages.js";
 import { PRESETS, setPreset, switchTheme } from "./layout.js";
@@ -20,6 +21,7 @@ export function Verdict() {
   return html`<header class="verdict">
     <${Opener} frame=${frame} />
     ${moment ? html`<${Words} moment=${moment} />` : html`<span class="spring" />`}
+    <${Failures} />
     <nav class="presets" aria-label="Layout">${PRESETS.map((p) => html`
       <${Button} on=${p.id === preset}
         title=${`${p.hint}${p.id === "gallery" ? " (G)" : ""}${p.id === preset ? "; click: sizes as designed" : ""}`}
