@@ -19,6 +19,7 @@ from verefine_viz.core.settings import SURROUNDINGS, Change, Session
 from verefine_viz.core.text_format import first_of
 from verefine_viz.page.branch import Branch, Settings, by_section, in_order, merged
 from verefine_viz.page.evaluator import CachedEvaluator
+from verefine_viz.page.grasp_trials import GraspTrials
 from verefine_viz.page.saved_session import Saved, edits_of_all
 from verefine_viz.run.engine import Run
 from verefine_viz.run.record import RunRecord, session_of
@@ -103,6 +104,7 @@ class Workspace:
         self._checks = checks or Checks()
         self._numbers = count()
         self._opened = count(1)
+        self.grasps = GraspTrials()
         self.batch: Path | None = None
         """Folder of the batch run whose answers are shown; None = no batch is open."""
         if recording is not None:
