@@ -1,6 +1,7 @@
 // Why one pose scores higher than another: A and B in numbers, the stages of the iteration, and the score over the run.
 import { html, useMemo } from "../vendor/htm-preact.js";
 import { useStore, setView, useWant } from "../store.js";
+import { wantOfMaps } from "../sides.js";
 import { armColor, labelOf, momentOf, rowsOf, seek, sourceOf, STAGE_COLORS, STAGE_MEANINGS } from "../moment.js";
 import { Bar, Icon, number, Parts, Select, Swatch, Table } from "../ui.js";
 import { Chart } from "../charts.js";
@@ -11,12 +12,12 @@ export const empty = "This object has no pose.";
 export const needs = (s) => Object.keys(momentOf(s)?.poses ?? {}).length > 0;
 
 const CLASSES = {
-  explained: "#3cb44b", missed: "#dc322f", protruding: "#d336b6", hidden: "#607d8b", unknown: "#c8c8c8",
+  explained: "#3cb44b", missed: "#dc322f", protruding: "#d336b4", hidden: "#607d8b", unknown: "#c8c8c8",
 };
 
 // The parts of a pose's score; the server counts the pixels.
 const useScore = (moment, pose, slot) => {
-  const answer = useWant(pose && { what: "maps", branch: moment.branch, k: moment.k, obj: moment.obj, T: pose.T }, slot);
+  const answer = useWant(pose && wantOfMaps(moment, pose), slot);
   return answer?.score ?? pose ?? {};
 };
 
