@@ -329,6 +329,9 @@ class Debugger:
                     "scored": [after for after, _ in b.evaluators],
                     "recording": str(b.recording) if b.recording else None,
                     "missing": b.missing,
+                    "done": b.run.length,
+                    "total": max(b.run.n_iterations, b.run.length),
+                    "over": b.run.is_done,
                     "method": b.settings.method.name,
                     "settings": {name: value for name, _, value in settings_between(first, b.settings)},
                 }
@@ -596,8 +599,11 @@ def _swapped(items: Sequence, at: int, by: int) -> tuple | None:
 
 
 def _want(d: Debugger, verb: p.Want, window: int | None) -> None:
+    d.space.batch = d.gallery.runs[d.batch_run].folder if d.gallery is not None else None
     answer = ANSWERS[type(verb.of)](d.space, verb.of, d.blobs)
     d.post({"t": "answer", "id": verb.id, **answer}, window)
+    if isinstance(verb.of, p.Physics) and window == d.look_window:
+        d.on_look()  # Overlaps and supports are known now.
 
 
 def _evaluate(d: Debugger, verb: p.Evaluate, window: int | None) -> None:

@@ -61,5 +61,5 @@ def _row(gallery: Gallery, key: int, entry: Entry) -> Json:
         "undetermined_mm": row.undetermined_mm,
         "tags": list(gallery.tags_of(entry)),
         "opens": entry.can_be_opened,
-        "thumb": row.T_cam_obj is not None or entry.is_waiting,
+        "thumb": row.was_asked_for,
     }
