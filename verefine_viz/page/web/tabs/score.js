@@ -12,7 +12,7 @@ export const empty = "This object has no pose.";
 export const needs = (s) => Object.keys(momentOf(s)?.poses ?? {}).length > 0;
 
 const CLASSES = {
-  explained: "#3cb44b", missed: "#dc322f", protruding: "#d336b6", hidden: "#607d8b", unknown: "#c8c8c8",
+  explained: "#3cb44b", missed: "#dc322f", protruding: "#d336b4", hidden: "#607d8b", unknown: "#c8c8c8",
 };
 
 // The parts of a pose's score: with its maps come the counts of pixels.
