@@ -16,7 +16,8 @@ NEAR_M = 0.005
 """From where on the view is drawn [m]."""
 _ELEVATIONS_DEG = (25, 50, 75)
 _AZIMUTHS = 12
-_CELLS = 24
+_CELLS, _LEAST_CELL_M = 12, 0.006
+"""Cells across an object; no smaller than the distance of points that are sampled on models."""
 _TURNING = 0.15
 """Share of an object's points that are worth a turn of the view by 180°."""
 
@@ -88,7 +89,7 @@ def visible_share(points: Float, others: Float, direction: Float) -> float:
     across /= max(float(np.linalg.norm(across)), 1e-9)
     axes = np.stack([across, np.cross(direction, across)])
     middle = points.mean(axis=0)
-    cell_m = 2 * float(np.linalg.norm(points - middle, axis=1).max()) / _CELLS
+    cell_m = max(2 * float(np.linalg.norm(points - middle, axis=1).max()) / _CELLS, _LEAST_CELL_M)
     cells, near = (points - middle) @ axes.T // cell_m, (points - middle) @ direction
     other_cells, other_near = (others - middle) @ axes.T // cell_m, (others - middle) @ direction
     half = _CELLS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import viser
@@ -14,6 +14,9 @@ from verefine_viz.core.records import Contacts
 from verefine_viz.page.moment import Moment
 from verefine_viz.page.protocol import Look
 
+if TYPE_CHECKING:
+    from verefine_viz.physics.proximity import Overlap
+
 LIGHTS: dict[str, RGB] = {"green": (40, 180, 80), "amber": (217, 142, 4), "red": (220, 50, 47)}
 _OVERLAP_COLOR = (255, 30, 30)
 _OVERLAP_PX = 4.0
@@ -21,6 +24,13 @@ _CONTACT_COLOR, _DEEP_COLOR = (255, 140, 0), (220, 50, 47)
 _DEEP_M = 0.001
 _ARROW = 0.35
 """Length of a contact's arrow [diameter of the object]."""
+
+
+def known_overlaps(moment: Moment) -> list[Overlap]:
+    """Return the overlaps of objects where they stand, as far as they were worked out."""
+    placed = [o.placed for o in moment.objects if o.placed is not None]
+    pairs = [moment.evaluator.known_overlap(one, other)[1] for one, other in combinations(placed, 2)]
+    return [overlap for overlap in pairs if overlap is not None and len(overlap.points_cam)]
 
 
 class PhysicsDrawing:
@@ -36,13 +46,13 @@ class PhysicsDrawing:
         )  # fmt: skip
         self._carried: Any = None
         self._overlap_points: viser.PointCloudHandle | None = None
-        self._overlaps: Sequence[Any] = ()
+        self._overlaps: Sequence[Overlap] = ()
 
-    def show(self, moment: Moment, look: Look, layers: frozenset[str]) -> None:
+    def show(self, moment: Moment, look: Look, layers: frozenset[str], overlaps: Sequence[Overlap]) -> None:
         """Draw what is known at a moment."""
         self._show_contacts(moment, look, "contacts" in layers)
         self._show_polygon(moment, "contacts" in layers)
-        self._show_overlaps(moment, "overlaps" in layers)
+        self._show_overlaps(moment, overlaps)
 
     def _show_contacts(self, moment: Moment, look: Look, is_drawn: bool) -> None:
         """Draw arrows onto the object where it touches something: at a pose of the path, or at its end."""
@@ -58,10 +68,11 @@ class PhysicsDrawing:
             ends = np.stack([contacts.points_cam - length_m * contacts.normals_cam, contacts.points_cam], axis=1)
             deep = contacts.depths_m > _DEEP_M
             colors = np.where(deep[:, None], _DEEP_COLOR, _CONTACT_COLOR).astype(np.uint8)
-            self._arrows = self._scene.add_arrows(
-                "/cam/contacts", ends.astype(np.float32), colors, shaft_radius=0.008 * length_m,
-                head_radius=0.03 * length_m, head_length=0.12 * length_m,
-            )  # fmt: skip
+            if self._arrows is None:
+                self._arrows = self._scene.add_arrows("/cam/contacts", ends.astype(np.float32), colors)
+            self._arrows.points, self._arrows.colors = ends.astype(np.float32), colors
+            self._arrows.shaft_radius, self._arrows.head_radius = 0.008 * length_m, 0.03 * length_m
+            self._arrows.head_length = 0.12 * length_m
         if self._arrows is not None:
             self._arrows.visible = is_drawn
 
@@ -82,11 +93,8 @@ class PhysicsDrawing:
             self._polygon.points = np.concatenate([sides, down]).astype(np.float32)
             self._polygon.colors = np.full((len(sides) + 1, 2, 3), LIGHTS[known.light], np.uint8)
 
-    def _show_overlaps(self, moment: Moment, is_drawn: bool) -> None:
-        """Draw red points where objects are partly in the same place, as far as that is known."""
-        placed = [o.placed for o in moment.objects if o.placed is not None] if is_drawn else []
-        pairs = [moment.evaluator.known_overlap(one, other)[1] for one, other in combinations(placed, 2)]
-        overlaps = [overlap for overlap in pairs if overlap is not None and len(overlap.points_cam)]
+    def _show_overlaps(self, moment: Moment, overlaps: Sequence[Overlap]) -> None:
+        """Draw red points where objects are partly in the same place."""
         if self._overlap_points is not None:
             self._overlap_points.visible = bool(overlaps)
         if overlaps and [*map(id, overlaps)] != [*map(id, self._overlaps)]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,7 +38,7 @@ from verefine_viz.page.scene3d.observed_cloud import (
     measured_points,
     surface_scale,
 )
-from verefine_viz.page.scene3d.physics_drawing import PhysicsDrawing
+from verefine_viz.page.scene3d.physics_drawing import PhysicsDrawing, known_overlaps
 from verefine_viz.page.scene3d.scene_panel import CameraPlace, ScenePanel
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ OPACITY: dict[Phase, float] = {
 }
 _FOCUS_OPACITY = 0.9
 _EDITED_OPACITY = 0.75
+_OVERLAP_OPACITY = 0.45
 _GIZMO_LINE_PX = 5.0
 """What can be grasped is about five times as wide."""
 
@@ -143,10 +144,11 @@ class Scene3D:
         if not _same_frame(moment.problem, self._problem):
             self._load_frame(moment.problem)
         moved = self._draw_grasp(moment)
-        self._draw_objects(moment, look, layers, moved)
+        overlaps = known_overlaps(moment) if "overlaps" in layers and not moved else []
+        self._draw_objects(moment, look, layers, moved, {i for one in overlaps for i in (one.first, one.second)})
         self._draw_cloud(moment, look, layers, moved)
         self._frame.show("photo" in layers, "plane" in layers, "gravity" in layers and not moved)
-        self._physics.show(moment, look, layers if not moved else frozenset())
+        self._physics.show(moment, look, layers if not moved else frozenset(), overlaps)
         self._draw_gizmo(moment, look)
         for client in self._server.get_clients().values():
             self._cut(client.camera)
@@ -171,7 +173,10 @@ class Scene3D:
             self._objects[one.instance_id] = ObjectDrawing(self._server.scene, one.target, one.label, up_cam)
         return self._objects[one.instance_id]
 
-    def _draw_objects(self, moment: Moment, look: Look, layers: frozenset[str], moved: Mapping[int, Float]) -> None:
+    def _draw_objects(
+        self, moment: Moment, look: Look, layers: frozenset[str], moved: Mapping[int, Float], overlapping: Set[int]
+    ) -> None:
+        """Draw all objects where they stand; those that overlap can be looked into."""
         focus = moment.target.instance.instance_id
         name, T_main = self._main_pose(moment, look)
         beside = {o.instance_id: o.T_cam_obj for o in self._beside.objects} if self._beside is not None else {}
@@ -186,7 +191,9 @@ class Scene3D:
             color = STAGE_COLORS[name] if in_focus else one.color
             # While a pose is edited its body is the gizmo's.
             T_drawn = None if in_focus and name == "edited" and not moved else T_body
-            drawing.show_body(T_drawn, self._body_look(one, in_focus, color, layers))
+            # In a grasp all objects are where they really stand.
+            body = self._body_look(one, in_focus or one.instance_id in moved, color, layers)
+            drawing.show_body(T_drawn, (color, _OVERLAP_OPACITY) if one.instance_id in overlapping else body)
             drawing.show_name(T_body if len(moment.objects) > 1 else None)
             drawing.show_outlines(outlines if not moved else {})
             has_ghosts = in_focus and "hypotheses" in layers and not moved
@@ -291,6 +298,8 @@ class Scene3D:
 
         @gizmo.on_update
         def _(event: viser.TransformControlsEvent) -> None:
+            if event.phase != "update":  # The end has the pose of the last update.
+                return
             T = transform(rotation_of_quat_wxyz(event.target.wxyz), event.target.position) @ T_gizmo_obj
             pose = tuple(float(x) for x in T.ravel())
             with self._lock:

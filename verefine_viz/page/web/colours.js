@@ -54,7 +54,7 @@ export const MAPS = {
     anchors: VIRIDIS, range: () => [0, 1], of: (side) => side.arrays.f_n, where: (side) => side.arrays.counted },
   classes: { label: "classes", hint: "why each pixel counts as it does", classes: true, of: (side) => side.arrays.classes },
   gain: { label: "gain of B", hint: "what a pixel adds to the score, B − A: green, B is better there; magenta, A is", unit: "", digits: 2,
-    sign: true, anchors: MAGENTA_GREEN, range: () => [-1, 1], ends: ["A better", "B better"], of: (side) => side.arrays.gain, shared: true },
+    sign: true, anchors: MAGENTA_GREEN, range: (side) => [-side.largest, side.largest], ends: ["A", "B"], of: (side) => side.arrays.gain, shared: true },
   observed_rgb: { label: "image colour", hint: "the image as the colour term sees it, smoothed", rgb: true, colour: true, shared: true,
     of: (side) => side.arrays.observed_rgb },
   rendered_rgb: { label: "model colour", hint: "the model's colours at the pose, without light", rgb: true, colour: true,
@@ -105,12 +105,13 @@ export function valueText(map, value) {
 // Labels at the low end, the middle and the high end of a scale.
 export function ticks(map, side) {
   const [low, high] = map.range(side);
-  if (map.ends) return [map.ends[0], "0", map.ends[1]];
+  if (map.ends) return [`${map.ends[0]} +${high}`, "0", `${map.ends[1]} +${high}`];
   return [low, (low + high) / 2, high].map((x) => `${Number(x.toFixed(3))}`.replace("-", "−"));
 }
 
 // What each pixel adds to the score of B less what it adds to that of A, over the part that holds both. In units of one
-// pixel's whole share (of the larger N), so that ±1 is a pixel that fits in one and not at all in the other.
+// pixel's whole share (of the larger N), so that ±1 is a pixel that fits in one and not at all in the other. `largest`:
+// end of the scale, which shows what the 50th part of the pixels exceeds.
 export function gainOf(a, b) {
   const u0 = Math.min(a.region[0], b.region[0]);
   const v0 = Math.min(a.region[1], b.region[1]);
@@ -135,5 +136,8 @@ export function gainOf(a, b) {
       }
     }
   }
-  return { region: [u0, v0, w, h], arrays: { gain }, score: b.score, scale: b.scale };
+  const sizes = gain.filter((x) => x === x).map(Math.abs).sort();
+  const most98 = sizes[Math.floor(0.98 * sizes.length)] ?? 1;
+  const largest = [0.05, 0.1, 0.2, 0.5].find((x) => most98 <= x) ?? 1;
+  return { region: [u0, v0, w, h], arrays: { gain }, score: b.score, scale: b.scale, largest };
 }

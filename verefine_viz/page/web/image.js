@@ -60,7 +60,7 @@ function Numbers() {
       ${state.frame.rgb && html`<span>colour <i>${colour ? html`<em style=${{ background: `rgb(${colour})` }} />${colour.join(" ")}` : "–"}</i></span>`}</div>
     ${[sides.a, sides.b].filter(Boolean).map((side) => html`<div key=${side.letter}><b class=${`letter ${side.letter}`}>${side.letter.toUpperCase()}</b>
       ${OF_PIXEL.filter(([name]) => name !== "correlation" || hasColour(sides)).map(([name, words, width]) => html`
-        <span title=${MAPS[name].hint}>${words} <i style=${{ minWidth: `${width}ch` }}>${numberOf(name, side, pixel)}</i></span>`)}
+        <span class=${name} title=${MAPS[name].hint}>${words} <i style=${{ minWidth: `${width}ch` }}>${numberOf(name, side, pixel)}</i></span>`)}
       <span class="adds" title=${`½ (f_d + f_n); their mean over the ${side.score?.n ?? 0} pixels that count is the score without colour`}>adds <i>${fitOf(side, pixel)}</i></span></div>`)}
   </div>`;
 }
@@ -189,7 +189,7 @@ function handlers(root, here) {
 
 export const IMAGE_KEYS = [
   { id: "edit", keys: ["p"], title: "Edit the pose in the image", group: "Image", action: toggleEdit },
-  { id: "blink", keys: ["v"], title: "Hold: the shaded model instead of the photo", group: "Image", action: () => setLayers({ blink: true }) },
+  { id: "blink", keys: ["v"], title: "Hold: photo and shaded model in turn", group: "Image", action: () => layersOf(state).blink == null && setLayers({ blink: true }) },
   { id: "fit", keys: ["o"], title: "Fit the object, or the whole image", group: "Image", action: () => fitNext() },
 ];
 const ARROWS = [["ArrowLeft", -1, 0], ["ArrowRight", 1, 0], ["ArrowUp", 0, -1], ["ArrowDown", 0, 1]].map(([key, x, y]) =>
@@ -200,15 +200,15 @@ function takeKeys(actions) {
   return () => actions.forEach((a) => ACTIONS.includes(a) && ACTIONS.splice(ACTIONS.indexOf(a), 1));
 }
 
-// Size of an element in CSS pixels.
+// Size of an element in CSS pixels, and of a rem.
 export function useSize() {
   const root = useRef();
   const [size, setSize] = useState(null);
   useLayoutEffect(() => {
-    if (!root.current) return undefined;
     const measure = () => {
       const { width, height } = root.current.getBoundingClientRect();
-      setSize((before) => (before?.w === width && before?.h === height ? before : { w: width, h: height }));
+      const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+      setSize((before) => (before?.w === width && before.h === height && before.rem === rem ? before : { w: width, h: height, rem }));
     };
     const observer = new ResizeObserver(measure);
     observer.observe(root.current);

@@ -59,7 +59,7 @@ function regionOf(sides) {
 
 // How many columns stand in a line so that the maps are as large as can be: { perLine, w, h } of a tile in CSS pixels.
 function layoutOf(size, n, rows, aspect, sideBySide) {
-  const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+  const { rem } = size;
   const [across, down] = sideBySide ? [rows, 1] : [1, rows];
   let best = null;
   for (let perLine = 1; perLine <= n; perLine++) {

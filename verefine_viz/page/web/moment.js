@@ -3,7 +3,8 @@ import { state, setView, update, send } from "./store.js";
 
 // Colours that mean something are the same in pictures, maps, reports and here: core/palette.py.
 export const STAGE_COLORS = {
-  initial: "#8a8a8a", current: "#a0a0a0", simulated: "#ff8c00", mixed: "#f0d228", refined: "#326eff", flipped: "#eb3cc8",
+  initial: "#8a8a8a", current: "#a0a0a0", simulated: "#ff8c00", mixed: "#f0d228", refined: "#326eff",
+    flipped: "#eb3cc8",
   accepted: "#28c850", best: "#00aa78", "runner-up": "#ff69b4", edited: "#be5adc", "ground truth": "#ffffff",
 };
 export const STAGE_MEANINGS = {
@@ -90,9 +91,11 @@ function bestStart(run, object) {
   return { T, score, err, arm, k: 0, stage: "initial" };
 }
 
-// An object's best after iteration k; of a finished run its answer, which methods that keep the best scene take from that.
+// An object's best after iteration k; of a finished run its answer, which methods that keep the best scene take from
+// that.
 function bestAt(run, object, k, said) {
-  if (said?.T) return { T: said.T, score: said.score, err: said.err, deg: said.deg, mm: said.mm, arm: said.arm, k: said.k, stage: said.stage };
+  if (said?.T) return { T: said.T, score: said.score, err: said.err, deg: said.deg, mm: said.mm, arm: said.arm,
+    k: said.k, stage: said.stage };
   const row = latest(rowsOf(run, object.id), k);
   return row ? row.best : bestStart(run, object);
 }
@@ -115,11 +118,13 @@ function sceneAt(s, run, k, at, shown, isAnswer, verdict) {
     else if (own && !(row.pass || row.tree) && rowsOf(run, object.id).at(-1).k <= k) phase = "done";
     else if (own) phase = "paused";
     const T = row?.obj === object.id ? shown : stands.get(object.id) ?? best?.T ?? null;
-    return { object, phase, best, T, score: best?.score ?? null, err: best?.err ?? null, spent: own?.own ?? 0, verdict: said ?? null };
+    return { object, phase, best, T, score: best?.score ?? null, err: best?.err ?? null, spent: own?.own ?? 0,
+      verdict: said ?? null };
   });
 }
 
-export const verdictOf = (s, obj, branch = s.view.branch) => s.verdicts.get(branch)?.objects.find((o) => o.obj === obj) ?? null;
+export const verdictOf = (s, obj, branch = s.view.branch) =>
+  s.verdicts.get(branch)?.objects.find((o) => o.obj === obj) ?? null;
 
 // The object that a finished run names first: wrong before doubtful, the farthest from its limit first.
 export function worstOf(verdict) {
@@ -130,7 +135,8 @@ export function worstOf(verdict) {
 
 // Everything about (branch, k, stage, obj) of the view, or null before a frame is open.
 export const momentOf = memoized(
-  (s) => [s.frame, s.runs.get(s.view.branch), s.verdicts.get(s.view.branch), s.view, s.compare, s.compare && s.runs.get(other(s))],
+  (s) => [s.frame, s.runs.get(s.view.branch), s.verdicts.get(s.view.branch), s.view, s.compare, s.compare
+    && s.runs.get(other(s))],
   (s) => {
     const moment = momentAt(s, s.view);
     if (!moment) return null;
@@ -153,10 +159,12 @@ function momentAt(s, view) {
   const run = runOf(s, view.branch);
   const k = Math.min(view.k, run.rows.length);
   const at = run.rows[k - 1];
-  const isAnswer = run.over && k > 0 && k === run.rows.length && view.stage == null && view.moment == null && !view.edited;
+  const isAnswer = run.over && k > 0 && k === run.rows.length && view.stage == null && view.moment == null
+    && !view.edited;
   const verdict = s.verdicts.get(view.branch);
   const first = s.frame.objects.find((o) => o.arms.length) ?? s.frame.objects[0];
-  const obj = view.obj ?? (isAnswer ? verdict?.scene?.worst ?? worstOf(verdict)?.obj : null) ?? at?.obj ?? first?.id ?? null;
+  const obj = view.obj ?? (isAnswer ? verdict?.scene?.worst ?? worstOf(verdict)?.obj : null) ?? at?.obj ?? first?.id
+    ?? null;
   const object = s.frame.objects.find((o) => o.id === obj) ?? first;
   if (!object) return null;
   const own = rowsOf(run, object.id);
@@ -233,7 +241,8 @@ function pairOf(s, moment, beside) {
     ["current", "ground truth"],
     ["initial", "ground truth"],
   ].filter((pair) => pair && pair[0] && pair[1] && poses[pair[0]] && poses[pair[1]]);
-  const unlike = pairs.find(([a, b], i) => (i === 0 && a === s.view.a && b === s.view.b) || !samePose(poses[a].T, poses[b].T));
+  const unlike = pairs.find(([a, b], i) => (i === 0 && a === s.view.a && b === s.view.b)
+    || !samePose(poses[a].T, poses[b].T));
   const [a, b] = unlike ?? pairs[0] ?? [Object.keys(poses)[0], undefined];
   return { a: named(a) || null, b: named(b) || null, same: Boolean(a && b && samePose(poses[a]?.T, poses[b]?.T)) };
 }
@@ -273,6 +282,7 @@ let target = null; // the iteration that a link names, while its rows are yet to
 let pinned = false; // a link's iteration is shown: rows that come do not move the view
 let timer = null;
 
+const isKnown = () => state.runs.has(state.view.branch);
 const known = () => runOf(state).rows.length;
 const atEnd = () => state.view.k >= known();
 const computes = () => state.running.branch != null;
@@ -287,13 +297,16 @@ export function seek(k) {
 }
 
 export function step() {
+  if (!isKnown()) return undefined;
   stopReplay();
   if (state.view.stage) return setView({ stage: null, moment: null });
   if (!atEnd()) return setView({ k: state.view.k + 1, ...ofIteration });
   if (!runOf(state).over && !computes()) send({ verb: "step", branch: state.view.branch });
+  return undefined;
 }
 
 export function stepStage() {
+  if (!isKnown()) return undefined;
   stopReplay();
   const { k, stage } = state.view;
   const names = (runOf(state).rows[k - 1]?.stages ?? []).map((one) => one.name);
@@ -306,6 +319,7 @@ export function stepStage() {
   if (runOf(state).over) return setView({ stage: null });
   stageNext = true;
   if (!computes()) send({ verb: "step", branch: state.view.branch });
+  return undefined;
 }
 
 export function back() {
@@ -318,11 +332,13 @@ export function back() {
 }
 
 export function run(until = "end") {
+  if (!isKnown()) return undefined;
   stopReplay();
   const r = runOf(state);
   if (r.over) return replay();
   setView({ k: known(), ...ofIteration });
   send({ verb: "run", branch: state.view.branch, until });
+  return undefined;
 }
 
 export function pause() {

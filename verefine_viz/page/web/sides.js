@@ -30,7 +30,7 @@ function wholeScene(moment) {
 const shown = {}; // by letter, the maps that came last
 function sideOf(moment, pose, letter) {
   if (!pose?.T && !pose?.poses) return null;
-  const answer = want(wantOfMaps(moment, pose), pose.name === "edited" ? "edited" : `maps ${letter}`);
+  const answer = want(wantOfMaps(moment, pose), pose.name === "edited" ? "edited" : `maps-${letter}`);
   const arrays = arraysOf(answer);
   const place = `${state.frame.id} ${pose.poses ? "all" : moment.obj}`;
   if (arrays) {

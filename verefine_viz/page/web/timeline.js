@@ -1,7 +1,8 @@
 // The timeline: the run's only controls, its marks, lanes of objects or hypotheses, and the curve of scores.
 import { html, useEffect, useRef, useState, useMemo } from "./vendor/htm-preact.js";
 import { state, useStore, setView, update, send } from "./store.js";
-import { armColor, back, isBusy, momentOf, pause, ranksOf, rampColor, rowsOf, run, runOf, seek, sourceOf, STAGE_COLORS, step, stepStage, toNextEvent, TONES } from "./moment.js";
+import { armColor, back, isBusy, momentOf, pause, ranksOf, rampColor, rowsOf, run, runOf, seek, sourceOf,
+  STAGE_COLORS, step, stepStage, toNextEvent, TONES } from "./moment.js";
 import { Button, IconButton, Menu, number, Select, Swatch, Toggle } from "./ui.js";
 import { titled } from "./keys.js";
 import { remember } from "./layout.js";
@@ -28,18 +29,22 @@ function Controls() {
     </div>
     <div class="group">
       ${busy
-        ? html`<${Button} icon="pause" kind="primary run" title=${titled("run", "Pause after the iteration at hand")} onClick=${pause}>Pause<//>`
+        ? html`<${Button} icon="pause" kind="primary run" title=${titled("run", "Pause after the iteration at hand")}
+          onClick=${pause}>Pause<//>`
         : html`<${Button} icon="run" kind="primary run" onClick=${() => run()}
-            title=${titled("run", over ? "Replay the finished run" : "Compute to the end")}>${over ? "Replay" : "Run"}<//>`}
+            title=${titled("run", over ? "Replay the finished run" : "Compute to the end")}>
+            ${over ? "Replay" : "Run"}<//>`}
       <${IconButton} icon="prevEvent" title=${titled("event-back")} onClick=${() => toNextEvent(-1)} />
       <${IconButton} icon="event" title=${titled("event")} onClick=${() => toNextEvent(1)} />
       <${Breakpoints} stops=${stops} />
     </div>
-    <span class="place" title=${isAnswer ? "the run is over: its answer is shown" : "the iteration that is shown, of all of the run"}>
+    <span class="place" title=${isAnswer
+      ? "the run is over: its answer is shown" : "the iteration that is shown, of all of the run"}>
       <b>${k}</b><span class="dim"> of ${total}${done < total ? ` · ${done} made` : ""}</span>
     </span>
     <span class="where">${isAnswer
-      ? html`<button type="button" class="link" title="The answer is shown. The last iteration may have tried another pose: show it" onClick=${(e) => {
+      ? html`<button type="button" class="link"
+        title="The answer is shown. The last iteration may have tried another pose: show it" onClick=${(e) => {
           e.currentTarget.blur();
           setView({ stage: moment.run.rows.at(-1).stages.at(-1).name, obj: moment.run.rows.at(-1).obj });
         }}>last iteration</button>`
@@ -47,11 +52,14 @@ function Controls() {
         ? html`<${StageDots} stages=${stages} stage=${stage} accepted=${row.accepted} />`
         : k === 0 ? "initial poses" : `latest of ${moment.object.label}: ${row ? row.k : "none"}`}</span>
     <span class="spring" />
-    ${running.branch != null && running.remaining_s != null && html`<span class="dim">${Math.ceil(running.remaining_s)} s left</span>`}
+    ${running.branch != null && running.remaining_s != null && html`<span
+      class="dim">${Math.ceil(running.remaining_s)} s left</span>`}
     <${Marks} />
-    ${over && html`<span class="tone" title="green frame: the iteration that made the answer"><i class="ring" /></span>`}
+    ${over && html`<span class="tone" title="green frame: the iteration that made the answer"><i
+      class="ring" /></span>`}
     <${Legend} />
-    <${Select} value=${String(speed)} title="iterations a second of a replay" onChange=${(v) => remember({ speed: Number(v) })}
+    <${Select} value=${String(speed)} title="iterations a second of a replay"
+      onChange=${(v) => remember({ speed: Number(v) })}
       options=${["2", "4", "8", "16", "30", "60"].map((v) => [v, `${v}/s`])} />
   </div>`;
 }
@@ -59,9 +67,12 @@ function Controls() {
 const StageDots = ({ stages, stage, accepted }) => {
   const at = stage == null ? stages.length - 1 : stages.indexOf(stage);
   return html`<span class="stages">${stages.map((name, i) => html`
-    <button type="button" class=${`stage ${i <= at ? "on" : ""}`} title=${`${name}${name === accepted ? ", accepted" : ""} (S: next stage)`}
-      onClick=${(e) => { e.currentTarget.blur(); setView({ stage: i === stages.length - 1 && stage != null && at === i ? null : name, moment: null }); }}>
-      <${Swatch} color=${STAGE_COLORS[name]} hollow=${i > at} />${i === at ? name : ""}${name === accepted && i <= at ? " ✓" : ""}
+    <button type="button" class=${`dot ${i <= at ? "on" : ""}`}
+      title=${`${name}${name === accepted ? ", accepted" : ""} (S: next stage)`}
+      onClick=${(e) => { e.currentTarget.blur(); setView({ stage: i === stages.length - 1 && stage != null && at === i
+        ? null : name, moment: null }); }}>
+      <${Swatch} color=${STAGE_COLORS[name]}
+        hollow=${i > at} />${i === at ? name : ""}${name === accepted && i <= at ? " ✓" : ""}
     </button>`)}</span>`;
 };
 
@@ -92,9 +103,11 @@ function Breakpoints({ stops }) {
     <div class="form"><h3>A run stops when</h3>${STOPS.map(([name, w, offered, unit]) => {
       const value = values[name];
       const on = value != null && value !== false;
-      return html`<div class="row"><${Toggle} value=${on} onChange=${(v) => change(name, offered == null ? v : v ? offered : null)}>${w}<//>
+      return html`<div class="row"><${Toggle} value=${on}
+        onChange=${(v) => change(name, offered == null ? v : v ? offered : null)}>${w}<//>
         ${offered != null && html`<input type="number" step="any" disabled=${!on} value=${on ? value : offered}
-          onChange=${(e) => e.currentTarget.value && change(name, Number(e.currentTarget.value))} /><span class="dim">${unit}</span>`}</div>`;
+          onChange=${(e) => e.currentTarget.value && change(name, Number(e.currentTarget.value))} /><span
+            class="dim">${unit}</span>`}</div>`;
     })}</div>
   <//>`;
 }
@@ -109,8 +122,10 @@ function Marks() {
     if (!next.delete(tone)) next.add(tone);
     update({ hiddenTones: next });
   };
-  return html`<span class="tones">${Object.entries(TONES).filter(([tone]) => counts[tone]).map(([tone, { words, color, shape }]) => html`
-    <button type="button" class=${`tone ${hidden?.has(tone) ? "off" : ""}`} title=${`${counts[tone]} × ${words}; click: hide or show`}
+  const present = Object.entries(TONES).filter(([tone]) => counts[tone]);
+  return html`<span class="tones">${present.map(([tone, { words, color, shape }]) => html`
+    <button type="button" class=${`tone ${hidden?.has(tone) ? "off" : ""}`}
+      title=${`${counts[tone]} × ${words}; click: hide or show`}
       onClick=${(e) => { e.currentTarget.blur(); toggle(tone); }}>
       <svg viewBox="-6 -6 12 12"><path d=${SHAPES[shape]} fill=${color} /></svg>${counts[tone]}
     </button>`)}</span>`;
@@ -118,7 +133,8 @@ function Marks() {
 state.hiddenTones = new Set();
 
 const SHAPES = {
-  down: "M-5-4h10L0 5z", up: "M-4 3.5h8L0-4z", square: "M-4-4h8v8h-8z", circle: "M0-4.5a4.5 4.5 0 1 0 .01 0z", bar: "M-1.5-5h3v10h-3z",
+  down: "M-5-4h10L0 5z", up: "M-4 3.5h8L0-4z", square: "M-4-4h8v8h-8z", circle: "M0-4.5a4.5 4.5 0 1 0 .01 0z",
+    bar: "M-1.5-5h3v10h-3z",
   cross: "M-5-3 -3-5 0-2 3-5 5-3 2 0 5 3 3 5 0 2 -3 5 -5 3 -2 0z",
 };
 const PATHS = {};
@@ -133,17 +149,25 @@ function Legend() {
   const list = moment.arms.map((a, j) => ({ ...a, j, source: sourceOf(moment.object, j) }))
     .filter((a) => `hypothesis ${a.j + 1} ${a.source}`.includes(text.toLowerCase()))
     .sort((a, b) => order[a.j] - order[b.j]);
-  return html`<${Menu} icon="list" align="right" title="Hypotheses: what colours say, scores, filter" label="Hypotheses">
+  return html`<${Menu} icon="list" align="right" title="Hypotheses: what colours say, scores, filter"
+    label="Hypotheses">
     <div class="arms"><h3>${moment.arms.length} hypotheses of ${moment.object.label}</h3>
-      <div class="row"><${Select} value=${by} label="colour" title="what the colours on the timeline say" onChange=${(v) => remember({ colorBy: v })}
-        options=${[["score", "score of the pose"], ["rank", "rank of the hypothesis"], ["error", "error of the pose"]]} />
-        <span class="ramp">${[0, 0.25, 0.5, 0.75, 1].map((t) => html`<i style=${{ background: rampColor(t) }} />`)}</span><span class="dim">good</span></div>
+      <div class="row"><${Select} value=${by} label="colour" title="what the colours on the timeline say"
+        onChange=${(v) => remember({ colorBy: v })}
+        options=${[["score", "score of the pose"], ["rank", "rank of the hypothesis"],
+          ["error", "error of the pose"]]} />
+        <span class="ramp">${[0, 0.25, 0.5, 0.75, 1].map((t) => html`<i
+          style=${{ background: rampColor(t) }} />`)}</span><span class="dim">good</span></div>
       <input placeholder="filter" value=${text} onInput=${(e) => setText(e.currentTarget.value)} />
-      <div class="scroll"><table class="table"><thead><tr><th class="left">hypothesis</th><th>plays</th><th>score</th><th>mm</th></tr></thead>
+      <div class="scroll"><table class="table"><thead><tr><th
+        class="left">hypothesis</th><th>plays</th><th>score</th><th>mm</th></tr></thead>
       <tbody>${list.map((a) => html`<tr key=${a.j} class=${`clickable ${arm === a.j ? "current" : ""}`}
         onClick=${() => setView({ arm: arm === a.j ? null : a.j })}>
-        <td class="left"><${Swatch} color=${by === "rank" ? armColor(moment, a.j) : rampColor(scale(a))} /> ${a.j + 1} <span class="dim">${a.source}</span></td>
-        <td>${number(a.plays, 0)}</td><td>${number(a.score, 3)}</td><td>${number(a.err, 1)}</td></tr>`)}</tbody></table></div>
+        <td class="left"><${Swatch}
+          color=${by === "rank" ? armColor(moment, a.j) : rampColor(scale(a))} /> ${a.j + 1} <span
+            class="dim">${a.source}</span></td>
+        <td>${number(a.plays, 0)}</td><td>${number(a.score, 3)}</td><td>${number(a.err, 1)}</td></tr>`)}
+      </tbody></table></div>
     </div>
   <//>`;
 }
@@ -171,7 +195,8 @@ function modelOf(frame, runData, obj, by, hidden, arm) {
   for (const row of rows) last.set(row.obj, row);
   const ranks = new Map();
   for (const [id, row] of last) {
-    const order = row.arms.map((a, j) => j).sort((i, j) => (row.arms[j].score ?? 0) - (row.arms[i].score ?? 0) || i - j);
+    const order = row.arms.map((a, j) => j)
+      .sort((i, j) => (row.arms[j].score ?? 0) - (row.arms[i].score ?? 0) || i - j);
     const shares = [];
     order.forEach((j, r) => (shares[j] = order.length > 1 ? 1 - r / (order.length - 1) : 1));
     ranks.set(id, shares);
@@ -196,8 +221,10 @@ function modelOf(frame, runData, obj, by, hidden, arm) {
     first: Math.max(...(runData.start?.[o.id] ?? o.arms).map((a) => a.score ?? 0)),
   }));
   const dots = focus == null ? [] : cells.filter((c) => c.obj === focus && c.score != null);
-  const answers = runData.over ? [...last.values()].map(({ obj: id, best }) => ({ obj: id, ...best })).filter((b) => b.k) : [];
-  return { answers, band, chosen, total: Math.max(total, rows.length, 1), done: rows.length, cells, lanes, marks, curves, dots, several, focus };
+  const answers = runData.over ? [...last.values()].map(({ obj: id, best }) => ({ obj: id, ...best }))
+    .filter((b) => b.k) : [];
+  return { answers, band, chosen, total: Math.max(total, rows.length, 1), done: rows.length, cells, lanes, marks,
+    curves, dots, several, focus };
 }
 
 function Strip() {
@@ -208,7 +235,8 @@ function Strip() {
   const [frame, runData, obj, by, hidden, arm, theme] = useStore((s) => [
     s.frame, runOf(s), s.view.obj, s.colorBy, s.hiddenTones, s.view.arm, s.theme,
   ]);
-  const model = useMemo(() => frame && modelOf(frame, runData, obj, by, hidden, arm), [frame, runData, obj, by, hidden, arm]);
+  const model = useMemo(() => frame && modelOf(frame, runData, obj, by, hidden, arm),
+    [frame, runData, obj, by, hidden, arm]);
   useEffect(() => {
     const measure = () => {
       const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
@@ -253,7 +281,8 @@ function Strip() {
     else setHover({ k: kAt(e), x: e.clientX - box.left, y: e.clientY - box.top });
   };
   const name = (id) => frame.objects.find((o) => o.id === id)?.label ?? "";
-  return html`<div class="strip" ref=${host} onPointerDown=${down} onPointerMove=${move} onPointerLeave=${() => setHover(null)}>
+  return html`<div class="strip" ref=${host} onPointerDown=${down} onPointerMove=${move}
+    onPointerLeave=${() => setHover(null)}>
     <canvas ref=${canvas} />
     ${place && html`<${Cursor} place=${place} />`}
     ${place && hover && hover.k > 0 && html`<${Hint} hover=${hover} row=${runData.rows[hover.k - 1]} k=${hover.k}
@@ -268,13 +297,16 @@ function Cursor({ place }) {
 }
 
 function Hint({ hover, row, k, marks, name, width }) {
-  if (!row) return html`<div class="hint" style=${{ left: `${hover.x}px`, top: "0" }}>iteration ${k}: not computed yet</div>`;
+  if (!row) return html`<div class="hint"
+    style=${{ left: `${hover.x}px`, top: "0" }}>iteration ${k}: not computed yet</div>`;
   const side = hover.x > width / 2 ? { right: `${width - hover.x + 12}px` } : { left: `${hover.x + 12}px` };
   const stage = row.stages.find((s) => s.name === row.accepted);
+  const error = stage?.err != null ? ` · ${number(stage.err, 1)} mm` : "";
   return html`<div class="hint" style=${{ ...side, bottom: "0.5rem" }}>
     <b>iteration ${k}</b>${name && html` · ${name(row.obj)}`} · hypothesis ${row.arm + 1}
-    <div>${row.accepted} accepted · score ${number(stage?.score, 3)}${stage?.err != null ? ` · ${number(stage.err, 1)} mm` : ""}</div>
-    ${marks.map((m) => html`<div class="mark"><svg viewBox="-6 -6 12 12"><path d=${SHAPES[TONES[m.tone]?.shape ?? "circle"]}
+    <div>${row.accepted} accepted · score ${number(stage?.score, 3)}${error}</div>
+    ${marks.map((m) => html`<div class="mark"><svg viewBox="-6 -6 12 12"><path
+      d=${SHAPES[TONES[m.tone]?.shape ?? "circle"]}
       fill=${TONES[m.tone]?.color ?? "currentColor"} /></svg>${m.text}</div>`)}
   </div>`;
 }
@@ -294,7 +326,7 @@ function placeOf(model, [w, h, rem, ratio]) {
   const axis = Math.round(rem * 1.15);
   const room = Math.max(0, h - marksTop - marks - axis);
   const n = Math.max(model.lanes.length, 1);
-  const most = room * 0.52;
+  const most = room * (model.several && !model.chosen ? 0.6 : 0.52);
   const strip = most / n < rem * 0.5;
   const lane = strip ? Math.min(rem * 1.3, room * 0.35) : Math.min(most / n, rem * 1.3);
   const lanesTop = marksTop + marks;
@@ -327,10 +359,12 @@ function draw(canvas, model, p) {
     const top = p.lanesTop + i * p.lane;
     ctx.fillStyle = line;
     ctx.fillRect(left, Math.round(top + p.lane) - 1, right - left, 1);
-    font(0.86);
+    font(lane.color ? Math.min(0.86, p.lane / rem) : 0.86);
     ctx.textAlign = "left";
     ctx.fillStyle = dim;
-    if (p.strip) return ctx.fillText(`${model.lanes.length} ${model.chosen ? "hyp." : "objects"}`, rem * 0.7, top + p.lane / 2);
+    if (p.strip) {
+      return ctx.fillText(`${model.lanes.length} ${model.chosen ? "hyp." : "objects"}`, rem * 0.7, top + p.lane / 2);
+    }
     let from = rem * 0.7;
     if (lane.color) {
       ctx.fillStyle = lane.color;
@@ -338,7 +372,7 @@ function draw(canvas, model, p) {
       from += rem * 0.9;
       ctx.fillStyle = text;
     }
-    if (p.lane >= rem * 0.8 || i % 2 === 0) {
+    if (lane.color || p.lane >= rem * 0.8 || i % 2 === 0) {
       ctx.save();
       ctx.beginPath();
       ctx.rect(0, top - p.lane, left - rem * 0.5, 3 * p.lane);
@@ -373,7 +407,8 @@ function draw(canvas, model, p) {
   }
 
   // The curve: the best so far as steps, accepted poses as points.
-  const values = [...model.dots.map((d) => d.score), ...model.curves.flatMap((c) => [c.first, ...c.points.map((q) => q[1])])]
+  const values = [...model.dots.map((d) => d.score),
+    ...model.curves.flatMap((c) => [c.first, ...c.points.map((q) => q[1])])]
     .filter((v) => v != null);
   const [top, bottom] = [p.curveTop, p.curveBottom];
   if (bottom - top > rem && values.length) {
