@@ -22,6 +22,7 @@ from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.export import Exporter
 from verefine_viz.page.gallery import Gallery
 from verefine_viz.page.live_gallery import LiveGallery
+from verefine_viz.page.moment import moment_of
 from verefine_viz.page.protocol import AnyVerb
 from verefine_viz.page.scene3d.scene import Scene3D
 from verefine_viz.page.scene3d.viser_server import Viser3DServer
@@ -168,8 +169,16 @@ class App:
 
     def _draw(self, debugger: Debugger) -> None:
         """Draw what the window used last looks at."""
-        if debugger.look is not None and debugger.look.branch in debugger.space.branches:
-            self.scene.show(debugger.space, debugger.look)
+        look, space = debugger.look, debugger.space
+        if look is None or look.branch not in space.branches:
+            return
+        grasp = None
+        if look.grasp is not None:
+            moment = moment_of(space.branch(look.branch), look)
+            T = moment.poses.get("edited", moment.poses.get("best"))
+            settings = moment.branch.settings.grasp
+            grasp = space.grasps.known(moment.problem, settings, moment.target.instance.instance_id, T)
+        self.scene.show(space, look, grasp)
 
     def _receive(self, window: int, verb: AnyVerb | None) -> None:
         self.jobs.put(Job(window, verb))

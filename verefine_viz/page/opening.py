@@ -121,6 +121,7 @@ def _enter(d: Debugger, run: str, frame: str) -> None:
     else:
         space.open(gallery.session(run), None, frame, gallery.records(run))
     d.batch_run = run
+    space.batch = gallery.runs[run].folder if gallery is not None and run else None
     d.send_frame()
     d.repeat_recorded()
 

@@ -251,6 +251,8 @@ class Track(Wanted):
     """An object over the frames of a sequence."""
 
     obj: int
+    done: bool = False
+    """Whether the open frame is solved: a browser asks again when it is."""
 
 
 class Want(Verb):

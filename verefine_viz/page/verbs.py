@@ -111,6 +111,7 @@ class Debugger:
         self._write, self.progress = write, progress
         self.batch_run = gallery.worst.run if gallery is not None else ""
         """The batch run whose session is open; "" = none is."""
+        space.batch = gallery.runs[self.batch_run].folder if gallery is not None else None
         self.goals: dict[int, Goal] = {}
         """What is computed, by branch; in turns where there are several."""
         self.log: list[AnyVerb] = []
@@ -328,6 +329,9 @@ class Debugger:
                     "from": b.forked_at,
                     "recording": str(b.recording) if b.recording else None,
                     "missing": b.missing,
+                    "done": b.run.length,
+                    "total": max(b.run.n_iterations, b.run.length),
+                    "over": b.run.is_done,
                     "method": b.settings.method.name,
                     "settings": {name: value for name, _, value in settings_between(first, b.settings)},
                 }
@@ -597,6 +601,8 @@ def _swapped(items: Sequence, at: int, by: int) -> tuple | None:
 def _want(d: Debugger, verb: p.Want, window: int | None) -> None:
     answer = ANSWERS[type(verb.of)](d.space, verb.of, d.blobs)
     d.post({"t": "answer", "id": verb.id, **answer}, window)
+    if isinstance(verb.of, p.Physics) and window == d.look_window:
+        d.on_look()  # Overlaps and supports are known now.
 
 
 def _evaluate(d: Debugger, verb: p.Evaluate, window: int | None) -> None:

@@ -7,11 +7,13 @@ from typing import Any
 
 from verefine_viz.page import protocol as p
 from verefine_viz.page.views.comparison import comparison
+from verefine_viz.page.views.crops import crops
 from verefine_viz.page.views.landscape import landscape
 from verefine_viz.page.views.physics import physics
 from verefine_viz.page.views.pixel_maps import maps
 from verefine_viz.page.views.pose_outlines import outlines
 from verefine_viz.page.views.shaded_model import shaded
+from verefine_viz.page.views.track import track
 
 ANSWERS: dict[type, Callable[..., dict[str, Any]]] = {
     p.Comparison: comparison,
@@ -20,4 +22,6 @@ ANSWERS: dict[type, Callable[..., dict[str, Any]]] = {
     p.Outlines: outlines,
     p.Physics: physics,
     p.Shaded: shaded,
+    p.Crops: crops,
+    p.Track: track,
 }

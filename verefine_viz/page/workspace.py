@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING, Any
 from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.core.records import Best
 from verefine_viz.core.settings import SURROUNDINGS, Change, Session
 from verefine_viz.core.text_format import first_of
 from verefine_viz.page.branch import Branch, Settings, by_section, in_order, merged
 from verefine_viz.page.evaluator import CachedEvaluator
+from verefine_viz.page.grasp_trials import GraspTrials
 from verefine_viz.page.saved_session import Saved, edits_of_all
 from verefine_viz.run.engine import Run
 from verefine_viz.run.record import RunRecord, session_of
@@ -102,6 +104,9 @@ class Workspace:
         self._checks = checks or Checks()
         self._numbers = count()
         self._opened = count(1)
+        self.grasps = GraspTrials()
+        self.batch: Path | None = None
+        """Folder of the batch run whose answers are shown; None = no batch is open."""
         if recording is not None:
             self.open_recording(recording)
         else:
@@ -196,16 +201,20 @@ class Workspace:
         """Return the first branches of the other frames that were opened."""
         return tuple(work.first for work in self._works.values() if branch.index not in work.branches)
 
-    def final_scores(self, obj_id: int) -> dict[str, float]:
-        """Return by frame the score of the answer for an object, where a run was finished; of several the first."""
-        scores: dict[str, float] = {}
+    def solved(self, obj_id: int) -> dict[str, tuple[Target, Best]]:
+        """Return by frame the answer for an object, where a run was finished; of several of the object the first."""
+        answers: dict[str, tuple[Target, Best]] = {}
         for frame, work in self._works.items():
             run = work.first.run
             if run.is_done and run.length:
                 for target, best in zip(run.problem.targets, run.final_state.best, strict=True):
                     if best is not None and target.instance.obj_id == obj_id:
-                        scores.setdefault(frame, best.score.score)
-        return scores
+                        answers.setdefault(frame, (target, best))
+        return answers
+
+    def final_scores(self, obj_id: int) -> dict[str, float]:
+        """Return by frame the score of the answer for an object, where a run was finished."""
+        return {frame: best.score.score for frame, (_, best) in self.solved(obj_id).items()}
 
     def session_of(self, branch: Branch) -> Session:
         """Return what a session file has to say to repeat a branch, with the poses moved in other frames."""

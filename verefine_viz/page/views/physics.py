@@ -102,7 +102,7 @@ def _facts(moment: Moment, o: SceneObject, T_cam_obj: Float, support: Support, d
         points = o.target.model.points
         seen = apply(T_world_cam @ T_cam_obj, points[:: max(1, len(points) // OUTLINE_POINTS)])[:, :2]
         facts |= {
-            "outline": _mm(_hull(seen)),
+            "outline": _mm(hull(seen)),
             "polygon": _mm(apply(T_world_cam, known.polygon_cam)[:, :2]),
             "com": _mm(apply(T_world_cam, known.com_on_plane_cam[None])[:, :2])[0],
             "contacts": _mm(apply(T_world_cam, known.contact_points_cam)[:, :2]),
@@ -161,7 +161,7 @@ def _overlaps(moment: Moment, focus_alone: bool) -> list[Json]:
 def _path(moment: Moment, support: Support | None) -> Json | None:
     """Return the simulated path of the object's latest iteration: how far it came and what it touched, step by step."""
     iteration = moment.iteration
-    path = None if iteration is None or moment.is_answer else iteration.path
+    path = None if iteration is None else iteration.path
     if iteration is None or path is None:
         return None
     T_0, points = path.Ts_cam_obj[0], moment.target.model.points
@@ -291,7 +291,7 @@ def _unknown(one: UnknownObject) -> Json:
     return {"number": one.number, "size_mm": size.tolist(), "dropped": one.is_dropped}
 
 
-def _hull(xy: Float) -> Float:
+def hull(xy: Float) -> Float:
     """Return the corners of the convex hull of points (n, 2) in order."""
     try:
         return xy[ConvexHull(xy).vertices]

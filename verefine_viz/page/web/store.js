@@ -149,6 +149,9 @@ export function want(of, slot = "") {
   return entry.answer;
 }
 
+// An answer that was asked for by another verb than `want`, or undefined.
+export const answerTo = (id) => known.get(id)?.answer;
+
 export function useWant(of, slot = "") {
   return useStore(() => (of ? want(of, slot) : undefined));
 }

@@ -62,7 +62,7 @@ function Arms({ moment }) {
     <div class="row"><span class="key"><span><i class="swatch mean" />mean</span>${choice && html`<span><i class="swatch bonus" />bonus</span>`}
       <span><i class="chosen-mark" />chosen</span></span><span class="spring" />
       ${arms.length > 2 && html`<${Select} value=${order} options=${orders} onChange=${setOrder} title="order of the hypotheses" />`}</div>
-    <table class=${`table arms ${arms.length > 12 ? "many" : ""}`}><thead><tr>
+    <table class=${`table bandit-arms ${arms.length > 12 ? "many" : ""}`}><thead><tr>
       <th class="left" title="hypothesis; a click puts it in focus">#</th>
       <th class="left wide" title=${choice ? "mean of the rewards + bonus of the exploration, as they were when the bandit chose" : "mean of the rewards"}>${choice ? "mean + bonus" : "mean"}</th>
       ${choice && html`<th title="upper confidence bound: mean + bonus; the highest is chosen">UCB</th>`}
@@ -103,8 +103,9 @@ function Curves({ moment }) {
     if (!chosen.length) return [[], []];
     const last = own.at(-1);
     const n = last.arms.length;
-    const ranked = last.arms.map((a, j) => j).sort((i, j) => last.arms[j].plays - last.arms[i].plays || i - j);
-    const shown = new Set(ranked.slice(0, MOST_CURVES));
+    const sorted = (key) => last.arms.map((a, j) => j).sort((i, j) => last.arms[j][key] - last.arms[i][key] || i - j);
+    const ranked = sorted("score"); // colours are those of the table at the end of the run
+    const shown = new Set(sorted("plays").slice(0, MOST_CURVES));
     if (arm < n) shown.add(arm);
     return [chosen.map((row) => row.k), [...shown].sort((i, j) => i - j).map((j) => ({
       name: `${j + 1}`,

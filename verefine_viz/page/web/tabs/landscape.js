@@ -1,0 +1,123 @@
+// The score around the best pose: curves along axes, a map over two of them, and poses that fit as well.
+import { html, useMemo, useState } from "../vendor/htm-preact.js";
+import { setView, useStore } from "../store.js";
+import { momentOf } from "../moment.js";
+import { Button, number, Select } from "../ui.js";
+import { useKept } from "./kept.js";
+
+export const title = "Landscape";
+export const hint = "the score around the best pose";
+export const needs = (s) => Boolean(momentOf(s)?.best);
+export const empty = "This object has no pose.";
+
+const FRAMES = [["table", "the table's axes"], ["object", "its own axes"]];
+const VIRIDIS = [[68, 1, 84], [72, 40, 120], [62, 74, 137], [49, 104, 142], [38, 130, 142], [31, 158, 137], [53, 183, 121], [110, 206, 88], [181, 222, 43], [253, 231, 37]];
+const colorAt = (t) => {
+  const x = Math.max(0, Math.min(1, t)) * (VIRIDIS.length - 1);
+  const i = Math.min(Math.floor(x), VIRIDIS.length - 2);
+  return `rgb(${VIRIDIS[i].map((c, j) => Math.round(c + (VIRIDIS[i + 1][j] - c) * (x - i))).join()})`;
+};
+
+// While a run goes on its best pose changes all the time: it is scored around where that is asked for.
+export function render() {
+  const moment = useStore(momentOf);
+  const pose = `${moment.branch} ${moment.obj} ${moment.best.arm} ${moment.best.k} ${moment.best.stage}`;
+  const [asked, setAsked] = useState(null);
+  const wanted = moment.isAnswer || asked === pose;
+  if (!wanted) {
+    return html`<div class="tab landscape"><p>How the score falls as ${moment.object.label} is moved and turned away from its best pose so far.</p>
+      <div class="row"><${Button} kind="primary" title="takes a few seconds" onClick=${() => setAsked(pose)}>Score the poses around<//></div></div>`;
+  }
+  return html`<${Around} moment=${moment} pose=${pose} key=${pose} />`;
+}
+
+function Around({ moment, pose }) {
+  const of = { what: "landscape", branch: moment.branch, k: moment.k, obj: moment.obj };
+  const [frame, setFrame] = useState("table");
+  const [axes, setAxes] = useState([5, 0]);
+  const around = useKept({ ...of, part: "curves" }, "curves", pose);
+  const two = useKept(around && !around.gone ? { ...of, part: "slice", axes } : null, "slice", pose);
+  const other = useKept(two ? { ...of, part: "other" } : null, "other", pose);
+  if (!around) return html`<p class="empty">Scoring the poses around the ${moment.isAnswer ? "answer" : "best pose"}.</p>`;
+  if (around.gone) return html`<p class="empty">${around.gone}</p>`;
+  const edit = (T) => setView({ obj: moment.obj, edited: { obj: moment.obj, arm: moment.best.arm, T, from: around.T } });
+  const names = around.curves.map((c) => [String(c.axis), c.words]);
+  const choose = (i) => (v) => setAxes(axes.map((old, j) => (i === j ? Number(v) : old)));
+  return html`<div class="tab landscape">
+    <p class="said">${moment.isAnswer ? "Answer" : "Best pose so far"} of ${moment.object.label}: ${around.undetermined}.</p>
+    <${Other} other=${other} edit=${edit} />
+    <div class="row"><h3>Score along</h3><${Select} value=${frame} options=${FRAMES} onChange=${setFrame} /></div>
+    <div class="curves">${around.curves.filter((c) => c.frame === frame).map((c) => html`<${Curve} key=${c.axis} curve=${c} score=${around.score} edit=${edit} />`)}</div>
+    <p class="dim">Shaded: there the score does not tell a pose from this one. Band: twice the noise of the score. A click edits the pose there.</p>
+    <div class="row"><h3>Over two axes</h3></div>
+    <div class="two"><div>${two && !two.gone ? html`<${Map} two=${two} score=${around.score} edit=${edit} />` : html`<p class="dim">${two?.gone ?? "Scoring."}</p>`}</div>
+      <div class="axes"><${Select} label="→" value=${String(axes[0])} options=${names} onChange=${choose(0)} title="across" />
+        <${Select} label="↑" value=${String(axes[1])} options=${names} onChange=${choose(1)} title="up" /></div></div>
+    ${other && !other.gone && html`<h3>Near symmetries</h3>${other.near.length
+      ? html`<p title="mean distance between the model's surface and the turned one; depth can hardly tell such poses apart">Its shape nearly looks the same, turned by</p>
+        <ul>${other.near.map((line) => html`<li>${line}</li>`)}</ul>` : html`<p class="dim">No turn leaves its shape nearly the same.</p>`}`}
+  </div>`;
+}
+
+function Other({ other, edit }) {
+  if (!other) return html`<p class="dim">Looking for another pose that fits equally well.</p>`;
+  if (!other.other) return html`<p class="dim">${other.gone ?? "No other pose fits equally well."}</p>`;
+  return html`<div class="doubt"><p><b>Also fits:</b> ${other.other.words}</p>
+    <div class="row"><${Button} title="edit this pose: see it in the image, the maps and 3D" onClick=${() => edit(other.other.T)}>Edit it<//></div></div>`;
+}
+
+// One curve as SVG, its samples evenly spaced: the offsets grow outwards and would crowd in the middle.
+function Curve({ curve, score, edit }) {
+  const [at, setAt] = useState(null);
+  const { offsets, scores, noise } = curve;
+  const n = offsets.length;
+  const [W, H] = [120, 44];
+  const x = (i) => ((i + 0.5) / n) * W;
+  const y = (s) => H - 3 - Math.max(0, Math.min(1, s)) * (H - 6);
+  // The place of an offset between the samples.
+  const place = (value) => {
+    const i = Math.max(0, Math.min(n - 2, offsets.findLastIndex((o) => o <= value)));
+    const t = offsets[i + 1] > offsets[i] ? (value - offsets[i]) / (offsets[i + 1] - offsets[i]) : 0;
+    return x(i + Math.max(0, Math.min(1, t)));
+  };
+  const [from, to] = [place(curve.low), place(curve.high)];
+  const band = `${offsets.map((_, i) => `${x(i)},${y(score + noise[i])}`).join(" ")} ${offsets.map((_, i) => `${x(i)},${y(score - noise[i])}`).reverse().join(" ")}`;
+  const line = scores.map((s, i) => `${x(i).toFixed(1)},${y(s).toFixed(1)}`).join(" ");
+  const find = (e) => Math.max(0, Math.min(n - 1, Math.floor(((e.clientX - e.currentTarget.getBoundingClientRect().left) / e.currentTarget.clientWidth) * n)));
+  const digits = (v) => (Math.abs(v) < 10 ? +v.toFixed(1) : v.toFixed(0));
+  return html`<figure onPointerMove=${(e) => setAt(find(e))} onPointerLeave=${() => setAt(null)} onClick=${(e) => edit(curve.poses[find(e)])}
+      title=${`${curve.words}: undetermined within ${curve.width}`}>
+    <figcaption><span>${curve.words}</span><b>${curve.width}</b></figcaption>
+    <svg viewBox=${`0 0 ${W} ${H}`} preserveAspectRatio="none">
+      <polygon class="noise" points=${band} /><rect class="undetermined" x=${from} y="0" width=${Math.max(to - from, 0.6)} height=${H} />
+      <line class="middle" x1=${x(offsets.indexOf(0))} x2=${x(offsets.indexOf(0))} y1="0" y2=${H} />
+      <polyline points=${line} />
+      ${at != null && html`<line class="at" x1=${x(at)} x2=${x(at)} y1="0" y2=${H} />`}
+    </svg>
+    <div class="ends"><span>${digits(offsets[0])}</span><span>${at == null ? curve.unit : html`<b>${offsets[at] > 0 ? "+" : ""}${digits(offsets[at])} ${curve.unit}: ${number(scores[at], 3)}</b>`}</span><span>${digits(offsets[n - 1])}</span></div>
+  </figure>`;
+}
+
+function Map({ two, score, edit }) {
+  const [at, setAt] = useState(null);
+  const { scores, across, up, poses } = two;
+  const n = scores.length;
+  const [low, high] = useMemo(() => [Math.min(...scores.flat()), Math.max(...scores.flat())], [scores]);
+  const share = (s) => (high > low ? (s - low) / (high - low) : 1);
+  const cells = useMemo(() => scores.flatMap((row, r) => row.map((s, c) => html`
+    <rect x=${c} y=${n - 1 - r} width="1.02" height="1.02" fill=${colorAt(share(s))} />`)), [scores]);
+  const find = (e) => {
+    const box = e.currentTarget.getBoundingClientRect();
+    const cell = (v, size) => Math.max(0, Math.min(n - 1, Math.floor((v / size) * n)));
+    return [n - 1 - cell(e.clientY - box.top, box.height), cell(e.clientX - box.left, box.width)];
+  };
+  const end = (v, unit) => `${v > 0 ? "+" : ""}${Math.abs(v) < 10 ? +v.toFixed(1) : v.toFixed(0)} ${unit}`;
+  const middle = (n - 1) / 2;
+  return html`<div class="map"><div class="up" title=${up.words}><span>${end(up.offsets.at(-1), up.unit)}</span><span>${up.words}</span><span>${end(up.offsets[0], up.unit)}</span></div>
+    <svg viewBox=${`0 0 ${n} ${n}`} onPointerMove=${(e) => setAt(find(e))} onPointerLeave=${() => setAt(null)} onClick=${(e) => { const [r, c] = find(e); edit(poses[r][c]); }}>
+      ${cells}<path d=${`M${middle + 0.1} ${middle + 0.5}h0.8M${middle + 0.5} ${middle + 0.1}v0.8`} />
+      ${at && html`<rect class="at" x=${at[1]} y=${n - 1 - at[0]} width="1" height="1" />`}</svg>
+    <div class="scale"><span>${number(high, 2)}</span><i style=${{ background: `linear-gradient(to top, ${VIRIDIS.map((c) => `rgb(${c})`).join()})` }} /><span>${number(low, 2)}</span></div>
+    <div class="across"><span>${end(across.offsets[0], across.unit)}</span><span>${across.words}</span><span>${end(across.offsets.at(-1), across.unit)}</span></div>
+    <div class="read">${at ? html`${end(across.offsets[at[1]], across.unit)}, ${end(up.offsets[at[0]], up.unit)}: <b>${number(scores[at[0]][at[1]], 3)}</b>` : html`<span class="dim">here ${number(score, 3)}</span>`}</div></div>`;
+}

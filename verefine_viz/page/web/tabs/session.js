@@ -1,0 +1,50 @@
+// What is open and where it came from; saving it and what was worked out.
+import { html, useState } from "../vendor/htm-preact.js";
+import { send, useStore } from "../store.js";
+import { momentOf } from "../moment.js";
+import { Button, Toggle } from "../ui.js";
+import { listOf } from "./setting.js";
+
+export const title = "Session";
+export const hint = "what is open; saving and exporting it";
+export const needs = (s) => Boolean(s.frame);
+export const empty = "Nothing is open.";
+
+const FILES = [
+  ["recording", "Recording", "the run of this branch, for replay and for rerun"],
+  ["scene", "3D scene", "one HTML file that opens offline"],
+  ["results", "Results", "the answers as a table (CSV)"],
+  ["maps", "Score maps", "the score maps of the object in focus (PNG)"],
+  ["verbs", "Verb log", "what was done here; carried out again it gives the same records"],
+];
+
+export function render() {
+  const [frame, branches, branch, written, version] = useStore((s) => [s.frame, s.branches, s.view.branch, s.written, s.version]);
+  const moment = useStore(momentOf);
+  const [name, setName] = useState("my_session");
+  const [replace, setReplace] = useState(false);
+  const shown = branches.find((b) => b.index === branch);
+  const save = (what, more = {}) => send({ verb: "save", what, branch, k: moment.k, obj: moment.obj, ...more });
+  const facts = [
+    ["scene", frame.dataset ? `${frame.source}: ${frame.dataset}` : frame.source],
+    ["frame", `${frame.frame}${frame.frames.length > 1 ? `, one of ${frame.frames.length}` : ""}`],
+    ["method", `${frame.method_label}, refiner ${frame.refiner}`],
+    ["session file", frame.session_file ?? "none: it was not read from a file"],
+    ["recording", shown?.recording],
+    ["branch", shown && `${shown.name}${Object.keys(shown.settings).length ? `: ${listOf(shown.settings)}` : ""}`],
+    ["version", version],
+  ].filter(([, value]) => value);
+  return html`<div class="tab session">
+    <table class="table"><tbody>${facts.map(([key, value]) => html`<tr><td class="left dim">${key}</td><td class="left path">${value}</td></tr>`)}</tbody></table>
+    ${frame.doubts.length > 0 && html`<h3>The data are in doubt</h3>${frame.doubts.map((d) => html`<p class="doubt">${d}</p>`)}`}
+    ${frame.notes.length > 0 && html`<h3>Notes on this frame</h3>${frame.notes.map((n) => html`<p>${n}</p>`)}`}
+    ${shown?.missing && html`<p class="doubt">${shown.missing}</p>`}
+    <h3>Save the session</h3>
+    <div class="row"><input type="text" class="name" value=${name} title="written to sessions/NAME.toml: settings, breakpoints, changes and edited poses" onInput=${(e) => setName(e.currentTarget.value)} />
+      <${Button} kind="primary" disabled=${!name.trim()} onClick=${() => save("session", { name: name.trim(), replace })}>Save<//>
+      <${Toggle} value=${replace} title="write over a file of that name" onChange=${setReplace}>replace<//></div>
+    <h3>Export</h3>
+    <div class="row">${FILES.map(([what, words, hint]) => html`<${Button} key=${what} title=${hint} onClick=${() => save(what)}>${words}<//>`)}</div>
+    ${written.length > 0 && html`<h3>Written</h3>${written.map((file) => html`<p class="path" key=${file.path}>${file.url ? html`<a href=${file.url} download=${file.name}>${file.name}</a> ` : ""}<span class="dim">${file.path}</span></p>`)}`}
+  </div>`;
+}

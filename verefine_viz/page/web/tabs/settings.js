@@ -1,0 +1,79 @@
+// All settings: change some, then restart, fork at the cursor, or run beside; other initial poses by an estimator.
+import { html, useState } from "../vendor/htm-preact.js";
+import { listen, send, state, update, useStore } from "../store.js";
+import { momentOf } from "../moment.js";
+import { Button, Select } from "../ui.js";
+import { runBeside } from "./beside.js";
+import { Field, listOf, parsed, settingsOf, shortName, shown } from "./setting.js";
+
+export const title = "Settings";
+export const hint = "settings of the method, the score and physics";
+export const needs = (s) => Boolean(s.frame);
+export const empty = "Nothing is open.";
+
+const ESTIMATORS = { ppf: "point pair features", pcs: "congruent point sets", densefusion: "DenseFusion", session: "the session's own" };
+const SECTIONS = { method: "method", score: "score", physics: "physics", icp: "ICP", tricp: "trimmed ICP", mcts: "tree search", dependency: "order of objects", hypotheses: "initial poses", grasp: "grasp" };
+
+// What was typed and is not in use yet, by name; another frame or start forgets it.
+Object.assign(state, { draft: {} });
+let draftOf = null;
+listen(() => {
+  if (state.frame?.id === draftOf) return;
+  draftOf = state.frame?.id;
+  if (Object.keys(state.draft).length) update({ draft: {} });
+});
+const edit = (setting, value) => {
+  const draft = { ...state.draft, [setting.name]: value };
+  if (value === setting.value || parsed(setting, String(value)) === setting.value) delete draft[setting.name];
+  update({ draft });
+};
+
+export function render() {
+  const [frame, branches, branch, draft] = useStore((s) => [s.frame, s.branches, s.view.branch, s.draft]);
+  const moment = useStore(momentOf);
+  const [filter, setFilter] = useState("");
+  const [more, setMore] = useState(false);
+  const settings = settingsOf(state);
+  const changed = settings.filter((one) => one.name in draft);
+  const changes = Object.fromEntries(changed.map((one) => [one.name, one.kind === "bool" || one.kind === "choice" ? draft[one.name] : parsed(one, String(draft[one.name]))]));
+  const wrong = Object.values(changes).includes(undefined);
+  const fixed = changed.filter((one) => !one.can_fork);
+  const words = filter.toLowerCase();
+  const matches = (one) => `${one.name} ${shortName(one.name)} ${one.help}`.toLowerCase().includes(words);
+  const listed = settings.filter((one) => (words ? matches(one) : more || one.common || one.name in draft));
+  const groups = Object.entries(Object.groupBy(listed, (one) => one.name.split(".")[0]));
+  const none = changed.length === 0;
+  const others = branches.length > 1 ? `; ${branches.length === 2 ? "the other branch is" : "the other branches are"} discarded` : "";
+  return html`<div class="tab settings">
+    <div class="apply">
+      <div class="row">
+        <${Button} disabled=${wrong} title=${`from before iteration 1${none ? "" : ` with ${listOf(changes)}`}${others}`}
+          onClick=${() => send({ verb: "restart", branch, changes })}>${none ? "Restart" : "Restart with these"}<//>
+        <${Button} disabled=${wrong || fixed.length > 0} onClick=${() => send({ verb: "fork", branch, k: moment.k, changes, run: true })}
+          title=${fixed.length ? `${fixed.map((one) => shortName(one.name)).join(", ")}: only from the start` : `keeps the iterations up to ${moment.k}, goes on as a new branch and runs to its end`}>
+          Fork at ${moment.k}<//>
+        <${Button} disabled=${wrong || none} title="from the start, as B beside this run" onClick=${() => runBeside(branch, changes)}>Run as B beside<//>
+        <span class="spring" />
+        ${!none && html`<${Button} title="forget the changes" onClick=${() => update({ draft: {} })}>Reset<//>`}
+      </div>
+      <p class=${none ? "dim" : ""}>${none ? "Change a setting, then choose what to do with it." : changed.map((one) => html`<span class="change">${shortName(one.name)}: ${shown(one.value)} → <b>${shown(draft[one.name])}</b></span>`)}</p>
+    </div>
+    <input class="filter" placeholder="filter all ${settings.length} settings" value=${filter} onInput=${(e) => setFilter(e.currentTarget.value)} />
+    ${groups.map(([section, list]) => html`<section key=${section}><h3>${SECTIONS[section] ?? section}</h3>
+      ${list.map((one) => html`<div key=${one.name} class=${`setting-row ${one.name in draft ? "changed" : ""}`} title=${`${one.name}${one.help ? `: ${one.help}` : ""}${one.can_fork ? "" : " (only from the start)"}`}>
+        <label>${shortName(one.name)}</label><${Field} setting=${one} value=${draft[one.name] ?? one.value} onChange=${(value) => edit(one, value)} /></div>`)}
+    </section>`)}
+    ${!listed.length && html`<p class="dim">No setting is named so.</p>`}
+    ${!words && html`<${Button} onClick=${() => setMore(!more)}>${more ? "The common ones only" : `All ${settings.length} settings`}<//>`}
+    <${Estimate} moment=${moment} frame=${frame} branch=${branch} />
+  </div>`;
+}
+
+function Estimate({ moment, frame, branch }) {
+  const [by, setBy] = useState("ppf");
+  const options = frame.choices.estimators.map((id) => [id, ESTIMATORS[id] ?? id]);
+  return html`<section><h3>Other initial poses for ${moment.object.label}</h3>
+    <div class="row"><${Select} value=${by} options=${options} onChange=${setBy} title="what estimates them" />
+      <${Button} title="new initial poses for this object on this frame, as a new branch" onClick=${() => send({ verb: "estimate", branch, obj: moment.obj, estimator: by })}>Estimate<//></div>
+  </section>`;
+}
