@@ -90,7 +90,7 @@ class Exporter:
         return path, note
 
     def _export(self, d: Debugger, verb: Save) -> Path:
-        branch = d.space.branch(verb.branch)
+        branch = d.space.work.first if verb.what == "verbs" else d.space.branch(verb.branch)
         is_run_file = verb.what == "recording" and verb.name.endswith(SUFFIX)
         ending = SUFFIX if is_run_file else ENDINGS[verb.what]
         name = checked_name(verb.name.removesuffix(ending)) if verb.name.removesuffix(ending) else stem_of(branch)

@@ -1,5 +1,5 @@
 // The answers of a batch: cards with filters, a plot of score over error, and tags. Sorts and filters without the server.
-import { html, useState, useEffect, useRef } from "./vendor/htm-preact.js";
+import { html, useState, useEffect, useMemo, useRef } from "./vendor/htm-preact.js";
 import { state, useStore, update, listen, send } from "./store.js";
 import { momentOf } from "./moment.js";
 import { Button, Icon, IconButton, Select, number } from "./ui.js";
@@ -40,24 +40,35 @@ export function visible(s) {
   return rows;
 }
 
+let opened = { rows: [] };
 // The answer that is open, or null.
 export function openRow(s) {
   const { frame, answers } = s;
   if (!frame?.run || !answers) return null;
-  const here = answers.rows.filter((row) => row.run === frame.run && row.frame === frame.frame && row.method === frame.method);
+  if (opened.answers !== answers || opened.frame !== frame) {
+    const rows = answers.rows.filter((row) => row.run === frame.run && row.frame === frame.frame && row.method === frame.method);
+    opened = { answers, frame, rows };
+  }
   const obj = momentOf(s)?.obj;
-  return here.find((row) => row.obj === obj) ?? here[0] ?? null;
+  return opened.rows.find((row) => row.obj === obj) ?? opened.rows[0] ?? null;
 }
 
 const isFailure = (row) => row.opens && (row.tone === "wrong" || row.tone === "none");
-const failures = (s) => {
-  const rows = visible(s).filter(isFailure);
-  return rows.length ? rows : (s.answers?.orders[0].keys ?? []).map((key) => s.answers.rows[key]).filter(isFailure);
-};
+let failed = { rows: [] };
+function failures(s) {
+  const { answers } = s;
+  const of = visible(s);
+  if (failed.of !== of) {
+    const rows = of.filter(isFailure);
+    failed = { of, rows: rows.length || !answers ? rows : answers.orders[0].keys.map((key) => answers.rows[key]).filter(isFailure) };
+  }
+  return failed.rows;
+}
 // The failure after (1) or before (−1) the answer that is open, in the gallery's order; null at the ends.
 export function neighbour(s, by) {
   const rows = failures(s);
-  const at = rows.findIndex((row) => row.key === openRow(s)?.key);
+  const open = openRow(s);
+  const at = rows.findIndex((row) => row.key === open?.key);
   return rows[at < 0 ? (by > 0 ? 0 : rows.length - 1) : at + by] ?? null;
 }
 
@@ -312,7 +323,7 @@ function Plot() {
   const [near, setNear] = useState(null);
   const points = useRef([]);
   const rows = visible(state);
-  const known = answers.rows.filter((row) => row.err != null && row.limit && row.score != null);
+  const known = useMemo(() => answers.rows.filter((row) => row.err != null && row.limit && row.score != null), [answers]);
   useEffect(() => {
     const draw = () => {
       const c = canvas.current;
@@ -356,34 +367,28 @@ function Plot() {
       ctx.fillText("error [share of the diameter]", (left + right) / 2, low + 1.3 * rem);
       const strong = new Set(rows);
       points.current = known.map((row) => ({ row, x: x((0.1 * row.err) / row.limit), y: y(row.score) }));
-      const radius = 0.22 * rem;
+      const size = (known.length > 1000 ? 0.25 : 0.42) * rem;
       for (const isStrong of [false, true]) {
-        for (const p of points.current) {
-          if (strong.has(p.row) !== isStrong) continue;
-          ctx.globalAlpha = isStrong ? 0.8 : 0.15;
-          ctx.fillStyle = color(TONES[p.row.tone][2]);
+        ctx.globalAlpha = isStrong ? 0.8 : 0.15;
+        for (const tone of ["right", "wrong"]) {
+          ctx.fillStyle = color(TONES[tone][2]);
           ctx.beginPath();
-          ctx.arc(p.x, p.y, radius, 0, 7);
+          for (const p of points.current) {
+            if (p.row.tone !== tone || strong.has(p.row) !== isStrong) continue;
+            if (known.length > 1000) ctx.fillRect(p.x - size / 2, p.y - size / 2, size, size); // circles take 20 times as long
+            else {
+              ctx.moveTo(p.x + size / 2, p.y);
+              ctx.arc(p.x, p.y, size / 2, 0, 7);
+            }
+          }
           ctx.fill();
         }
       }
-      ctx.globalAlpha = 1;
-      ctx.strokeStyle = color("--text");
-      ctx.lineWidth = 2;
-      for (const p of points.current.filter((p) => p.row.key === open || p.row.key === near?.row.key)) {
-        ctx.beginPath();
-        ctx.arc(p.x, p.y, 2 * radius, 0, 7);
-        ctx.stroke();
-      }
     };
-    const id = requestAnimationFrame(draw);
-    const observer = new ResizeObserver(draw);
+    const observer = new ResizeObserver(draw); // draws at once, too
     observer.observe(canvas.current);
-    return () => {
-      cancelAnimationFrame(id);
-      observer.disconnect();
-    };
-  }, [rows, theme, open, near?.row.key, known.length]);
+    return () => observer.disconnect();
+  }, [rows, theme, known.length]);
   if (!known.length) return null;
   const find = (e) => {
     const box = canvas.current.getBoundingClientRect();
@@ -394,6 +399,8 @@ function Plot() {
     return best && distance(best) <= REACH ? best : null;
   };
   return html`<section class="plot"><h3>Score over error</h3>
+    <div class="rings">${points.current.filter((p) => p.row.key === open || p.row.key === near?.row.key).map((p) => html`
+      <i key=${p.row.key} style=${{ transform: `translate(${p.x}px, ${p.y}px)` }} />`)}</div>
     <canvas ref=${canvas} class=${near ? "near" : ""} onPointerMove=${(e) => setNear(find(e))} onPointerLeave=${() => setNear(null)} onClick=${(e) => openAnswer(find(e)?.row)} />
     <p>${near ? html`<b>${near.row.name}</b> ${near.row.frame} · ${errorWords(near.row)} · score ${number(near.row.score, 2)}` : html`<span class="dim">${known.length} with ground truth; a click opens</span>`}</p>
   </section>`;
