@@ -113,7 +113,7 @@ def ran(toolbox: Toolbox) -> Branch:
     """Run what the page would open, to its end."""
     space = Workspace(toolbox.session, None, lambda _: toolbox)
     debugger = Debugger(space)
-    debugger.carry_out([protocol.Run(space.work.first.index)])
+    debugger.carry_out([protocol.Seek(100_000, space.work.first.index)])
     return space.work.first
 
 
