@@ -8,9 +8,9 @@ from typing import Any
 from verefine_viz.page import protocol as p
 from verefine_viz.page.views.comparison import comparison
 from verefine_viz.page.views.crops import crops
-from verefine_viz.page.views.landscape import landscape
+from verefine_viz.page.views.object_track import track
 from verefine_viz.page.views.physics import physics
-from verefine_viz.page.views.track import track
+from verefine_viz.page.views.score_landscape import landscape
 
 ANSWERS: dict[type, Callable[..., dict[str, Any]]] = {
     p.Comparison: comparison,
