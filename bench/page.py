@@ -1,8 +1,7 @@
-"""How long a click takes until its result is on the screen: ``python -m bench.page [SESSION]``; needs Chromium.
+"""How fast the page answers: ``python -m bench.page [SESSION] [--before CHECKOUT]``; needs Chromium.
 
 The page is served by a process of its own and looked at in headless Chromium at 1280×800, which draws by software on
-the same cores. Words, numbers, score maps and curves of an iteration arrive together, its first picture in 3D after
-them; the clock runs, in the page itself, from the click until they are drawn.
+the same cores. With a checkout of the version before the two take turns, and the table has the ratio of their medians.
 """
 
 from __future__ import annotations
@@ -12,107 +11,183 @@ import statistics
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
-from playwright.sync_api import Page
+import psutil
+from playwright.sync_api import Browser, Page
 from rich.console import Console
+from rich.table import Table
 
-from bench.__main__ import table
 from tests.headless_chromium import headless_chromium
 from verefine_viz.recording.rerun_viewer import LOOPBACK, free_port
 
-REPEATS = 12
-SLOW_MS = 300_000
-CALM_MS, HURRIED_MS = 3000, 1200
-"""Between two clicks: the animation of a step is over, or still goes on."""
-WORDS = """
-([button, words]) => new Promise(resolve => {
+ROUNDS, STEPS, CALM_MS, SLOW_MS = 3, 8, 700, 300_000
+ROOT = Path(__file__).resolve().parents[1]
+_PAGE = """async () => {
+  const { state } = await import("/web/store.js");
+  const { momentOf } = await import("/web/moment.js");
+  const { sidesOf } = await import("/web/sides.js");
+  window.bench = {
+    k: () => state.view.k,
+    mapped: () => {
+      const s = sidesOf(momentOf(state));
+      return Boolean(s.a?.arrays && !s.a.stale && (s.same || (s.b && !s.b.stale)));
+    },
+  };
+}"""
+# Draws as often as the page does; the clock stops in the second animation frame after a condition holds.
+_UNTIL = """(clicked, holds) => new Promise((resolve) => {
+  const done = () => resolve(performance.now() - clicked);
+  const look = () => requestAnimationFrame(holds() ? () => requestAnimationFrame(done) : look);
+  look();
+})"""
+_STEP_NOW = f"""async (k) => {{
+  const until = {_UNTIL};
   const clicked = performance.now();
-  const watch = new MutationObserver(() => {
-    if (document.body.textContent.includes(words)) {
-      watch.disconnect();
-      requestAnimationFrame(() => requestAnimationFrame(() => resolve(performance.now() - clicked)));
-    }
+  [...document.querySelectorAll("button")].find((b) => b.textContent.trim() === "Step").click();
+  const words = until(clicked, () => window.bench.k() === k);
+  const maps = until(clicked, () => window.bench.k() === k && window.bench.mapped());
+  return [await words, await maps];
+}}"""
+_STEP_BEFORE = f"""async (k) => {{
+  const until = {_UNTIL};
+  const clicked = performance.now(), source = () => document.querySelector(".map.difference img")?.src;
+  const before = source();
+  [...document.querySelectorAll("button")].find((b) => b.textContent.trim() === "Step ▶").click();
+  const words = until(clicked, () => document.body.textContent.includes(`Iteration ${{k}} of `));
+  const maps = until(clicked, () => source() !== undefined && source() !== before);
+  return [await words, await maps];
+}}"""
+_USEFUL_NOW = """() => document.querySelectorAll(".maps canvas").length > 0 && window.bench?.mapped()"""
+_USEFUL_BEFORE = """() => document.querySelectorAll(".map img").length > 0
+  && [...document.querySelectorAll(".map img")].every((i) => i.complete)"""
+# Every animation frame takes the cursor to another iteration that is known.
+_SCRUB = """async (n) => {
+  const { setView } = await import("/web/store.js");
+  const began = performance.now();
+  let frames = 0;
+  await new Promise((resolve) => {
+    const next = () => {
+      setView({ k: 1 + (frames % n), stage: null });
+      frames += 1;
+      if (performance.now() - began < 3000) requestAnimationFrame(next);
+      else resolve();
+    };
+    requestAnimationFrame(next);
   });
-  watch.observe(document.body, {subtree: true, childList: true, characterData: true});
-  [...document.querySelectorAll("button")].find(b => b.textContent.trim() === button).click();
-})
-"""
-PICTURE = """
-([button]) => new Promise(resolve => {
-  const clicked = performance.now();
-  const viewer = window.__viserMutable, request = viewer.requestRender;
-  const gl = viewer.canvas.getContext("webgl2");
-  const pictures = window.__viserTestpoints.rendererInfo.render;
-  const nextPicture = before => {
-    if (pictures.frame === before) return requestAnimationFrame(() => nextPicture(before));
-    // Waits for what was asked to be drawn. A fence would be looked at only after the pictures that follow.
-    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
-    resolve(performance.now() - clicked);
-  };
-  // What the server sends for the 3D view asks for a picture; the one that is drawn each second anyway does not.
-  viewer.requestRender = () => {
-    viewer.requestRender = request;
-    request();
-    nextPicture(pictures.frame);
-  };
-  [...document.querySelectorAll("button")].find(b => b.textContent.trim() === button).click();
-})
-"""
+  return (1000 * frames) / (performance.now() - began);
+}"""
 
 
-def main(session: str | None) -> None:
-    """Serves the session, built-in if none is given, and prints the table."""
+@contextmanager
+def served(checkout: Path, session: str) -> Iterator[tuple[str, subprocess.Popen[str], float]]:
+    """Serve a session by the version of a checkout; give its address, its process and when it was started [s]."""
     port = free_port()
-    command = [sys.executable, "app.py", *([session] if session else []), "--port", str(port), "--no-open-browser"]
-    root = Path(__file__).resolve().parents[1]
-    server = subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    command = [sys.executable, "app.py", session, "--port", str(port), "--no-open-browser"]
+    began = time.perf_counter()
+    server = subprocess.Popen(command, cwd=checkout, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         assert server.stdout is not None
-        heard = next((line for line in server.stdout if str(port) in line), None)
-        if heard is None:
+        if next((line for line in server.stdout if str(port) in line), None) is None:
             raise SystemExit("the page was not served")
-        started = time.perf_counter()
-        rows = _measured(f"http://{LOOPBACK}:{port}/")
-        Console(highlight=False).print(table("page", rows, time.perf_counter() - started))
+        yield f"http://{LOOPBACK}:{port}/", server, began
     finally:
         server.terminate()
         server.wait()
 
 
-def _measured(address: str) -> list[dict[str, Any]]:
-    with headless_chromium() as browser:
+def measured(browser: Browser, checkout: Path, session: str, is_before: bool) -> dict[str, list[float]]:
+    """Open the page, step through it and scrub it once."""
+    times: dict[str, list[float]] = {}
+    with served(checkout, session) as (address, server, began):
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.goto(address)
-        page.get_by_role("button", name="Step ▶").wait_for(timeout=SLOW_MS)
-        # The first steps of a page are not timed: software WebGL compiles its shaders then.
-        steps = [_click(page, WORDS, "Step ▶", k, CALM_MS) for k in range(1, REPEATS + 1)][2:]
-        backs = [_click(page, WORDS, "◀ Back", k, CALM_MS) for k in range(REPEATS - 1, 0, -1)]
-        page.get_by_role("button", name="Restart").first.click()
-        pictures = [_click(page, PICTURE, "Step ▶", k, CALM_MS) for k in range(1, REPEATS + 1)]
-        page.wait_for_timeout(CALM_MS)
-        page.get_by_role("button", name="Restart").first.click()
-        hurried = [_click(page, WORDS, "Step ▶", k, HURRIED_MS) for k in range(1, REPEATS + 1)][2:]
-    return [
-        _row("an iteration forward, made anew", steps),
-        _row("… its first picture in 3D", pictures),
-        _row("an iteration back", backs),
-        _row("an iteration forward while the last still moves", hurried),
-    ]
+        if not is_before:
+            page.evaluate(_PAGE)
+        _wait(page, _USEFUL_BEFORE if is_before else _USEFUL_NOW)
+        times["start to the first useful picture [ms]"] = [1e3 * (time.perf_counter() - began)]
+        for k in range(1, STEPS + 1):
+            page.wait_for_timeout(CALM_MS)
+            words, maps = page.evaluate(_STEP_BEFORE if is_before else _STEP_NOW, k)
+            if k > 2:  # The first steps are not timed: software WebGL compiles its shaders then.
+                times.setdefault("step to words [ms]", []).append(words)
+                times.setdefault("step to score maps [ms]", []).append(maps)
+        if not is_before:
+            page.wait_for_timeout(2000)
+            times["scrubbing [pictures/s]"] = [page.evaluate(_SCRUB, STEPS)]
+        times["memory of the server [MB]"] = [psutil.Process(server.pid).memory_info().rss / 1e6]
+        page.close()
+    return times
 
 
-def _click(page: Page, until: str, button: str, k: int, pause_ms: int) -> float:
-    """Time until iteration k is drawn, its words or its picture [ms]."""
-    page.wait_for_timeout(pause_ms)
-    return page.evaluate(until, [button, f"Iteration {k} of "])
+def _wait(page: Page, expression: str) -> None:
+    for _ in range(SLOW_MS // 20):
+        if page.evaluate(expression):
+            return
+        page.wait_for_timeout(20)
+    raise SystemExit("the page showed no score maps")
 
 
-def _row(what: str, times: list[float]) -> dict[str, Any]:
-    return {"what": what, "ms, median": statistics.median(times), "fastest": min(times), "slowest": max(times)}
+def memory(session: str, n_verbs: int) -> list[float]:
+    """Measure the server's memory [MB] after each tenth of many verbs."""
+    import json
+
+    from websockets.sync.client import connect
+
+    with served(ROOT, session) as (address, server, _):
+        process, sizes = psutil.Process(server.pid), []
+        with connect(f"{address.replace('http', 'ws')}ws", max_size=None) as window:
+            for k in range(n_verbs):
+                look = {"verb": "look", "branch": 0, "k": k % 5, "stage": None}
+                want = {"verb": "want", "id": str(k), "of": {"what": "physics", "branch": 0, "k": k % 5}}
+                for verb in (look, want, {"verb": "seek", "branch": 0, "k": 5}):
+                    window.send(json.dumps(verb))
+                while json.loads(window.recv())["t"] != "answer":
+                    pass
+                if (k + 1) % (n_verbs // 10) == 0:
+                    sizes.append(process.memory_info().rss / 1e6)
+        return sizes
+
+
+def main() -> None:
+    """Measure and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("session", nargs="?", default="sessions/mug.toml")
+    parser.add_argument("--before", type=Path, help="a checkout of the version to compare with")
+    parser.add_argument("--verbs", type=int, default=0, help="also: memory over so many verbs")
+    given = parser.parse_args()
+    session = str(Path(given.session).resolve())
+    now: dict[str, list[float]] = {}
+    before: dict[str, list[float]] = {}
+    with headless_chromium() as browser:
+        for _ in range(ROUNDS):
+            _add(now, measured(browser, ROOT, session, is_before=False))
+            if given.before is not None:
+                _add(before, measured(browser, given.before, session, is_before=True))
+    table = Table("what", "now", "range", "before", "range", "ratio", title=Path(session).stem)
+    for what, times in now.items():
+        table.add_row(what, *_cells(times), *_cells(before.get(what)), _ratio(times, before.get(what)))
+    Console(width=130, highlight=False).print(table)
+    if given.verbs:
+        print("memory [MB]:", *(f"{size:.0f}" for size in memory(session, given.verbs)))
+
+
+def _add(all_times: dict[str, list[float]], times: dict[str, list[float]]) -> None:
+    for what, some in times.items():
+        all_times.setdefault(what, []).extend(some)
+
+
+def _cells(times: list[float] | None) -> tuple[str, str]:
+    if not times:
+        return "", ""
+    return f"{statistics.median(times):.0f}", f"{min(times):.0f} to {max(times):.0f}"
+
+
+def _ratio(times: list[float], others: list[float] | None) -> str:
+    return f"{statistics.median(times) / statistics.median(others):.2f}" if others else ""
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("session", nargs="?")
-    main(parser.parse_args().session)
+    main()

@@ -16,8 +16,9 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import MethodSettings, Session
 
 if TYPE_CHECKING:
+    from verefine_viz.page.gallery import Gallery
     from verefine_viz.run.data_folder import DataFolder
-    from verefine_viz.viewer.state.batch_gallery import Gallery
+    from verefine_viz.viewer.state import batch_gallery
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,8 @@ class View:
     """A folder in which frames arrive, in BOP layout or from keep_frame, or that holds several such: each is listed at
     once, solved in the background with the method of SESSION (none = of the folder's own session.toml), and can be
     opened."""
+    classic: bool = False
+    """Open the page as it was before."""
     out: Path | None = None
     """With --watch: folder for its results, those of a batch; none = FOLDER-runs beside it."""
     settings: AnySettings = field(default_factory=SessionFlags)
@@ -54,7 +57,7 @@ class View:
             raise InputError("--out is for the results of --watch FOLDER; leave it out, or name the folder to watch")
         recordings = _recordings(self.session, self.other, overrides)
         recording, _ = recordings
-        batch: Gallery | None = None
+        batch: Gallery | batch_gallery.Gallery | None = None
         known: DataFolder | None = None
         if recording is not None:
             session = _recorded_session(recording, self.other)
@@ -64,11 +67,10 @@ class View:
         elif self.session is not None and self.session.is_dir():
             from verefine_viz.batch.index import find_runs
             from verefine_viz.run.session_refiners import check_refiners
-            from verefine_viz.viewer.state.batch_gallery import read_gallery
 
             if note := find_runs(self.session).note:
                 print(note, file=sys.stderr)
-            batch = read_gallery(self.session, overrides)
+            batch = self._gallery(self.session, overrides)
             for missing in batch.notes:
                 print(f"note: {missing}", file=sys.stderr)
             session = batch.session(batch.worst.run)
@@ -81,9 +83,25 @@ class View:
         path = None if batch or recording or known else self.session
         return self._serve(session, session_path=path, recordings=recordings, batch=batch)
 
-    def _serve(self, session: Session, **shown: Any) -> int:
-        from verefine_viz.viewer.app import serve
+    def _gallery(self, folder: Path, overrides: Mapping[str, Any]) -> Gallery | batch_gallery.Gallery:
+        if self.classic:
+            from verefine_viz.viewer.state.batch_gallery import read_gallery
+        else:
+            from verefine_viz.page.gallery import read_gallery
+        return read_gallery(folder, overrides)
 
+    def _serve(self, session: Session, recordings: tuple[Path | None, Path | None] = (None, None), **shown: Any) -> int:
+        if self.classic:
+            from verefine_viz.viewer.app import serve
+
+            shown["recordings"] = recordings
+        else:
+            from verefine_viz.page.app import serve
+            from verefine_viz.page.protocol import Compare
+
+            a, b = recordings
+            shown |= {"gallery": shown.pop("batch", None), "recording": a}
+            shown["first"] = [Compare(a=0, recording=str(b), run=False)] if b is not None else []
         serve(
             session,
             host=self.host,
@@ -99,8 +117,8 @@ class View:
             wrong = self.session if self.other is None else self.other
             raise InputError(f"{wrong} is no session; with --watch expected a session file (.toml) or none")
         from verefine_viz.batch.watch import Watch
+        from verefine_viz.page.app import check_method
         from verefine_viz.run.session_file import DURING_A_RUN, changed, load_session
-        from verefine_viz.viewer.app import check_method
 
         base = load_session(self.session, overrides) if self.session is not None else None
         by_options = {section: given for section, given in overrides.items() if section in DURING_A_RUN}
@@ -177,9 +195,9 @@ def _recorded_session(path: Path, other: Path | None) -> Session:
     Raises:
         InputError: one of the recordings cannot be read, or the other is of another frame.
     """
+    from verefine_viz.page.workspace import check_same_frame
     from verefine_viz.recording.reader import read_recording
     from verefine_viz.run.record import session_of
-    from verefine_viz.viewer.handlers.comparison_handlers import check_same_frame
 
     header = read_recording(path).header
     session = session_of(header)

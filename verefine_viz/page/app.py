@@ -5,28 +5,43 @@ from __future__ import annotations
 import signal
 import sys
 import threading
+import time
 import webbrowser
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from verefine_viz.core.errors import SettingsError, unknown
+from verefine_viz.core.errors import SettingsError, VerefineError, unknown
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import METHODS
+from verefine_viz.page import proxy
 from verefine_viz.page.blobs import Blobs
+from verefine_viz.page.export import Exporter
 from verefine_viz.page.gallery import Gallery
+from verefine_viz.page.live_gallery import LiveGallery
+from verefine_viz.page.moment import moment_of
 from verefine_viz.page.protocol import AnyVerb
+from verefine_viz.page.scene3d.scene import Scene3D
+from verefine_viz.page.scene3d.viser_server import Viser3DServer
 from verefine_viz.page.server import PageServer
+from verefine_viz.page.thumbnails import Painter, Thumbnails
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.worker import Job, Jobs, Worker
-from verefine_viz.page.workspace import Checks, Workspace
+from verefine_viz.page.workspace import Checks, Workspace, no_records
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.run.edits import edits_elsewhere
 
 if TYPE_CHECKING:
+    from verefine_viz.batch.watch import Watch
     from verefine_viz.run.toolbox import Toolbox
+
+POLL_S = 1.0
+"""Time between two looks into a watched folder that has no frame yet [s]."""
+MOST_TRIED = 3
+"""Frames of a watched folder that are tried one after another until one can be opened."""
 
 
 class App:
@@ -42,6 +57,8 @@ class App:
         gallery: the answers of a batch, with which the page opens; None = no batch.
         folder: where sessions and exports are written; None = ``sessions`` in the working directory.
         first: verbs that are carried out before the page is shown.
+        watch: a folder whose frames are listed and solved instead, once one is there; then ``session`` is not used.
+        recording: a recorded run that is opened in place of ``session``.
     """
 
     def __init__(
@@ -55,13 +72,33 @@ class App:
         gallery: Gallery | None = None,
         folder: Path | None = None,
         first: Sequence[AnyVerb] = (),
+        watch: Watch | None = None,
+        recording: Path | None = None,
     ) -> None:
-        self._session, self._path = session, session_path
+        self._session, self._path, self._watch, self._recording = session, session_path, watch, recording
         self._make_tools, self._gallery, self._first = make_tools, gallery, first
         self._folder = folder if folder is not None else Path("sessions")
         self.blobs, self.jobs = Blobs(), Jobs()
-        self.server = PageServer(host, port, allowed_origins, self._receive, self.blobs)
+        self._thumbnails: Thumbnails | None = None
+        self._watching: threading.Thread | None = None
+        self.viser = Viser3DServer()
+        self.scene = Scene3D(self.viser, self._from_scene)
+        try:
+            self.server = PageServer(
+                host,
+                port,
+                allowed_origins,
+                self._receive,
+                self.blobs,
+                self._thumbnail,
+                lambda name: self._write.file(name),
+                proxy.routes(self.viser.get_port()),
+            )
+        except VerefineError:
+            self.viser.stop()
+            raise
         self.worker = Worker(self.jobs, self.server.post, self._open)
+        self._write = Exporter(self._folder, self.worker.progress, self.scene.export)
 
     def start(self) -> App:
         """Listen, and open the session on the worker thread; the page says so meanwhile."""
@@ -104,12 +141,54 @@ class App:
     def stop(self) -> None:
         """End the worker, what it does too where that can be cancelled, and free the port."""
         self.jobs.stop()
-        if self.worker.thread.is_alive():
-            self.worker.thread.join(timeout=20)
+        if self._watch is not None:
+            self._watch.stop()
+        for thread in (self.worker.thread, self._watching):
+            if thread is not None and thread.is_alive():
+                thread.join(timeout=20)
+        if self._watch is not None:
+            self._watch.close()
+        if self._thumbnails is not None:
+            self._thumbnails.stop()
         self.server.stop()
+        self.viser.stop()
+
+    def _from_scene(self, what: str, *given: Any) -> None:
+        """Tell the window that the 3D view follows what was done in it. Called on viser's threads."""
+        if not self.worker.ready.is_set() or self.worker.failure is not None:
+            return
+        window = self.debugger.look_window
+        if what == "edited":
+            obj, T = given
+            self.server.post({"t": "edited", "obj": obj, "T": T}, window)
+        elif what == "picked":
+            u, v = given
+            self.server.post({"t": "picked", "u": u, "v": v}, window)
+        elif self.debugger.look is not None and window is not None:
+            self.jobs.put(Job(window, self.debugger.look))
+
+    def _draw(self, debugger: Debugger) -> None:
+        """Draw what the window used last looks at."""
+        look, space = debugger.look, debugger.space
+        if look is None or look.branch not in space.branches:
+            return
+        grasp = None
+        if look.grasp is not None:
+            moment = moment_of(space.branch(look.branch), look)
+            T = moment.poses.get("edited", moment.poses.get("best"))
+            settings = moment.branch.settings.grasp
+            grasp = space.grasps.known(moment.problem, settings, moment.target.instance.instance_id, T)
+        self.scene.show(space, look, grasp)
 
     def _receive(self, window: int, verb: AnyVerb | None) -> None:
         self.jobs.put(Job(window, verb))
+
+    def _thumbnail(self, number: int) -> Future[bytes] | None:
+        """Begin to make the picture of an answer; None = there is no such answer."""
+        gallery, thumbnails = self._gallery, self._thumbnails
+        if gallery is None or thumbnails is None or number >= len(gallery.entries):
+            return None
+        return thumbnails.ask(gallery.entries[number])
 
     def _open(self, progress: ProgressToken) -> Debugger:
         """Open the session with the real simulator, renderer and refiners, imported late as they are heavy."""
@@ -127,7 +206,17 @@ class App:
                 partial(plausibility, surface_of=surfaces, progress=progress), partial(overlap, surface_of=surfaces)
             )
             demos = tuple(demo_names())
-        space = Workspace(self._session, self._path, make_tools, checks, progress)
+        if self._watch is not None:
+            space = self._open_watched(self._watch, make_tools, checks, progress)
+        else:
+            gallery, recording, records = self._gallery, self._recording, no_records
+            if gallery is not None:
+                recording, records = gallery.loose_record(gallery.worst), gallery.records(gallery.worst.run)
+            space = Workspace(
+                self._session, self._path, make_tools, checks, progress, records=records, recording=recording
+            )
+        if self._gallery is not None:
+            self._thumbnails = Thumbnails(Painter(self._gallery))
         debugger = Debugger(
             space,
             self.server.post,
@@ -135,9 +224,39 @@ class App:
             self._gallery,
             demos,
             lambda: tuple(sorted(self._folder.glob("*.toml"))),
-            progress=progress,
+            self._write,
+            progress,
         )
+        debugger.on_look = partial(self._draw, debugger)
+        if self._watch is not None:
+            changed = partial(self.jobs.put, Job(0, debugger.refresh_gallery))
+            self._watching = threading.Thread(
+                target=self._watch.work, args=(changed,), name="verefine-watch", daemon=True
+            )
+            self._watching.start()
         return debugger.carry_out(self._first)
+
+    def _open_watched(
+        self, watch: Watch, make_tools: Callable[[Session], Toolbox], checks: Checks, progress: ProgressToken
+    ) -> Workspace:
+        """Open one of the frames that are there, or the first that comes; one that cannot be read is passed over."""
+        fault = ""
+        while True:
+            watch.look()
+            gallery = LiveGallery(watch) if any(index.rows for index in watch.latest[0]) else None
+            entries = gallery.sorted_by("error") if gallery is not None else ()
+            for entry in [one for one in entries if one.can_be_opened][:MOST_TRIED]:
+                assert gallery is not None
+                session, records = gallery.session(entry.run), gallery.records(entry.run)
+                try:
+                    space = Workspace(session, None, make_tools, checks, progress, entry.row.frame, records)
+                except VerefineError as error:
+                    fault = str(error)
+                else:
+                    self._gallery = gallery
+                    return space
+            progress.checkpoint(f"Waiting for a frame in {watch.folder}. {watch.latest[1] or fault}".rstrip())
+            time.sleep(POLL_S)
 
 
 def serve(
@@ -150,27 +269,35 @@ def serve(
     open_browser: bool = True,
     gallery: Gallery | None = None,
     first: Sequence[AnyVerb] = (),
+    watch: Watch | None = None,
+    recording: Path | None = None,
 ) -> None:
     """Serve the page until Ctrl-C, SIGTERM or SIGHUP; print its address, one line. Call it in the main thread.
+
+    See :class:`App` for what can be opened.
 
     Raises:
         VerefineError: the address cannot be bound, or the session cannot be opened.
     """
-    notes = check_names(session)
+    notes = check_names(session) if watch is None else ()
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_DFL:  # nohup has it ignored.
             signal.signal(number, signal.default_int_handler)
-    app = App(session, session_path, host, port, allowed_origins, gallery=gallery, first=first).start()
+    shown = {"gallery": gallery, "first": first, "watch": watch, "recording": recording}
+    app = App(session, session_path, host, port, allowed_origins, **shown).start()
     try:
         print(f"verefine-viz: {app.url}  (Ctrl-C ends it)", flush=True)
         for note in notes:
             print(f"note: {note}", flush=True)
+        if watch is not None:
+            print(f"watching {watch.folder}; results in {watch.out}", flush=True)
         app.wait_until_ready()
         if open_browser:
             webbrowser.open(app.url)
         threading.Event().wait()
-    except KeyboardInterrupt:
-        pass
+    except KeyboardInterrupt as stop:
+        if type(stop) is not KeyboardInterrupt:  # SIGTERM and SIGHUP have exit codes of their own.
+            raise
     finally:
         app.stop()
 

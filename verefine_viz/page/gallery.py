@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from verefine_viz.batch.answer_cards import WRONG, matches, places_of, values_of, words_of
+from verefine_viz.batch.answer_cards import WRONG
 from verefine_viz.batch.answer_tags import Arrangement, TagFile, answer_key, checked_name, read_tags, save_tags
 from verefine_viz.batch.folder import SESSION_FILE
-from verefine_viz.batch.index import BatchIndex, Order, find_runs, has_finished_frame, read_batch
+from verefine_viz.batch.index import BatchIndex, Order, find_runs, has_finished_frame, read_batch, sort_key
+from verefine_viz.batch.runs import RUN_FILE, Runs
 from verefine_viz.batch.totals import doubts_in_words
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.settings import Session
+from verefine_viz.page.workspace import Records
 from verefine_viz.run.record import Answer
+from verefine_viz.run.run_file import SUFFIX, read_run_file
 from verefine_viz.run.session_file import load_session
 
 
@@ -82,6 +86,32 @@ class Gallery:
             except InputError as error:
                 self._files[run], self.tag_faults[run] = TagFile(), str(error)
 
+    def records(self, run: str) -> Records:
+        """Return where the solved frames of a run lie; nowhere where other settings win over its own."""
+        runs = Runs(self.runs[run].folder / "runs")
+
+        def of_frame(frame: str) -> Path | None:
+            path = runs.path(frame)
+            return path if path.is_file() and not self._overrides else None
+
+        return of_frame
+
+    def loose_record(self, entry: Entry) -> Path | None:
+        """Return the file of an answer's run where a folder holds run files of any names; None where it is a batch."""
+        row = entry.row
+        return self._loose.get((entry.run, row.frame, row.method, row.seed))
+
+    @cached_property
+    def _loose(self) -> dict[tuple[str, str, str, int | None], Path]:
+        files: dict[tuple[str, str, str, int | None], Path] = {}
+        for run, index in self.runs.items():
+            for path in () if (index.folder / RUN_FILE).is_file() else sorted(index.folder.glob(f"*{SUFFIX}")):
+                with suppress(InputError):
+                    end = read_run_file(path, with_iterations=False).end
+                    for row in end.answers if end is not None else ():
+                        files[run, row.frame, row.method, row.seed] = path
+        return files
+
     @property
     def has_several_runs(self) -> bool:
         return len(self.runs) > 1
@@ -115,27 +145,10 @@ class Gallery:
         """In how many frames the data are in doubt, and why; empty where none are."""
         return doubts_in_words([(run, index.rows) for run, index in self.runs.items()])
 
-    @cached_property
-    def values(self) -> dict[Entry, Mapping[str, Sequence[str]]]:
-        """What each answer has for each filter."""
-        return {entry: values_of(entry.row, run=(entry.run,)) for entry in self.entries}
-
-    @cached_property
-    def places(self) -> dict[Entry, Mapping[Order, int]]:
-        """Where each answer comes in each order."""
-        return dict(zip(self.entries, places_of([entry.row for entry in self.entries]), strict=True))
-
     def sorted_by(self, order: Order) -> tuple[Entry, ...]:
         """Everything in one of ``batch.index.ORDERS``."""
-        return tuple(sorted(self.entries, key=lambda entry: self.places[entry][order]))
-
-    def shown(self, arrangement: Arrangement) -> tuple[Entry, ...]:
-        """What passes every filter and the search, in order."""
-        return tuple(
-            entry
-            for entry in self.sorted_by(arrangement.order)
-            if matches(arrangement, self.values[entry], words_of(entry.row, self.values[entry]), self.tags_of(entry))
-        )
+        place = sort_key(order)
+        return tuple(sorted(self.entries, key=lambda entry: place(entry.row)))
 
     @cached_property
     def first_arrangement(self) -> Arrangement:
@@ -143,15 +156,10 @@ class Gallery:
         has_wrong = any(entry.is_wrong for entry in self.entries)
         return Arrangement(only={"result": WRONG} if has_wrong else {})
 
-    # Tags and saved filters
+    # Tags
 
     def tags_of(self, entry: Entry) -> tuple[str, ...]:
         return self._files[entry.run].tags.get(answer_key(entry.row), ())
-
-    @property
-    def saved_filters(self) -> dict[str, Arrangement]:
-        """By name; those of all runs."""
-        return {name: saved for file in self._files.values() for name, saved in file.filters.items()}
 
     def tag(self, entries: Sequence[Entry], tag: str, on: bool) -> None:
         """Gives answers a tag, or takes it away; kept beside their runs.
@@ -168,19 +176,6 @@ class Gallery:
                     tags[key] = (*others, tag) if on else others
             self._save(run, self._files[run].model_copy(update={"tags": tags}))
 
-    def save_filter(self, name: str, arrangement: Arrangement | None) -> None:
-        """Keeps what is shown under a name, beside all runs; None forgets it.
-
-        Raises:
-            InputError: it is no name, or a file is damaged or cannot be written.
-        """
-        name = checked_name(name)
-        for run, file in self._files.items():
-            filters = {k: v for k, v in file.filters.items() if k != name}
-            if arrangement is not None:
-                filters[name] = arrangement
-            self._save(run, file.model_copy(update={"filters": filters}))
-
     def _save(self, run: str, file: TagFile) -> None:
         if run in self.tag_faults:
             raise InputError(self.tag_faults[run])
@@ -196,18 +191,6 @@ class Gallery:
         if not 0 <= key < len(self.entries):
             raise InputError(unknown("answer", key, range(len(self.entries))))
         return self.entries[key]
-
-    def entry(self, run: str, frame: str, instance_id: int | None) -> Entry | None:
-        """What a run reports of an object."""
-        return self._by_object.get((run, frame, instance_id))
-
-    def doubt_in(self, run: str, frame: str) -> str:
-        """What a run reports not to fit together in the data of a frame; "" = nothing."""
-        return next((row.doubt for row in self.runs[run].rows if row.frame == frame and row.doubt), "")
-
-    @cached_property
-    def _by_object(self) -> dict[tuple[str, str, int | None], Entry]:
-        return {(entry.run, entry.row.frame, entry.row.instance_id): entry for entry in self.entries}
 
     def session(self, run: str) -> Session:
         """What opens a run, its frames sorted so that the one with the worst object comes first."""

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from typing import TYPE_CHECKING
-from weakref import WeakKeyDictionary
 
 from verefine_viz.core.algorithm_settings import GraspSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
-from verefine_viz.page.workspace import Workspace
 
 if TYPE_CHECKING:
     from verefine_viz.grasping.grasp_answer import GraspAttempt, GraspPair, GraspScene
@@ -77,11 +75,3 @@ class GraspTrials:
             self._scene = problem, settings, GraspScene(problem, settings)
             self._attempts.clear()
         return self._scene[2]
-
-
-_trials: WeakKeyDictionary[Workspace, GraspTrials] = WeakKeyDictionary()
-
-
-def trials_of(space: Workspace) -> GraspTrials:
-    """Return the grasps of a workspace, which its views share."""
-    return _trials.setdefault(space, GraspTrials())

@@ -68,6 +68,7 @@ class PageServer:
         receive: gets what windows ask for, on the server's thread.
         blobs: binary arrays by key.
         thumbnail: begins to make the small picture of an answer of the gallery (WebP); None = there is none.
+        file: gives the file of a name that this program wrote, to download; None = it wrote none.
         routes: further routes, such as the 3D view's.
 
     Raises:
@@ -83,9 +84,10 @@ class PageServer:
         receive: Receive,
         blobs: Blobs,
         thumbnail: Callable[[int], Future[bytes] | None] = lambda number: None,
+        file: Callable[[str], Path | None] = lambda name: None,
         routes: Sequence[BaseRoute] = (),
     ) -> None:
-        self._receive, self._blobs, self._thumbnail = receive, blobs, thumbnail
+        self._receive, self._blobs, self._thumbnail, self._file = receive, blobs, thumbnail, file
         self._windows: dict[int, Window] = {}
         self._numbers = count(1)
         admission = Admission(host, allowed_origins)
@@ -101,6 +103,7 @@ class PageServer:
                 Route("/", lambda request: FileResponse(WEB / "index.html", headers={"cache-control": "no-cache"})),
                 Route("/blob/{key}", self._blob),
                 Route("/thumb/{number:int}", self._thumb),
+                Route("/file/{name}", self._written),
                 WebSocketRoute("/ws", self._talk),
                 Mount("/web", _Files(directory=WEB)),
                 *routes,
@@ -206,7 +209,15 @@ class PageServer:
             made = await asyncio.wait_for(asyncio.shield(asyncio.wrap_future(future)), _LONGEST_WAIT_S)
         except TimeoutError:
             return Response(status_code=503)
-        return Response(made, media_type="image/webp") if made else Response(status_code=204)
+        # Its address names the answer too, so the browser need not ask again.
+        kept = {"cache-control": "private, max-age=3600"}
+        return Response(made, media_type="image/webp", headers=kept) if made else Response(status_code=404)
+
+    async def _written(self, request: Request) -> Response:
+        path = self._file(request.path_params["name"])
+        if path is None or not path.is_file():
+            return Response(status_code=404)
+        return FileResponse(path, filename=path.name, headers={"cache-control": "no-store"})
 
 
 class _Files(StaticFiles):

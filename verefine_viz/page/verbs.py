@@ -4,24 +4,26 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from time import monotonic, perf_counter
 from typing import Any
 
 from msgspec.structs import replace
 
-from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.paths import at_home
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
-from verefine_viz.core.settings import Session
+from verefine_viz.methods.registry import method_of
 from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.gallery import Gallery
-from verefine_viz.page.link import read_link
+from verefine_viz.page.live_gallery import LiveGallery
 from verefine_viz.page.marks import jumps
 from verefine_viz.page.moment import labels_of, pose_matrix
+from verefine_viz.page.opening import open_gallery, open_other, titled
 from verefine_viz.page.protocol import AnyVerb
 from verefine_viz.page.views.answers import answers_message
 from verefine_viz.page.views.frame import frame_message
@@ -31,7 +33,6 @@ from verefine_viz.page.wants import ANSWERS
 from verefine_viz.page.worker import Post
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.run.breakpoints import hits, with_changes
-from verefine_viz.run.session_file import load_session
 from verefine_viz.run.variants import settings_between
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
 
@@ -41,7 +42,12 @@ _TIMED = 20
 """Iterations whose mean duration says how long the others will take."""
 SOURCES = {"results": "the results files", "perturb": "the disturbed ground truth"}
 """What the page calls where initial poses come from; estimators have their names."""
-_NOT_LOGGED = (p.Look, p.Want, p.Pause, p.Cancel, p.Evaluate, p.Save, p.Tag)
+_NOT_LOGGED = (p.Look, p.Want, p.Run, p.Seek, p.Pause, p.Cancel, p.Evaluate, p.Save, p.Tag)
+"""Verbs that change no record; how far a run came is logged where it stops."""
+
+
+_BEGINS_ANEW = (p.Restart, p.Open, p.Order, p.Estimate)
+"""Verbs after which other runs are there: what is computed ends before them."""
 
 
 class Goal:
@@ -51,10 +57,13 @@ class Goal:
         branch: which.
         k: until it holds so many iterations, breakpoints or not; None = to its end, and breakpoints stop it.
         until: "end", or "event": the first mark stops it too.
+        then: called once it is reached.
     """
 
-    def __init__(self, branch: Branch, k: int | None = None, until: str = "end") -> None:
-        self.branch, self.k, self.until = branch, k, until
+    def __init__(
+        self, branch: Branch, k: int | None = None, until: str = "end", then: Callable[[], None] = lambda: None
+    ) -> None:
+        self.branch, self.k, self.until, self.then = branch, k, until, then
         self.seconds: deque[float] = deque(maxlen=_TIMED)
 
     @property
@@ -101,8 +110,10 @@ class Debugger:
         self.gallery, self.demos, self.list_sessions = gallery, demos, sessions
         self._write, self.progress = write, progress
         self.batch_run = gallery.worst.run if gallery is not None else ""
-        """The batch run whose session is open."""
-        self.goal: Goal | None = None
+        """The batch run whose session is open; "" = none is."""
+        space.batch = gallery.runs[self.batch_run].folder if gallery is not None else None
+        self.goals: dict[int, Goal] = {}
+        """What is computed, by branch; in turns where there are several."""
         self.log: list[AnyVerb] = []
         """Verbs that changed a record; carried out again they give the same records."""
         self.look: p.Look | None = None
@@ -115,7 +126,8 @@ class Debugger:
         self._sent_at = 0.0
         self._judged: dict[int, int] = {}
         """Branches whose verdict windows have, and of how many iterations."""
-        self._later: Iterator[None] | None = None
+        self._later: Iterator[None] | None = self._warm_up()
+        self.repeat_recorded()
 
     # Verbs
 
@@ -126,11 +138,15 @@ class Debugger:
             VerefineError: it cannot be done; everything is as before.
             Cancelled: it is no longer wanted; everything is as before.
         """
-        if not isinstance(verb, (p.Look, p.Want, p.Save, p.Tag, p.Break, p.Evaluate)):
+        if isinstance(verb, _BEGINS_ANEW):
             self.pause()
+        is_logged = not isinstance(verb, _NOT_LOGGED)
+        if is_logged:
+            self.log.extend(self.progress_verbs())
         HANDLERS[type(verb)](self, verb, window)
-        if not isinstance(verb, _NOT_LOGGED):
+        if is_logged:
             self.log.append(_as_logged(verb))
+        if not isinstance(verb, (p.Look, p.Want)):
             self.announce_running()
 
     def carry_out(self, verbs: Iterable[AnyVerb]) -> Debugger:
@@ -144,13 +160,17 @@ class Debugger:
     @property
     def is_running(self) -> bool:
         """Whether a branch is computed."""
-        return self.goal is not None
+        return bool(self.goals)
+
+    def compute(self, goal: Goal) -> None:
+        """Have a branch computed to a goal, beside what is computed already."""
+        self.goals[goal.branch.index] = goal
 
     def tick(self) -> None:
-        """Compute one iteration towards the goal."""
-        goal = self.goal
-        if goal is None:
+        """Compute one iteration of the branch whose turn it is."""
+        if not self.goals:
             return
+        index, goal = next(iter(self.goals.items()))
         run = goal.branch.run
         if not goal.is_reached:
             began = perf_counter()
@@ -159,26 +179,72 @@ class Debugger:
             goal.seconds.append(perf_counter() - began)
             reasons = hits(self.space.breakpoints, run.problem, iteration) if goal.k is None else ()
             if reasons and not run.is_done:
-                self.pause()
+                self.pause(index)
                 self.say(f"Breakpoint at iteration {iteration.index}: {'; '.join(reasons)}")
                 return
             if goal.until == "event" and iteration.index in jumps(goal.branch.marks()):
-                self.pause()
+                self.pause(index)
                 return
         if goal.is_reached:
-            self.pause()
-        elif monotonic() - self._sent_at > ROWS_S:
-            self.send_rows(goal.branch)
+            self.pause(index)
+            goal.then()
+            return
+        self.goals[index] = self.goals.pop(index)  # The next one's turn.
+        if monotonic() - self._sent_at > ROWS_S:
+            for other in self.goals.values():
+                self.send_rows(other.branch)
             self.announce_running()
 
-    def pause(self) -> None:
-        """Stop computing; the log says how far it came."""
-        goal, self.goal = self.goal, None
-        if goal is None:
+    def pause(self, index: int | None = None) -> None:
+        """Stop computing a branch, or all; the log says how far each came."""
+        stopped = [goal for i, goal in self.goals.items() if index in (None, i)]
+        if not stopped:
             return
-        self.log.append(p.Seek(goal.branch.run.length, goal.branch.index))
-        self.send_rows(goal.branch)
+        self.log.extend(p.Seek(goal.branch.run.length, goal.branch.index) for goal in stopped)
+        for goal in stopped:
+            del self.goals[goal.branch.index]
+            self.send_rows(goal.branch)
         self.announce_running()
+
+    def progress_verbs(self) -> list[AnyVerb]:
+        """Return verbs that compute as much as is there of what is being computed."""
+        return [p.Seek(goal.branch.run.length, goal.branch.index) for goal in self.goals.values()]
+
+    def repeat_recorded(self) -> None:
+        """Take the steps that another program recorded: what is over already opens at its end."""
+        branch = self.space.work.first
+        if method_of(branch.settings.method.name).repeats and not branch.run.is_done:
+            self.compute(Goal(branch, branch.run.n_iterations))
+
+    def show(self, iteration: int | None, obj: int | None, window: int | None) -> None:
+        """Take a window to an iteration of the first branch, and compute the whole run where it is not there yet.
+
+        Args:
+            iteration: 0 = before the first; None = the end of what is there.
+            obj: in focus; None = that of the iteration.
+            window: which; None = all.
+        """
+        branch = self.space.work.first
+        run = branch.run
+        patch = {"branch": branch.index, "obj": obj, "stage": None, "arm": None, "moment": None}
+        if iteration is not None and not run.is_done:
+            self.post({"t": "view", "patch": patch, "at": None}, window)
+            seen = {"t": "view", "patch": {**patch, "k": iteration}, "at": iteration}
+            self.compute(Goal(branch, run.n_iterations, then=lambda: self.post(seen, window)))
+            return
+        k = run.length if iteration is None else min(iteration, run.length)
+        self.post({"t": "view", "patch": {**patch, "k": k}, "at": iteration}, window)
+
+    def refresh_gallery(self) -> None:
+        """Take over what a watched folder has now."""
+        gallery, space = self.gallery, self.space
+        if not isinstance(gallery, LiveGallery):
+            return
+        gallery.refresh()
+        frames = None
+        if self.batch_run and space.tools.session == gallery.session(self.batch_run):
+            frames = space.frames = gallery.frames(self.batch_run)
+        self.post({**answers_message(gallery), "frames": frames}, None)
 
     def step(self, branch: Branch) -> None:
         """Compute one iteration at the end of a branch."""
@@ -199,6 +265,7 @@ class Debugger:
             self._sent[branch.index] = branch.run.length
             if branch.is_over:
                 self.post(self._verdict(branch), window)
+                self._judge(branch)
         if self.gallery is not None:
             self.post(answers_message(self.gallery), window)
         self.announce_running(window)
@@ -224,21 +291,30 @@ class Debugger:
         """Send the iterations that windows do not have, and the verdict once the run is over."""
         self.post(run_message(branch, self._sent.get(branch.index, 0)), None)
         self._sent[branch.index], self._sent_at = branch.run.length, monotonic()
-        if branch.is_over and self._judged.get(branch.index) != branch.run.length:
-            self._judged[branch.index] = branch.run.length
+        if branch.is_over and self._judge(branch):
             self.post(self._verdict(branch), None)
-            self._later = self._work_out(branch)
+
+    def _judge(self, branch: Branch) -> bool:
+        """Have what the verdict on a finished run may still say worked out, once; return whether it was not before."""
+        if self._judged.get(branch.index) == branch.run.length:
+            return False
+        self._judged[branch.index] = branch.run.length
+        self._later = self._work_out(branch)
+        return True
 
     def announce_running(self, window: int | None = None) -> None:
         """Say which branch is computed, and how long it will take."""
-        goal = self.goal
-        running = {"branch": None} if goal is None else {
-            "branch": goal.branch.index, "until": goal.until, "k": goal.k, "remaining_s": goal.remaining_s
-        }  # fmt: skip
+        left = [goal.remaining_s for goal in self.goals.values()]
+        running = {
+            "branch": next(iter(self.goals), None),
+            "branches": list(self.goals),
+            "remaining_s": sum(s for s in left if s is not None) if any(s is not None for s in left) else None,
+        }
         self.post({"t": "running", **running}, window)
 
     def _frame(self) -> dict[str, Any]:
-        return frame_message(self.space, self.blobs, self.demos, [_titled(path) for path in self.list_sessions()])
+        message = frame_message(self.space, self.blobs, self.demos, titled(self.list_sessions()))
+        return {**message, "run": self.batch_run}
 
     def _branches(self) -> dict[str, Any]:
         first = self.space.work.first.settings
@@ -251,6 +327,7 @@ class Debugger:
                     "name": b.name,
                     "parent": b.parent,
                     "from": b.forked_at,
+                    "scored": [after for after, _ in b.evaluators],
                     "recording": str(b.recording) if b.recording else None,
                     "missing": b.missing,
                     "done": b.run.length,
@@ -271,11 +348,13 @@ class Debugger:
         gallery, space = self.gallery, self.space
         if (
             gallery is None
+            or not self.batch_run
             or branch is not space.work.first
-            or branch.settings.method != gallery.session(self.batch_run).method
+            or (branch.recording is None and branch.settings.method != gallery.session(self.batch_run).method)
         ):
             return {}
-        rows = (row for row in gallery.runs[self.batch_run].rows if row.frame == space.frame)
+        made_by = branch.settings.method.name
+        rows = (row for row in gallery.runs[self.batch_run].rows if (row.frame, row.method) == (space.frame, made_by))
         return {row.instance_id: row for row in rows if row.instance_id is not None}
 
     # What nobody waits for
@@ -289,6 +368,14 @@ class Debugger:
         except StopIteration:
             self._later = None
         return self._later is not None
+
+    def _warm_up(self) -> Iterator[None]:
+        """Make a first step and forget it: else whoever makes it waits until its kernels are loaded."""
+        run = self.space.work.first.run
+        yield
+        with suppress(Exception):  # What is wrong is said when it is made in earnest.
+            if not run.is_done:
+                run.method.step(run.state)
 
     def _work_out(self, branch: Branch) -> Iterator[None]:
         """Work out physics, then the score around the answers, of objects whose verdict may change by it."""
@@ -315,11 +402,6 @@ class Debugger:
         self.post(self._verdict(branch), None)
 
 
-def _titled(path: Path) -> dict[str, str]:
-    """Name a session file by what it shows, which does not give a diagnosis away, and by its path."""
-    return {"path": str(path), "title": path.stem}
-
-
 def _as_logged(verb: AnyVerb) -> AnyVerb:
     """Return a verb without the run that it starts: how far that came is logged by itself."""
     return replace(verb, run=False) if isinstance(verb, (p.Fork, p.Compare)) else verb
@@ -343,18 +425,18 @@ def _step(d: Debugger, verb: p.Step, window: int | None) -> None:
 def _seek(d: Debugger, verb: p.Seek, window: int | None) -> None:
     branch = d.space.branch(verb.branch)
     if branch.run.length < verb.k and not branch.run.is_done:
-        d.goal = Goal(branch, verb.k)
+        d.compute(Goal(branch, verb.k))
 
 
 def _run(d: Debugger, verb: p.Run, window: int | None) -> None:
     branch = d.space.branch(verb.branch)
     if branch.run.is_done:
         raise InputError("the run is over; restart it, or fork it with other settings")
-    d.goal = Goal(branch, None, verb.until)
+    d.compute(Goal(branch, None, verb.until))
 
 
 def _pause(d: Debugger, verb: p.Pause | p.Cancel, window: int | None) -> None:
-    pass  # Whatever runs was paused before.
+    d.pause()
 
 
 def _break(d: Debugger, verb: p.Break, window: int | None) -> None:
@@ -383,7 +465,7 @@ def _fork(d: Debugger, verb: p.Fork, window: int | None) -> None:
     d.send_rows(branch)
     d.post({"t": "view", "patch": {"branch": branch.index, "k": branch.run.length, "edited": None}}, window)
     if verb.run and not branch.run.is_done:
-        d.goal = Goal(branch)
+        d.compute(Goal(branch))
     elif branch.run.is_done:
         d.say("Nothing is left to run after the last iteration. Fork at an earlier one.", window)
 
@@ -391,6 +473,7 @@ def _fork(d: Debugger, verb: p.Fork, window: int | None) -> None:
 def _branch(d: Debugger, verb: p.Branch, window: int | None) -> None:
     branch = d.space.branch(verb.index)
     if verb.remove:
+        d.pause(branch.index)
         d.space.remove(branch)
     elif verb.name.strip():
         branch.name = verb.name.strip()
@@ -415,7 +498,7 @@ def _compare(d: Debugger, verb: p.Compare, window: int | None) -> None:
     d.send_branches()
     d.send_rows(b)
     if verb.run and not b.run.is_done:
-        d.goal = Goal(b)
+        d.compute(Goal(b))
 
 
 def _estimate(d: Debugger, verb: p.Estimate, window: int | None) -> None:
@@ -513,105 +596,14 @@ def _swapped(items: Sequence, at: int, by: int) -> tuple | None:
     return tuple(swapped)
 
 
-# Opening something else
-
-
-def _open(d: Debugger, verb: p.Open, window: int | None) -> None:
-    space = d.space
-    if verb.hulls:
-        with space.with_hulls():
-            _open_it(d, verb, window)
-    else:
-        _open_it(d, verb, window)
-
-
-def _open_it(d: Debugger, verb: p.Open, window: int | None) -> None:
-    space = d.space
-    if verb.frame:
-        space.open_frame(verb.frame)
-    elif verb.recording:
-        space.open_recording(at_home(verb.recording))
-    elif verb.session:
-        file = at_home(verb.session)
-        space.open(load_session(file), file)
-    elif verb.demo:
-        space.open(*_demo_session(d, verb.demo))
-    elif verb.answer is not None:
-        entry = _gallery(d).answer(verb.answer)
-        _open_answer(d, entry.run, entry.row.frame, entry.iteration, entry.row.instance_id, window)
-        return
-    elif verb.link:
-        link = read_link(verb.link)
-        frame = link.frame or space.frame
-        obj = link.instance
-        if link.run or frame != space.frame:
-            _open_answer(d, link.run or d.batch_run, frame, link.iteration, obj, window)
-        if link.object is not None:
-            named = [i.instance_id for i in d.space.problem.instances if i.obj_id == link.object]
-            if not named:
-                raise InputError(f"frame {frame} holds no object {link.object}")
-            obj = named[0]
-        _show(d, link.iteration, obj, window)
-        return
-    else:
-        raise InputError("open what? Name a frame, a session, a recording, a demo, an answer or a link")
-    d.send_frame()
-
-
-def _demo_session(d: Debugger, name: str) -> tuple[Session, Path | None]:
-    """Return the session of a built-in scene: that of the file of its name, or else the open one's settings."""
-    if name not in d.demos:
-        raise SettingsError(unknown("built-in scene", name, d.demos))
-    own = next((path for path in d.list_sessions() if path.stem == name), None)
-    session = load_session(own) if own is not None else None
-    if session is not None and (session.scene.source, session.scene.demo) == ("demo", name):
-        return session, own
-    old = d.space.tools.session
-    scene = old.scene.model_copy(update={"source": "demo", "demo": name, "frames": (), "objects": ()})
-    hypotheses = old.hypotheses.model_copy(update={"source": "perturb", "files": (), "estimate": ()})
-    update = {"scene": scene, "hypotheses": hypotheses, "title": name, "edits": (), "changes": ()}
-    return old.model_copy(update=update), None
-
-
-def _gallery(d: Debugger) -> Gallery:
-    if d.gallery is None:
-        raise InputError("no batch is open; open one with verefine-viz view FOLDER")
-    return d.gallery
-
-
-def _open_answer(d: Debugger, run: str, frame: str, iteration: int | None, obj: int | None, window: int | None) -> None:
-    """Open a frame of a batch run, with the session of that run."""
-    gallery, space = d.gallery, d.space
-    if gallery is None or not run:
-        space.open_frame(frame)
-    elif run not in gallery.runs:
-        raise InputError(unknown("run", run, gallery.runs))
-    elif space.tools.session == gallery.session(run):
-        space.open_frame(frame)
-        d.batch_run = run
-    else:
-        space.open(gallery.session(run), None, frame)
-        d.batch_run = run
-    d.send_frame()
-    _show(d, iteration, obj, window)
-
-
-def _show(d: Debugger, iteration: int | None, obj: int | None, window: int | None) -> None:
-    """Take a window to an iteration, and compute the whole run where it is not there yet."""
-    branch = d.space.work.first
-    if iteration is not None and not branch.run.is_done:
-        d.goal = Goal(branch, branch.run.n_iterations)
-    patch = {"branch": branch.index, "k": iteration or 0, "obj": obj, "stage": None, "arm": None}
-    d.post({"t": "view", "patch": patch, "at": iteration}, window)
-
-
 # Answers and files
 
 
 def _want(d: Debugger, verb: p.Want, window: int | None) -> None:
-    d.space.batch = d.gallery.runs[d.batch_run].folder if d.gallery is not None else None
     answer = ANSWERS[type(verb.of)](d.space, verb.of, d.blobs)
     d.post({"t": "answer", "id": verb.id, **answer}, window)
+    if isinstance(verb.of, p.Physics) and window == d.look_window:
+        d.on_look()  # Overlaps and supports are known now.
 
 
 def _evaluate(d: Debugger, verb: p.Evaluate, window: int | None) -> None:
@@ -629,7 +621,7 @@ def _save(d: Debugger, verb: p.Save, window: int | None) -> None:
 
 
 def _tag(d: Debugger, verb: p.Tag, window: int | None) -> None:
-    gallery = _gallery(d)
+    gallery = open_gallery(d.gallery)
     gallery.tag([gallery.answer(key) for key in verb.answers], verb.tag, verb.on)
     d.post(answers_message(gallery), None)
 
@@ -648,7 +640,7 @@ HANDLERS: dict[type, Callable[[Debugger, Any, int | None], None]] = {
     p.Compare: _compare,
     p.Estimate: _estimate,
     p.Order: _order,
-    p.Open: _open,
+    p.Open: open_other,
     p.Want: _want,
     p.Evaluate: _evaluate,
     p.Save: _save,

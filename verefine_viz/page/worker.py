@@ -22,10 +22,10 @@ BETWEEN_S = 0.1
 
 
 class Job(NamedTuple):
-    """What a window asks for; without a verb the window has just connected."""
+    """What a window asks for, or what the program has to do itself; without a verb the window has just connected."""
 
     window: int
-    verb: AnyVerb | None
+    verb: AnyVerb | Callable[[], None] | None
 
 
 class Jobs:
@@ -51,7 +51,7 @@ class Jobs:
             if isinstance(verb, Cancel):
                 self._is_cancelled = self.can_cancel
                 if self._is_cancelled:
-                    self._verbs.clear()
+                    self._verbs = deque(waiting for waiting in self._verbs if callable(waiting.verb))
             elif isinstance(verb, Want):
                 slot = (job.window, verb.slot or verb.id)
                 self._wants.pop(slot, None)
@@ -230,6 +230,8 @@ class Worker:
         window, verb = job
         if verb is None:
             self._guarded(window, lambda: self.desk.welcome(window))
+        elif callable(verb):
+            self._guarded(None, verb)
         else:
             self._guarded(window, lambda: self.desk.apply(window, verb), verb)
 

@@ -19,9 +19,11 @@ from verefine_viz.core.settings import SURROUNDINGS, Change, Session
 from verefine_viz.core.text_format import first_of
 from verefine_viz.page.branch import Branch, Settings, by_section, in_order, merged
 from verefine_viz.page.evaluator import CachedEvaluator
+from verefine_viz.page.grasp_trials import GraspTrials
 from verefine_viz.page.saved_session import Saved, edits_of_all
 from verefine_viz.run.engine import Run
 from verefine_viz.run.record import RunRecord, session_of
+from verefine_viz.run.run_file import read_run_file
 from verefine_viz.run.session_file import changed
 from verefine_viz.run.track import with_its_tracked
 from verefine_viz.run.variants import settings_between, variant
@@ -54,6 +56,14 @@ class FrameWork:
         return next(iter(self.branches.values()))
 
 
+Records = Callable[[str], Path | None]
+"""The run file of a frame that was solved before; None = there is none."""
+
+
+def no_records(frame: str) -> None:
+    """Return None: no frame was solved before."""
+
+
 @dataclass(eq=False)
 class Checks:
     """What physics says about poses; None = it is not asked."""
@@ -74,6 +84,8 @@ class Workspace:
         checks: see :class:`CachedEvaluator`.
         progress: checked before anything that may take seconds.
         frame: what to open first of it; None = its first.
+        records: where frames of it lie that were solved before.
+        recording: a recorded run that is opened in place of ``session``.
     """
 
     def __init__(
@@ -84,28 +96,36 @@ class Workspace:
         checks: Checks | None = None,
         progress: ProgressToken = NEVER_CANCELLED,
         frame: str | None = None,
+        records: Records = no_records,
+        recording: Path | None = None,
     ) -> None:
         self.make_tools = make_tools
         self.progress = progress
         self._checks = checks or Checks()
         self._numbers = count()
         self._opened = count(1)
+        self.grasps = GraspTrials()
         self.batch: Path | None = None
         """Folder of the batch run whose answers are shown; None = no batch is open."""
-        self.open(session, path, frame)
+        if recording is not None:
+            self.open_recording(recording)
+        else:
+            self.open(session, path, frame, records)
 
     # What is open
 
-    def open(self, session: Session, path: Path | None, frame: str | None = None) -> None:
-        """Open another session, at its first frame or the one named."""
+    def open(
+        self, session: Session, path: Path | None, frame: str | None = None, records: Records = no_records
+    ) -> None:
+        """Open another session, at its first frame or the one named; frames that ``records`` has are not run again."""
         self.progress.checkpoint("Reading the scene: models, pictures, initial poses.")
         tools = self.make_tools(session)
         frames = tools.frames
         if not frames:
             raise InputError("the session names no frame; give scene.frames, or a data set with images")
         first = frame if frame is not None else next((e.frame for e in session.edits if e.frame in frames), frames[0])
-        work = self._begin(tools, _read(tools, first))
-        self.tools, self.path, self.frames = tools, path, frames
+        work = self._solved(tools, first, records) or self._begin(tools, _read(tools, first))
+        self.tools, self.path, self.frames, self.records = tools, path, frames, records
         self.files: dict[Path, Saved] = {} if path is None else {path.resolve(): Saved(session)}
         """Files that hold the open session, as it was when it was read or written, the latest last."""
         self.breakpoints: BreakpointSettings = session.breakpoints
@@ -117,7 +137,8 @@ class Workspace:
         if frame not in self.frames:
             raise InputError(unknown("frame", frame, self.frames))
         if frame not in self._works:
-            self._works[frame] = self._begin(self.tools, _read(self.tools, frame))
+            solved = self._solved(self.tools, frame, self.records)
+            self._works[frame] = solved or self._begin(self.tools, _read(self.tools, frame))
         self._switch(frame)
 
     def open_recording(self, path: Path) -> None:
@@ -130,7 +151,7 @@ class Workspace:
         session = session.model_copy(update={"scene": session.scene.model_copy(update={"frames": (frame,)})})
         tools = self.make_tools(session)
         branch = self._recorded(path, record, tools, _read(tools, frame))
-        self.tools, self.path, self.frames, self.files = tools, None, (frame,), {}
+        self.tools, self.path, self.frames, self.files, self.records = tools, None, (frame,), {}, no_records
         self.breakpoints = session.breakpoints
         self._works = {frame: FrameWork({branch.index: branch})}
         self._switch(frame)
@@ -227,7 +248,7 @@ class Workspace:
             problem = tools.surrounded(problem)
         work = self._begin(tools, problem)
         if tools is not self.tools:  # The other frames were run with other settings.
-            self._works = {}
+            self._works, self.records = {}, no_records
         self.tools, self._works[self.frame] = tools, work
         self._switch(self.frame)
 
@@ -311,6 +332,23 @@ class Workspace:
     def _add(self, branch: Branch) -> Branch:
         self.work.branches[branch.index] = branch
         return branch
+
+    def _solved(self, tools: Toolbox, frame: str, records: Records) -> FrameWork | None:
+        """Read a frame with its finished run; None where that does not exist, or the data are others now."""
+        path = records(frame)
+        if path is None:
+            return None
+        try:
+            record = read_run_file(path)
+            if not record.is_complete or not record.iterations:
+                return None
+            stated = session_of(record.header).tracked
+            own = self.make_tools(tools.session.model_copy(update={"tracked": stated})) if stated else tools
+            branch = self._recorded(path, record, own, _read(own, frame))
+        except InputError:
+            return None
+        branch.name = "run of the batch"
+        return FrameWork({branch.index: branch})
 
     def _recorded(self, path: Path, record: RunRecord, tools: Toolbox, problem: Problem) -> Branch:
         ids = [one.instance_id for one in record.header.objects]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from verefine_viz.diagnosis.causes import TITLES, Cause
+from verefine_viz.batch.answer_cards import values_of
+from verefine_viz.batch.index import ORDERS, Order, sort_key
+from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.page.gallery import Entry, Gallery
 
 Json = dict[str, Any]
@@ -18,9 +20,18 @@ def answers_message(gallery: Gallery) -> Json:
         "doubt": gallery.doubt,
         "notes": gallery.notes,
         "runs": list(gallery.runs),
+        "unfinished": gallery.n_unfinished,
+        "faults": list(gallery.tag_faults.values()),
         "first": dict(gallery.first_arrangement.only),
+        "orders": [{"id": order, "words": ORDERS[order], "keys": _in_order(gallery, order)} for order in ORDERS],
         "rows": [_row(gallery, key, entry) for key, entry in enumerate(gallery.entries)],
     }
+
+
+def _in_order(gallery: Gallery, order: Order) -> list[int]:
+    """Return the keys of all answers in an order."""
+    place, entries = sort_key(order), gallery.entries
+    return sorted(range(len(entries)), key=lambda key: place(entries[key].row))
 
 
 def _row(gallery: Gallery, key: int, entry: Entry) -> Json:
@@ -37,11 +48,12 @@ def _row(gallery: Gallery, key: int, entry: Entry) -> Json:
         "name": row.name,
         "method": row.method,
         "tone": tone,
+        "result": values_of(row)["result"][0],
         "score": row.score,
         "err": row.add_s_mm,
         "limit": None if row.diameter_mm is None else 0.1 * row.diameter_mm,
         "k": entry.iteration,
-        "cause": TITLES[Cause(row.cause)] if row.cause else "",
+        "cause": cause_title(row.cause),
         "evidence": row.evidence,
         "status": row.status,
         "message": row.message,
@@ -49,5 +61,5 @@ def _row(gallery: Gallery, key: int, entry: Entry) -> Json:
         "undetermined_mm": row.undetermined_mm,
         "tags": list(gallery.tags_of(entry)),
         "opens": entry.can_be_opened,
-        "thumb": row.T_cam_obj is not None,
+        "thumb": row.was_asked_for,
     }

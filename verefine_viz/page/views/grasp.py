@@ -11,7 +11,6 @@ from verefine_viz.core.geometry import apply
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs
-from verefine_viz.page.grasp_trials import trials_of
 from verefine_viz.page.moment import labels_of, pose_matrix
 from verefine_viz.page.views.physics import hull
 from verefine_viz.page.workspace import Workspace
@@ -31,7 +30,7 @@ def grasp(space: Workspace, verb: p.Evaluate, blobs: Blobs, progress: ProgressTo
     """Grasp an object by a pose and by the ground truth; results are cached where the 3D view finds them."""
     branch = space.branch(verb.branch)
     problem, settings = branch.run.problem, branch.settings.grasp
-    pair = trials_of(space).carry_out(problem, settings, verb.obj, pose_matrix(verb.T), progress)
+    pair = space.grasps.carry_out(problem, settings, verb.obj, pose_matrix(verb.T), progress)
     return {"pose": _attempt(problem, pair.answer), "truth": _attempt(problem, pair.ground_truth)}
 
 

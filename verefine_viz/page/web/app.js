@@ -5,7 +5,7 @@ import { start, dismiss } from "./messages.js";
 import { applyTheme, setSize, sizesOf } from "./layout.js";
 import { attachKeys, Overlay } from "./keys.js";
 import { momentOf } from "./moment.js";
-import { Button, IconButton, Icon, Pane, Splitter, Tabs } from "./ui.js";
+import { Button, IconButton, Icon, Menu, Pane, Splitter, Tabs } from "./ui.js";
 import { Verdict } from "./verdict.js";
 import { Objects } from "./objects.js";
 import { Timeline } from "./timeline.js";
@@ -16,31 +16,37 @@ import { Gallery } from "./gallery.js";
 import { tabs, idOf } from "./tabs/all.js";
 
 function Page() {
-  const [preset, full, sizes, frame, connection] = useStore((s) => [s.view.preset, s.view.full, s.sizes, s.frame, s.connection]);
+  const [preset, full, sizes, frame, connection] = useStore((s) =>
+    [s.view.preset, s.view.full, s.sizes, s.frame, s.connection]);
   const size = sizesOf(state);
   const gallery = preset === "gallery";
+  const fr = (share) => `minmax(0, ${share}fr)`;
   const grid = {
-    gridTemplateColumns: `minmax(0, ${size.image}fr) 1px minmax(0, ${1 - size.image}fr) 1px minmax(0, ${100 * size.inspector}vw)`,
-    gridTemplateRows: `auto minmax(0, ${1 - size.maps - size.timeline}fr) 1px minmax(0, ${size.maps}fr) 1px minmax(0, ${size.timeline}fr) auto`,
+    gridTemplateColumns: `${fr(size.image)} 1px ${fr(1 - size.image)} 1px minmax(0, ${100 * size.inspector}vw)`,
+    gridTemplateRows: `auto ${fr(1 - size.maps - size.timeline)} 1px ${fr(size.maps)} 1px ${fr(size.timeline)} auto`,
   };
   const classes = `page ${gallery ? "shows-gallery" : full ? `full full-${full}` : ""}`;
   // The 3D pane stays where it is in every layout: taken out, it would be loaded again.
   return html`<div class=${classes} style=${grid}>
     <${Verdict} />
     <${Guard} name="image"><${ImagePane} /><//>
-    <${Splitter} axis="x" area="split-image" share=${size.image * (1 - size.inspector)} onShare=${(x) => setSize("image", x / (1 - size.inspector))} />
+    <${Splitter} axis="x" area="split-image" share=${size.image * (1 - size.inspector)}
+      onShare=${(x) => setSize("image", x / (1 - size.inspector))} />
     <${Guard} name="scene"><${ScenePane} /><//>
     <${Splitter} axis="y" area="split-maps" share=${size.maps} invert onShare=${(x) => setSize("maps", x)} />
     <${Guard} name="maps"><${MapsPane} /><//>
     ${gallery && html`<section class="pane gallery"><${Guard}><${Gallery} /><//></section>`}
-    <${Splitter} axis="y" area="split-timeline" share=${size.timeline} invert onShare=${(x) => setSize("timeline", x)} />
+    <${Splitter} axis="y" area="split-timeline" share=${size.timeline} invert
+      onShare=${(x) => setSize("timeline", x)} />
     <${Timeline} />
-    <${Splitter} axis="x" area="split-inspector" share=${size.inspector} invert onShare=${(x) => setSize("inspector", x)} />
+    <${Splitter} axis="x" area="split-inspector" share=${size.inspector} invert
+      onShare=${(x) => setSize("inspector", x)} />
     <aside class="inspector"><${Objects} /><${Inspector} /></aside>
     <${Status} />
     <${Toasts} />
     <${Overlay} />
-    ${!frame && html`<div class="veil opening"><p>${connection === "lost" ? "The server does not answer." : "Opening"}</p></div>`}
+    ${!frame && html`<div class="veil opening">
+      <p>${connection === "lost" ? "The server does not answer." : "Opening"}</p></div>`}
   </div>`;
 }
 
@@ -60,12 +66,16 @@ class Guard extends Component {
 }
 
 function Inspector() {
-  const [tab, lacking] = useStore((s) => [s.view.tab, momentOf(s) ? tabs.filter((t) => t.needs && !t.needs(s)).map(idOf).join() : ""]);
+  const [tab, lacking] = useStore(
+    (s) => [s.view.tab, momentOf(s) ? tabs.filter((t) => t.needs && !t.needs(s)).map(idOf).join() : ""]);
   useStore((s) => s.view); // `needs` may look at all of it
   const empty = new Set(lacking.split(","));
   const current = tabs.find((t) => idOf(t) === tab) ?? tabs[0];
   const id = idOf(current);
-  const list = tabs.map((t, i) => ({ id: idOf(t), title: t.title, dim: empty.has(idOf(t)), hint: `${t.hint ?? t.title}${i < 9 ? ` (${i + 1})` : ""}` }));
+  const list = tabs.map((t, i) => {
+    const hint = `${t.hint ?? t.title}${i < 9 ? ` (${i + 1})` : ""}`;
+    return { id: idOf(t), title: t.title, dim: empty.has(idOf(t)), hint };
+  });
   const why = typeof current.empty === "function" ? current.empty(state) : current.empty;
   return html`<${Tabs} tabs=${list} value=${id} onChange=${(value) => setView({ tab: value })} />
     <div class="tab-content scroll" key=${id}>${!momentOf(state) ? ""
@@ -74,28 +84,50 @@ function Inspector() {
 
 // A line that is always there: what is computed, or that the server is lost.
 function Status() {
-  const [busy, connection, running, branches, branch] = useStore((s) => [s.busy, s.connection, s.running, s.branches, s.view.branch]);
+  const [busy, connection, running, branches, branch] = useStore((s) =>
+    [s.busy, s.connection, s.running, s.branches, s.view.branch]);
   const shown = branches.find((b) => b.index === branch);
   return html`<footer class=${`status ${connection === "lost" ? "lost" : ""}`}>
-    <span class="doing">${connection === "lost" ? html`<${Icon} name="warn" />The server does not answer; it is tried again every second.`
-      : busy.text ? html`<span class="meter"><i class=${busy.share == null ? "unknown" : ""} style=${{ width: busy.share == null ? "30%" : `${100 * busy.share}%` }} /></span>
+    <span class="doing">${connection === "lost" ? html`<${Icon}
+      name="warn" />The server does not answer; it is tried again every second.`
+      : busy.text ? html`<span class="meter"><i class=${busy.share == null ? "unknown" : ""}
+        style=${{ width: busy.share == null ? "30%" : `${100 * busy.share}%` }} /></span>
         <span>${busy.text}</span>
-        ${busy.hulls && html`<${Button} title="physics takes every model for its convex hull: no waiting" onClick=${() => send({ verb: "open", hulls: true })}>Start with hulls<//>`}
-        ${busy.cancel && html`<${Button} title="everything stays as it was (Esc)" onClick=${() => send({ verb: "cancel" })}>Cancel<//>`}`
-      : running.branch != null ? html`<span class="meter"><i class="unknown" style=${{ width: "30%" }} /></span><span>Computing</span>` : ""}</span>
+        ${busy.hulls && html`<${Button} title="physics takes every model for its convex hull: no waiting"
+          onClick=${() => send({ verb: "open", hulls: true })}>Start with hulls<//>`}
+        ${busy.cancel && html`<${Button} title="everything stays as it was (Esc)"
+          onClick=${() => send({ verb: "cancel" })}>Cancel<//>`}`
+      : running.branch != null ? html`<span class="meter"><i class="unknown"
+        style=${{ width: "30%" }} /></span><span>Computing</span>` : ""}</span>
     <span class="spring" />
-    ${branches.length > 1 && html`<span class="branches">${branches.map((b) => html`<${BranchButton} key=${b.index} branch=${b} on=${b.index === branch} />`)}</span>`}
+    ${branches.length > 1 && html`<span class="branches">${branches.map((b) => html`<${BranchButton} key=${b.index}
+      branch=${b} on=${b.index === branch} />`)}</span>`}
+    <${Notes} />
     ${shown?.recording && html`<span class="dim" title=${shown.recording}>recording</span>`}
   </footer>`;
+}
+
+// What is worth knowing of the frame's data.
+function Notes() {
+  const frame = useStore((s) => s.frame);
+  const notes = [...(frame?.doubts ?? []).map((n) => [n, true]), ...(frame?.notes ?? []).map((n) => [n, false])];
+  if (!notes.length) return null;
+  return html`<${Menu} align="right" icon=${frame.doubts?.length ? "warn" : undefined}
+    title="Notes on the data of this frame"
+    label=${notes.length === 1 ? "1 note" : `${notes.length} notes`}><div
+      class="notes">${notes.map(([n, doubt]) => html`
+      <p class=${doubt ? "tone-doubt" : ""}>${n}</p>`)}</div><//>`;
 }
 
 function BranchButton({ branch, on }) {
   const run = useStore((s) => s.runs.get(branch.index));
   const done = run?.rows.length ?? 0;
   const parent = state.branches.find((b) => b.index === branch.parent);
-  const show = () => setView({ branch: branch.index, k: Math.min(state.view.k, done) || done, stage: null, moment: null, arm: null, edited: null });
+  const left = parent ? `; it left ${parent.name} after iteration ${branch.from}` : "";
+  const show = () => setView({ branch: branch.index, k: Math.min(state.view.k, done) || done, stage: null,
+    moment: null, arm: null, edited: null });
   return html`<${Button} on=${on} onClick=${show}
-    title=${`${branch.name}: ${done} of ${run?.total ?? 0} iterations${parent ? `; it left ${parent.name} after iteration ${branch.from}` : ""}`}>
+    title=${`${branch.name}: ${done} of ${run?.total ?? 0} iterations${left}`}>
     ${branch.name}<span class="dim">${done}/${run?.total ?? 0}</span><//>`;
 }
 

@@ -1,7 +1,8 @@
 // One table of keys, the same for buttons' titles, the help and the palette; keys work whatever was clicked last.
 import { html, useState, useRef, useEffect } from "./vendor/htm-preact.js";
 import { state, setView, update, send, useStore } from "./store.js";
-import { back, isBusy, pause, run, runOf, seek, step, stepStage, stopReplay, toggleRun, toNextEvent } from "./moment.js";
+import { back, isBusy, pause, run, runOf, seek, step, stepStage, stopReplay, toggleRun,
+  toNextEvent } from "./moment.js";
 import { Dialog, fillPane } from "./ui.js";
 import { tabs, idOf } from "./tabs/all.js";
 import { setPreset, PRESETS, switchTheme } from "./layout.js";
@@ -9,7 +10,7 @@ import { copyLink } from "./messages.js";
 
 // when: whether it can be done now; silent: not in the lists. The first key is the one that titles name.
 export const ACTIONS = [
-  { id: "back", keys: ["ArrowLeft", "b"], title: "Back", group: "Move", action: back, when: () => state.view.k > 0 || state.view.stage },
+  { id: "back", keys: ["ArrowLeft", "b"], title: "Back", group: "Move", action: back },
   { id: "step", keys: ["ArrowRight", "n"], title: "Step", group: "Move", action: step },
   { id: "stage", keys: ["s"], title: "Next stage of the iteration", group: "Move", action: stepStage },
   { id: "run", keys: [" "], title: "Run or pause", group: "Move", action: toggleRun },
@@ -17,12 +18,12 @@ export const ACTIONS = [
   { id: "event-back", keys: ["E"], title: "To the event before", group: "Move", action: () => toNextEvent(-1) },
   { id: "start", keys: ["Home"], title: "To the start", group: "Move", action: () => seek(0) },
   { id: "end", keys: ["End"], title: "To the end", group: "Move", action: () => seek(runOf(state).rows.length) },
-  { id: "gallery", keys: ["g"], title: "Gallery", group: "Show", action: () => setPreset(state.view.preset === "gallery" ? "inspect" : "gallery") },
-  { id: "fill", keys: ["f"], title: "Fill the middle with a pane, or all panes", group: "Show", action: () => fillPane(state.view.full ?? state.lastPane ?? "image") },
+  { id: "gallery", keys: ["g"], title: "Gallery", group: "Show", action: toggleGallery },
+  { id: "fill", keys: ["f"], title: "Fill the middle with a pane, or all panes", group: "Show", action: toggleFull },
   { id: "theme", keys: ["t"], title: "Light or dark", group: "Show", action: switchTheme },
   { id: "link", keys: [], title: "Copy the link", group: "Show", action: copyLink },
-  { id: "help", keys: ["?"], title: "All keys", group: "Show", action: () => update({ overlay: state.overlay === "help" ? null : "help" }) },
-  { id: "palette", keys: ["Ctrl+k"], title: "Palette: everything by name", group: "Show", action: () => update({ overlay: "palette" }) },
+  { id: "help", keys: ["?"], title: "All keys", group: "Show", action: () => toggleOverlay("help") },
+  { id: "palette", keys: ["Ctrl+k"], title: "All by name", group: "Show", action: () => toggleOverlay("palette") },
   { id: "escape", keys: ["Escape"], title: "Close, unmark, cancel", group: "Show", action: escape },
 ];
 
@@ -34,10 +35,21 @@ export function titled(id, words) {
   return `${words ?? action.title}${action.keys.length ? ` (${keyName(action.keys[0])})` : ""}`;
 }
 
-// More actions, of panes: returns what takes them away again. { id, keys, title, group, action, when }.
+// More actions, of panes: returns what takes them away again. { id, keys, title, group, action, when }. They go before
+// others of their keys while they can be done.
 export function addKeys(actions) {
-  ACTIONS.push(...actions);
+  ACTIONS.unshift(...actions);
   return () => actions.forEach((a) => ACTIONS.includes(a) && ACTIONS.splice(ACTIONS.indexOf(a), 1));
+}
+
+function toggleGallery() {
+  setPreset(state.view.preset === "gallery" ? "inspect" : "gallery");
+}
+function toggleFull() {
+  fillPane(state.view.full ?? state.lastPane ?? "image");
+}
+function toggleOverlay(name) {
+  update({ overlay: state.overlay === name ? null : name });
 }
 
 function escape() {
@@ -53,7 +65,8 @@ function escape() {
   return undefined;
 }
 
-const isText = (e) => e?.matches?.("textarea, select, [contenteditable], input:not([type=checkbox], [type=radio], [type=range], [type=button])");
+const NO_TEXT = ["checkbox", "radio", "range", "button"].map((type) => `[type=${type}]`).join();
+const isText = (e) => e?.matches?.(`textarea, select, [contenteditable], input:not(${NO_TEXT})`);
 
 function pressed(event) {
   if (event.defaultPrevented || event.isComposing) return;
@@ -62,7 +75,11 @@ function pressed(event) {
   if (event.altKey || (ctrl && event.key.toLowerCase() !== "k")) return;
   const key = ctrl ? "Ctrl+k" : event.key;
   if (state.overlay && !["Escape", "?"].includes(key)) return;
-  let action = ACTIONS.find((a) => a.keys.includes(key)) ?? ACTIONS.find((a) => !event.shiftKey && a.keys.includes(key.toLowerCase()));
+  const of = (name) => {
+    const all = ACTIONS.filter((a) => a.keys.includes(name));
+    return all.find((a) => !a.when || a.when()) ?? all[0];
+  };
+  let action = of(key) ?? (event.shiftKey ? null : of(key.toLowerCase()));
   if (!action && /^[1-9]$/.test(key) && tabs[key - 1]) action = { action: () => setView({ tab: idOf(tabs[key - 1]) }) };
   if (!action) return;
   event.preventDefault(); // also what a focused button or the page would do with it
@@ -88,11 +105,13 @@ export function Overlay() {
 
 function Help({ onClose }) {
   const groups = [...new Set(ACTIONS.map((a) => a.group))];
-  const all = [...ACTIONS, { keys: ["1"], title: `Tabs ${tabs.map((t) => t.title).slice(0, 9).join(", ")}`, group: "Show", shown: "1 – 9" }];
+  const names = tabs.slice(0, 9).map((t) => t.title).join(", ");
+  const all = [...ACTIONS, { keys: ["1"], shown: "1 – 9", title: `Tabs ${names}`, group: "Show" }];
   return html`<${Dialog} title="Keys" onClose=${onClose} wide>
     <div class="keys">${groups.map((group) => html`<section><h3>${group}</h3><dl>
       ${all.filter((a) => a.group === group && a.keys.length && !a.silent).map((a) => html`
-        <div><dt>${(a.shown ? [a.shown] : a.keys.map(keyName)).map((k) => html`<kbd>${k}</kbd>`)}</dt><dd>${a.title}</dd></div>`)}
+        <div><dt>${(a.shown ? [a.shown] : a.keys.map(keyName)).map((k) => html`<kbd>${k}</kbd>`)}</dt>
+          <dd>${a.title}</dd></div>`)}
     </dl></section>`)}</div>
     <p class="dim">Drag on the timeline to move through the run. Double click a pane's title to fill the middle.</p>
   <//>`;
@@ -101,12 +120,15 @@ function Help({ onClose }) {
 function everything() {
   const items = ACTIONS.filter((a) => a.id !== "palette" && !a.silent && (!a.when || a.when()))
     .map((a) => ({ kind: a.group, words: a.title, key: a.keys[0] && keyName(a.keys[0]), action: a.action }));
-  for (const preset of PRESETS) items.push({ kind: "Preset", words: preset.title, action: () => setPreset(preset.id) });
-  for (const o of state.frame?.objects ?? []) items.push({ kind: "Object", words: o.label, action: () => setView({ obj: o.id, arm: null }) });
-  tabs.forEach((t, i) => items.push({ kind: "Tab", words: t.title, key: i < 9 ? String(i + 1) : "", action: () => setView({ tab: idOf(t) }) }));
-  for (const b of state.branches) items.push({ kind: "Branch", words: b.name, action: () => setView({ branch: b.index, k: runOf(state, b.index).rows.length, stage: null }) });
-  for (const f of state.frame?.frames ?? []) items.push({ kind: "Frame", words: f, action: () => send({ verb: "open", frame: f }) });
-  for (const d of state.frame?.demos ?? []) items.push({ kind: "Demo", words: d, action: () => send({ verb: "open", demo: d }) });
+  const add = (kind, words, action, key = "") => items.push({ kind, words, action, key });
+  for (const preset of PRESETS) add("Preset", preset.title, () => setPreset(preset.id));
+  for (const o of state.frame?.objects ?? []) add("Object", o.label, () => setView({ obj: o.id, arm: null }));
+  tabs.forEach((t, i) => add("Tab", t.title, () => setView({ tab: idOf(t) }), i < 9 ? String(i + 1) : ""));
+  for (const { index, name } of state.branches) {
+    add("Branch", name, () => setView({ branch: index, k: runOf(state, index).rows.length, stage: null }));
+  }
+  for (const f of state.frame?.frames ?? []) add("Frame", f, () => send({ verb: "open", frame: f }));
+  for (const d of state.frame?.demos ?? []) add("Demo", d, () => send({ verb: "open", demo: d }));
   return items;
 }
 
@@ -119,7 +141,8 @@ function Palette({ onClose }) {
   useEffect(() => input.current.focus(), []);
   useEffect(() => list.current.querySelector(".current")?.scrollIntoView({ block: "nearest" }), [at]);
   const words = text.toLowerCase().split(/\s+/).filter(Boolean);
-  const items = everything().filter((i) => words.every((w) => `${i.kind} ${i.words}`.toLowerCase().includes(w))).slice(0, MOST);
+  const fits = (item) => words.every((w) => `${item.kind} ${item.words}`.toLowerCase().includes(w));
+  const items = everything().filter(fits).slice(0, MOST);
   const take = (item) => {
     onClose();
     item?.action();

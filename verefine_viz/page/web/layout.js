@@ -2,10 +2,14 @@
 import { state, setView, update } from "./store.js";
 
 export const PRESETS = [
-  { id: "inspect", title: "Inspect", hint: "image, 3D and maps", sizes: { image: 0.5, inspector: 0.27, maps: 0.32, timeline: 0.26 } },
-  { id: "maps", title: "Maps", hint: "large score maps", sizes: { image: 0.5, inspector: 0.27, maps: 0.5, timeline: 0.22 } },
-  { id: "compare", title: "Compare", hint: "two runs side by side", tab: "compare", sizes: { image: 0.5, inspector: 0.36, maps: 0.34, timeline: 0.24 } },
-  { id: "gallery", title: "Gallery", hint: "all answers of a batch", sizes: { image: 0.5, inspector: 0.27, maps: 0.32, timeline: 0.24 } },
+  { id: "inspect", title: "Inspect", hint: "image, 3D and maps",
+    sizes: { image: 0.5, inspector: 0.27, maps: 0.32, timeline: 0.26 } },
+  { id: "maps", title: "Maps",
+    hint: "large score maps", sizes: { image: 0.5, inspector: 0.27, maps: 0.5, timeline: 0.22 } },
+  { id: "compare", title: "Compare", hint: "two runs side by side", tab: "compare",
+    sizes: { image: 0.5, inspector: 0.36, maps: 0.34, timeline: 0.24 } },
+  { id: "gallery", title: "Gallery", hint: "all answers of a batch",
+    sizes: { image: 0.5, inspector: 0.27, maps: 0.32, timeline: 0.24 } },
 ];
 const LIMITS = { image: [0.12, 0.88], inspector: [0.17, 0.5], maps: [0.12, 0.7], timeline: [0.13, 0.5] };
 
@@ -26,14 +30,17 @@ const write = (patch) => {
 };
 
 const saved = read();
-Object.assign(state, { sizes: saved.sizes ?? {}, overlay: null, lastPane: null, speed: saved.speed ?? 8, colorBy: saved.colorBy ?? "score" });
+Object.assign(state, { sizes: saved.sizes ?? {}, overlay: null, lastPane: null, speed: saved.speed ?? 8,
+  colorBy: saved.colorBy ?? "score" });
 
-export const sizesOf = (s) => ({ ...(PRESETS.find((p) => p.id === s.view.preset) ?? PRESETS[0]).sizes, ...s.sizes[s.view.preset] });
+export const sizesOf = (s) =>
+  ({ ...(PRESETS.find((p) => p.id === s.view.preset) ?? PRESETS[0]).sizes, ...s.sizes[s.view.preset] });
 
 export function setSize(name, share) {
   const [least, most] = LIMITS[name];
   const { preset } = state.view;
-  const sizes = { ...state.sizes, [preset]: { ...state.sizes[preset], [name]: Math.max(least, Math.min(most, share)) } };
+  const sizes = { ...state.sizes,
+    [preset]: { ...state.sizes[preset], [name]: Math.max(least, Math.min(most, share)) } };
   write({ sizes });
   update({ sizes });
 }

@@ -1,8 +1,12 @@
-// What the server's messages change, what it is told in return, and the page's address.
+// What the server's messages change, what it gets in return, and the page's address.
 import { state, setView, update, send, on, listen, connect, forgetAnswers } from "./store.js";
 import { followed, goTo, momentOf, runOf, stopReplay } from "./moment.js";
 
-Object.assign(state, { replaying: null, version: "" });
+Object.assign(state, { replaying: null });
+
+let written = null; // the link that the address holds
+let lost = null; // what was looked at when the connection was lost
+let opening = hashLink() || null; // a link that is yet to be opened: it must not be overwritten
 
 const TOAST_MS = 6000;
 let number = 0;
@@ -15,10 +19,9 @@ export function toast(kind, text, more = {}) {
 }
 export const dismiss = (id) => update({ toasts: state.toasts.filter((t) => t.id !== id) });
 
-on("hello", ({ window, version }) => {
-  const again = state.version && state.version !== version;
-  update({ connection: "open", window, version });
-  if (again) location.reload(); // another program: its page may be another, too
+on("hello", ({ window }) => {
+  lost = state.connection === "lost" ? written : null;
+  update({ connection: "open", window });
 });
 
 on("frame", (message) => {
@@ -29,7 +32,9 @@ on("frame", (message) => {
   state.verdicts.clear();
   update({ frame: message, compare: null, replaying: null });
   if (!isAgain) {
-    setView({ branch: 0, k: 0, stage: null, obj: null, arm: null, moment: null, edited: null, a: null, b: null, pixel: null });
+    opening ??= lost;
+    setView({ branch: 0, k: 0, stage: null, obj: null, arm: null, moment: null, edited: null, a: null, b: null,
+      pixel: null });
   }
   document.title = `${message.title} · verefine-viz`;
 });
@@ -48,6 +53,9 @@ on("run", (message) => {
   const rows = from > 0 && before ? before.rows : [];
   rows.length = Math.min(rows.length, from);
   for (const row of message.rows) rows.push(row);
+  // The program was started again, and has computed less than was shown.
+  if (lost && branch === 0 && rows.length < state.view.k) opening ??= lost;
+  lost = null;
   state.runs.set(branch, {
     rows, total: message.total, over: message.over, marks: message.marks, scene: message.scene ?? before?.scene ?? null,
     start: message.start ?? (from > 0 ? before?.start : null) ?? null,
@@ -65,10 +73,14 @@ on("written", (file) => {
   update({ written: [...state.written.filter((f) => f.path !== file.path), file] });
   toast("note", `Written: ${file.path ?? file.name}`, { url: file.url, name: file.name });
 });
-on("edited", ({ obj, T }) => setView({ edited: { ...(state.view.edited ?? { arm: momentOf(state)?.arm ?? 0 }), obj, T } }));
+on("edited", ({ obj, T }) =>
+  setView({ edited: { ...(state.view.edited ?? { arm: momentOf(state)?.arm ?? 0 }), obj, T } }));
 on("picked", ({ u, v }) => setView({ pixel: [u, v] }));
 on("scene3d", ({ window }) => update({ scene3d: window }));
-on("answers", (message) => update({ answers: message }));
+on("answers", (message) => {
+  const grown = message.frames && state.frame ? { frame: { ...state.frame, frames: message.frames } } : {};
+  update({ answers: message, ...grown });
+});
 // at: the iteration that a link names, which may be yet to come; null = it names none, so the end is shown.
 on("view", ({ patch, at }) => {
   const { k, ...rest } = patch;
@@ -77,22 +89,27 @@ on("view", ({ patch, at }) => {
   else if (k != null) setView({ k: Math.min(k, runOf(state).rows.length), stage: null, moment: null });
 });
 
-// The server, and with it the 3D view, is told what this window looks at: at most every 40 ms, the latest wins.
+// The server, and with it the 3D view, gets what this window looks at: at most every 40 ms, the latest wins.
 
-let told = "";
+// What this window looks at, as a verb; null while there is nothing.
+export function lookOf(s) {
+  const { view } = s;
+  const moment = momentOf(s);
+  if (!moment) return null;
+  const beside = moment.beside ? { branch: moment.beside.branch, k: moment.beside.k } : null;
+  return {
+    verb: "look", branch: view.branch, k: moment.k, stage: view.stage, obj: moment.obj, arm: moment.arm,
+    moment: view.moment, edited: view.edited?.T ?? null, grasp: view.grasp ?? null, b: beside, answer: moment.isAnswer,
+  };
+}
+
+let lastLook = "";
 let waiting = null;
 function tellLook() {
   waiting = null;
-  const { view } = state;
-  const moment = momentOf(state);
-  if (!moment || state.connection !== "open") return;
-  const beside = moment.beside ? { branch: moment.beside.branch, k: moment.beside.k } : null;
-  const verb = {
-    verb: "look", branch: view.branch, k: moment.k, stage: view.stage, obj: moment.obj, arm: moment.arm, moment: view.moment,
-    edited: view.edited?.T ?? null, grasp: view.grasp ?? null, b: beside, answer: moment.isAnswer,
-  };
+  const verb = state.connection === "open" ? lookOf(state) : null;
   const text = JSON.stringify(verb);
-  if (text !== told && send(verb)) told = text;
+  if (verb && text !== lastLook && send(verb)) lastLook = text;
 }
 listen(() => {
   waiting ??= setTimeout(tellLook, 40);
@@ -100,7 +117,14 @@ listen(() => {
 
 // The address: frame, object and iteration, as `frame=0/0&object=2&iteration=17`.
 
-let written = null;
+function hashLink() {
+  try {
+    return decodeURI(location.hash.slice(1));
+  } catch {
+    return ""; // no link that anybody wrote
+  }
+}
+
 export function linkOf(s) {
   if (!s.frame) return "";
   const parts = [];
@@ -110,7 +134,9 @@ export function linkOf(s) {
     const single = s.frame.objects.filter((o) => o.obj_id === object.obj_id).length === 1;
     parts.push(single ? `object=${object.obj_id}` : `instance=${object.id}`);
   }
-  parts.push(`iteration=${Math.min(s.view.k, runOf(s).rows.length)}`);
+  // The server computes the run that a link names an iteration of: before the first there is none to name.
+  const k = Math.min(s.view.k, runOf(s).rows.length);
+  if (k > 0 || runOf(s).over) parts.push(`iteration=${k}`);
   if (s.frame.run) parts.push(`run=${encodeURIComponent(s.frame.run)}`);
   return parts.join("&");
 }
@@ -130,19 +156,17 @@ function writeAddress() {
   history.replaceState(null, "", `#${link}`);
 }
 
-let opening = location.hash.length > 1; // a link that is yet to be opened must not be overwritten
 export function openLink(link) {
-  if (send({ verb: "open", link })) opening = false;
+  if (send({ verb: "open", link })) opening = null;
 }
 
 export function start() {
-  const text = decodeURI(location.hash.slice(1));
   listen(() => {
-    if (opening && state.connection === "open" && state.frame) openLink(text);
+    if (opening && state.connection === "open" && state.frame) openLink(opening);
     addressWaits ??= setTimeout(writeAddress, 200); // browsers limit how often an address may change
   });
   addEventListener("hashchange", () => {
-    const link = decodeURI(location.hash.slice(1));
+    const link = hashLink();
     if (link && link !== written) openLink(link);
   });
   connect();

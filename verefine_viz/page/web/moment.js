@@ -3,7 +3,8 @@ import { state, setView, update, send } from "./store.js";
 
 // Colours that mean something are the same in pictures, maps, reports and here: core/palette.py.
 export const STAGE_COLORS = {
-  initial: "#8a8a8a", current: "#a0a0a0", simulated: "#ff8c00", mixed: "#f0d228", refined: "#326eff", flipped: "#eb3cc8",
+  initial: "#8a8a8a", current: "#a0a0a0", simulated: "#ff8c00", mixed: "#f0d228", refined: "#326eff",
+    flipped: "#eb3cc8",
   accepted: "#28c850", best: "#00aa78", "runner-up": "#ff69b4", edited: "#be5adc", "ground truth": "#ffffff",
 };
 export const STAGE_MEANINGS = {
@@ -32,7 +33,7 @@ const NEAR = 0.005; // a smaller difference of score is a tie
 
 export const runOf = (s, branch = s.view.branch) => s.runs.get(branch) ?? NO_RUN;
 
-// Answers that depend on the same inputs are the same object: of each function the last few are kept.
+// Answers that depend on the same inputs are the same object: of each function the last few stay.
 function memoized(inputs, work, keep = 4) {
   const recent = [];
   return (...args) => {
@@ -74,6 +75,12 @@ export function latest(rows, k) {
 
 export const startsOf = (run, object) => run.start?.[object.id] ?? object.arms;
 
+// Where a hypothesis comes from; "" where all come from the same.
+export function sourceOf(object, arm) {
+  const stem = (a) => (a.source ?? "").replace(/ #\d+$/, "");
+  return object.arms[arm] && new Set(object.arms.map(stem)).size > 1 ? stem(object.arms[arm]) : "";
+}
+
 function bestStart(run, object) {
   let arm = -1;
   startsOf(run, object).forEach((a, j, all) => {
@@ -84,9 +91,13 @@ function bestStart(run, object) {
   return { T, score, err, arm, k: 0, stage: "initial" };
 }
 
-// An object's best after iteration k; of a finished run its answer, which methods that keep the best scene take from that.
-function bestAt(run, object, k, said) {
-  if (said?.T) return { T: said.T, score: said.score, err: said.err, deg: said.deg, mm: said.mm, arm: said.arm, k: said.k, stage: said.stage };
+// An object's best after iteration k; of a finished run its answer, which methods that keep the best scene take from
+// that.
+function bestAt(run, object, k, outcome) {
+  if (outcome?.T) {
+    const { T, score, err, deg, mm, arm, k: made, stage } = outcome;
+    return { T, score, err, deg, mm, arm, k: made, stage };
+  }
   const row = latest(rowsOf(run, object.id), k);
   return row ? row.best : bestStart(run, object);
 }
@@ -97,8 +108,8 @@ function sceneAt(s, run, k, at, shown, isAnswer, verdict) {
   const stands = new Map([...(row?.placed ?? []), ...(row?.tree?.rollout ?? [])].map((p) => [p.obj, p.T]));
   const placed = new Set((row?.placed ?? []).map((p) => p.obj));
   return s.frame.objects.map((object) => {
-    const said = isAnswer ? verdict?.objects.find((o) => o.obj === object.id) : null;
-    const best = bestAt(run, object, k, said);
+    const outcome = isAnswer ? verdict?.objects.find((o) => o.obj === object.id) : null;
+    const best = bestAt(run, object, k, outcome);
     const own = latest(rowsOf(run, object.id), k);
     let phase = "waiting";
     if (!best) phase = "no pose";
@@ -109,11 +120,13 @@ function sceneAt(s, run, k, at, shown, isAnswer, verdict) {
     else if (own && !(row.pass || row.tree) && rowsOf(run, object.id).at(-1).k <= k) phase = "done";
     else if (own) phase = "paused";
     const T = row?.obj === object.id ? shown : stands.get(object.id) ?? best?.T ?? null;
-    return { object, phase, best, T, score: best?.score ?? null, err: best?.err ?? null, spent: own?.own ?? 0, verdict: said ?? null };
+    return { object, phase, best, T, score: best?.score ?? null, err: best?.err ?? null, spent: own?.own ?? 0,
+      verdict: outcome ?? null };
   });
 }
 
-export const verdictOf = (s, obj, branch = s.view.branch) => s.verdicts.get(branch)?.objects.find((o) => o.obj === obj) ?? null;
+export const verdictOf = (s, obj, branch = s.view.branch) =>
+  s.verdicts.get(branch)?.objects.find((o) => o.obj === obj) ?? null;
 
 // The object that a finished run names first: wrong before doubtful, the farthest from its limit first.
 export function worstOf(verdict) {
@@ -124,7 +137,8 @@ export function worstOf(verdict) {
 
 // Everything about (branch, k, stage, obj) of the view, or null before a frame is open.
 export const momentOf = memoized(
-  (s) => [s.frame, s.runs.get(s.view.branch), s.verdicts.get(s.view.branch), s.view, s.compare, s.compare && s.runs.get(other(s))],
+  (s) => [s.frame, s.runs.get(s.view.branch), s.verdicts.get(s.view.branch), s.view, s.compare, s.compare
+    && s.runs.get(other(s))],
   (s) => {
     const moment = momentAt(s, s.view);
     if (!moment) return null;
@@ -147,10 +161,12 @@ function momentAt(s, view) {
   const run = runOf(s, view.branch);
   const k = Math.min(view.k, run.rows.length);
   const at = run.rows[k - 1];
-  const isAnswer = run.over && k > 0 && k === run.rows.length && view.stage == null && view.moment == null && !view.edited;
+  const isAnswer = run.over && k > 0 && k === run.rows.length && view.stage == null && view.moment == null
+    && !view.edited;
   const verdict = s.verdicts.get(view.branch);
   const first = s.frame.objects.find((o) => o.arms.length) ?? s.frame.objects[0];
-  const obj = view.obj ?? (isAnswer ? verdict?.scene?.worst ?? worstOf(verdict)?.obj : null) ?? at?.obj ?? first?.id ?? null;
+  const obj = view.obj ?? (isAnswer ? verdict?.scene?.worst ?? worstOf(verdict)?.obj : null) ?? at?.obj ?? first?.id
+    ?? null;
   const object = s.frame.objects.find((o) => o.id === obj) ?? first;
   if (!object) return null;
   const own = rowsOf(run, object.id);
@@ -161,8 +177,8 @@ function momentAt(s, view) {
   const isPartial = cut < names.length;
   const before = isPartial ? latest(own, row.k - 1) : row; // whose results are known by now
   const starts = startsOf(run, object);
-  const said = verdict?.objects.find((o) => o.obj === object.id) ?? null;
-  const best = bestAt(run, object, before?.k ?? 0, isAnswer ? said : null);
+  const outcome = verdict?.objects.find((o) => o.obj === object.id) ?? null;
+  const best = bestAt(run, object, before?.k ?? 0, isAnswer ? outcome : null);
   const arms = before
     ? before.arms
     : starts.map((a) => ({ plays: a.plays ?? 0, mean: a.mean ?? a.score, score: a.score, err: a.err, T: a.T }));
@@ -175,9 +191,9 @@ function momentAt(s, view) {
     if (!isPartial) poses.accepted = { ...row.stages.find((stage) => stage.name === row.accepted), arm: row.arm };
   } else if (!isAnswer && arms[arm]) poses.current = { ...arms[arm], arm };
   if (best) poses.best = { ...best };
-  if (isAnswer && said?.runner_up) {
-    const { T, arm: j, lead } = said.runner_up;
-    poses["runner-up"] = { T, arm: j, score: said.score - lead, err: said.runner_up.err ?? null };
+  if (isAnswer && outcome?.runner_up) {
+    const { T, arm: j, lead } = outcome.runner_up;
+    poses["runner-up"] = { T, arm: j, score: outcome.score - lead, err: outcome.runner_up.err ?? null };
   }
   if (view.edited && view.edited.obj === object.id) poses.edited = { T: view.edited.T, arm: view.edited.arm };
   if (object.gt) poses["ground truth"] = { T: object.gt, err: 0, score: object.gt_score ?? null };
@@ -186,7 +202,8 @@ function momentAt(s, view) {
   const stands = isPartial ? row.stages[cut - 1].T : row ? (poses.accepted ?? poses.best).T : best?.T;
   return {
     branch: view.branch, run, k, total: run.total, over: run.over, at: at ?? null, row, isCurrent, isAnswer, isPartial,
-    obj: object.id, object, arm, arms, best, poses, stages: names, stage: isPartial ? view.stage : null, verdict: said,
+    obj: object.id, object, arm, arms, best, poses, stages: names,
+    stage: isPartial ? view.stage : null, verdict: outcome,
     scene: sceneAt(s, run, k, at, stands, isAnswer, verdict),
   };
 }
@@ -199,7 +216,8 @@ function pairOf(s, moment, beside) {
     const side = (m, letter) => {
       const name = m.isAnswer || !m.poses.accepted ? "best" : "accepted";
       const title = s.branches.find((b) => b.index === m.branch)?.name ?? "";
-      return m.poses[name] && { name, ...m.poses[name], label: `${letter}: ${title}`, branch: m.branch, k: m.k };
+      const label = title.startsWith(`${letter}: `) ? title : `${letter}: ${title}`;
+      return m.poses[name] && { name, ...m.poses[name], label, branch: m.branch, k: m.k };
     };
     const first = s.view.branch === s.compare.a;
     const [a, b] = first ? [side(moment, "A"), side(beside, "B")] : [side(beside, "A"), side(moment, "B")];
@@ -226,7 +244,8 @@ function pairOf(s, moment, beside) {
     ["current", "ground truth"],
     ["initial", "ground truth"],
   ].filter((pair) => pair && pair[0] && pair[1] && poses[pair[0]] && poses[pair[1]]);
-  const unlike = pairs.find(([a, b], i) => (i === 0 && a === s.view.a && b === s.view.b) || !samePose(poses[a].T, poses[b].T));
+  const unlike = pairs.find(([a, b], i) => (i === 0 && a === s.view.a && b === s.view.b)
+    || !samePose(poses[a].T, poses[b].T));
   const [a, b] = unlike ?? pairs[0] ?? [Object.keys(poses)[0], undefined];
   return { a: named(a) || null, b: named(b) || null, same: Boolean(a && b && samePose(poses[a]?.T, poses[b]?.T)) };
 }
@@ -266,6 +285,7 @@ let target = null; // the iteration that a link names, while its rows are yet to
 let pinned = false; // a link's iteration is shown: rows that come do not move the view
 let timer = null;
 
+const isKnown = () => state.runs.has(state.view.branch);
 const known = () => runOf(state).rows.length;
 const atEnd = () => state.view.k >= known();
 const computes = () => state.running.branch != null;
@@ -280,13 +300,16 @@ export function seek(k) {
 }
 
 export function step() {
+  if (!isKnown()) return undefined;
   stopReplay();
   if (state.view.stage) return setView({ stage: null, moment: null });
   if (!atEnd()) return setView({ k: state.view.k + 1, ...ofIteration });
   if (!runOf(state).over && !computes()) send({ verb: "step", branch: state.view.branch });
+  return undefined;
 }
 
 export function stepStage() {
+  if (!isKnown()) return undefined;
   stopReplay();
   const { k, stage } = state.view;
   const names = (runOf(state).rows[k - 1]?.stages ?? []).map((one) => one.name);
@@ -299,6 +322,7 @@ export function stepStage() {
   if (runOf(state).over) return setView({ stage: null });
   stageNext = true;
   if (!computes()) send({ verb: "step", branch: state.view.branch });
+  return undefined;
 }
 
 export function back() {
@@ -311,11 +335,13 @@ export function back() {
 }
 
 export function run(until = "end") {
+  if (!isKnown()) return undefined;
   stopReplay();
   const r = runOf(state);
   if (r.over) return replay();
   setView({ k: known(), ...ofIteration });
   send({ verb: "run", branch: state.view.branch, until });
+  return undefined;
 }
 
 export function pause() {

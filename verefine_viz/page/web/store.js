@@ -112,32 +112,42 @@ export function connect() {
 // Answers of the server to what views ask for, the latest used last.
 
 const MOST_ANSWERS = 400;
-const known = new Map(); // id → { answer, asked }
+const known = new Map(); // what is asked, as JSON → { id, slot, answer }
+const asked = new Map(); // slot → what was asked for last, as JSON
+const waiting = new Map(); // id → what it asks for, as JSON: ids are short, poses are not
+let wants = 0;
 
 on("answer", (message) => {
-  const entry = known.get(message.id) ?? {};
-  known.set(message.id, { ...entry, answer: message });
+  const key = waiting.get(message.id) ?? message.id; // of `evaluate` the id itself
+  waiting.delete(message.id);
+  known.set(key, { ...known.get(key), answer: message });
 });
 
 export function forgetAnswers() {
   known.clear();
+  asked.clear();
+  waiting.clear();
 }
 
 // The answer to a want, or undefined; asked for once. `slot`: of the wants of one slot the server answers the latest.
 export function want(of, slot = "") {
-  const id = JSON.stringify(of);
-  let entry = known.get(id);
-  if (!entry || (!entry.answer && entry.slot && asked.get(entry.slot) !== id)) {
-    entry = { slot };
-    if (!send({ verb: "want", id, slot, of })) return undefined;
-    asked.set(slot, id);
+  const key = JSON.stringify(of);
+  let entry = known.get(key);
+  if (!entry || (!entry.answer && entry.slot && asked.get(entry.slot) !== key)) {
+    entry = { id: entry?.id ?? `want ${++wants}`, slot };
+    if (!send({ verb: "want", id: entry.id, slot, of })) return undefined;
+    asked.set(slot, key);
+    waiting.set(entry.id, key);
   }
-  known.delete(id);
-  known.set(id, entry); // used last
-  if (known.size > MOST_ANSWERS) known.delete(known.keys().next().value);
+  known.delete(key);
+  known.set(key, entry); // used last
+  if (known.size > MOST_ANSWERS) {
+    const [dropped, { id }] = known.entries().next().value;
+    known.delete(dropped);
+    waiting.delete(id);
+  }
   return entry.answer;
 }
-const asked = new Map(); // slot → id of the want asked for last
 
 // An answer that was asked for by another verb than `want`, or undefined.
 export const answerTo = (id) => known.get(id)?.answer;
@@ -146,20 +156,24 @@ export function useWant(of, slot = "") {
   return useStore(() => (of ? want(of, slot) : undefined));
 }
 
+// The server no longer has what an answer names: it is asked for again when it is next needed.
+export function forget(answer) {
+  for (const [key, entry] of known) if (entry.answer === answer) known.delete(key);
+}
+
 // Binary arrays that messages name.
 
 const MOST_BLOBS = 60;
-const blobs = new Map();
+const blobs = new Map(); // key → { buffer, isGone }
 export function blob(key) {
   let entry = blobs.get(key);
   if (!entry) {
-    entry = { buffer: null };
+    entry = { buffer: null, isGone: false };
     blobs.set(key, entry);
     fetch(`/blob/${key}`)
       .then((reply) => (reply.ok ? reply.arrayBuffer() : null))
       .then((buffer) => {
-        if (buffer) entry.buffer = buffer;
-        else blobs.delete(key);
+        Object.assign(entry, { buffer, isGone: !buffer });
         changed();
       })
       .catch(() => blobs.delete(key));
@@ -171,14 +185,21 @@ export function blob(key) {
   return entry.buffer;
 }
 
-const TYPES = { float32: Float32Array, uint8: Uint8Array, int32: Int32Array, uint16: Uint16Array, float64: Float64Array };
+const TYPES = {
+  float32: Float32Array, uint8: Uint8Array, int32: Int32Array, uint16: Uint16Array, float64: Float64Array,
+};
+const unpacked = new WeakMap(); // buffer → arrays by name: they go when the blob does
 // The arrays of an answer by name, or null until they are there.
 export function arraysOf(answer) {
   const buffer = answer?.blob ? blob(answer.blob) : null;
-  if (!buffer) return null;
-  if (answer.unpacked?.buffer === buffer) return answer.unpacked.arrays;
-  const arrays = {};
-  for (const [name, type, offset, length] of answer.arrays) arrays[name] = new TYPES[type](buffer, offset, length);
-  answer.unpacked = { buffer, arrays };
-  return arrays;
+  if (!buffer) {
+    if (blobs.get(answer?.blob)?.isGone) forget(answer);
+    return null;
+  }
+  if (!unpacked.has(buffer)) {
+    const arrays = {};
+    for (const [name, type, offset, length] of answer.arrays) arrays[name] = new TYPES[type](buffer, offset, length);
+    unpacked.set(buffer, arrays);
+  }
+  return unpacked.get(buffer);
 }

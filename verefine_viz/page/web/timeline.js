@@ -1,8 +1,9 @@
 // The timeline: the run's only controls, its marks, lanes of objects or hypotheses, and the curve of scores.
 import { html, useEffect, useRef, useState, useMemo } from "./vendor/htm-preact.js";
 import { state, useStore, setView, update, send } from "./store.js";
-import { armColor, back, isBusy, momentOf, pause, ranksOf, rampColor, rowsOf, run, runOf, seek, STAGE_COLORS, step, stepStage, toNextEvent, TONES } from "./moment.js";
-import { Bar, Button, IconButton, Menu, number, Select, Swatch, Toggle } from "./ui.js";
+import { armColor, back, isBusy, momentOf, pause, ranksOf, rampColor, rowsOf, run, runOf, seek, sourceOf,
+  STAGE_COLORS, step, stepStage, toNextEvent, TONES } from "./moment.js";
+import { Button, IconButton, Menu, number, Select, Swatch, Toggle } from "./ui.js";
 import { titled } from "./keys.js";
 import { remember } from "./layout.js";
 
@@ -28,18 +29,22 @@ function Controls() {
     </div>
     <div class="group">
       ${busy
-        ? html`<${Button} icon="pause" kind="primary run" title=${titled("run", "Pause after the iteration at hand")} onClick=${pause}>Pause<//>`
+        ? html`<${Button} icon="pause" kind="primary run" title=${titled("run", "Pause after the iteration at hand")}
+          onClick=${pause}>Pause<//>`
         : html`<${Button} icon="run" kind="primary run" onClick=${() => run()}
-            title=${titled("run", over ? "Replay the finished run" : "Compute to the end")}>${over ? "Replay" : "Run"}<//>`}
+            title=${titled("run", over ? "Replay the finished run" : "Compute to the end")}>
+            ${over ? "Replay" : "Run"}<//>`}
       <${IconButton} icon="prevEvent" title=${titled("event-back")} onClick=${() => toNextEvent(-1)} />
       <${IconButton} icon="event" title=${titled("event")} onClick=${() => toNextEvent(1)} />
       <${Breakpoints} stops=${stops} />
     </div>
-    <span class="place" title=${isAnswer ? "the run is over: its answer is shown" : "the iteration that is shown, of all of the run"}>
+    <span class="place" title=${isAnswer
+      ? "the run is over: its answer is shown" : "the iteration that is shown, of all of the run"}>
       <b>${k}</b><span class="dim"> of ${total}${done < total ? ` · ${done} made` : ""}</span>
     </span>
     <span class="where">${isAnswer
-      ? html`answer · <button type="button" class="link" title="all stages of the last iteration" onClick=${(e) => {
+      ? html`<button type="button" class="link"
+        title="The answer is shown. The last iteration may have tried another pose: show it" onClick=${(e) => {
           e.currentTarget.blur();
           setView({ stage: moment.run.rows.at(-1).stages.at(-1).name, obj: moment.run.rows.at(-1).obj });
         }}>last iteration</button>`
@@ -47,11 +52,14 @@ function Controls() {
         ? html`<${StageDots} stages=${stages} stage=${stage} accepted=${row.accepted} />`
         : k === 0 ? "initial poses" : `latest of ${moment.object.label}: ${row ? row.k : "none"}`}</span>
     <span class="spring" />
-    ${running.branch != null && running.remaining_s != null && html`<span class="dim">${Math.ceil(running.remaining_s)} s left</span>`}
+    ${running.branch != null && running.remaining_s != null && html`<span
+      class="dim">${Math.ceil(running.remaining_s)} s left</span>`}
     <${Marks} />
-    ${over && html`<span class="tone" title="green frame: the iteration that made the answer"><i class="ring" /></span>`}
+    ${over && html`<span class="tone" title="green frame: the iteration that made the answer"><i
+      class="ring" /></span>`}
     <${Legend} />
-    <${Select} value=${String(speed)} title="iterations a second of a replay" onChange=${(v) => remember({ speed: Number(v) })}
+    <${Select} value=${String(speed)} title="iterations a second of a replay"
+      onChange=${(v) => remember({ speed: Number(v) })}
       options=${["2", "4", "8", "16", "30", "60"].map((v) => [v, `${v}/s`])} />
   </div>`;
 }
@@ -59,9 +67,12 @@ function Controls() {
 const StageDots = ({ stages, stage, accepted }) => {
   const at = stage == null ? stages.length - 1 : stages.indexOf(stage);
   return html`<span class="stages">${stages.map((name, i) => html`
-    <button type="button" class=${`stage ${i <= at ? "on" : ""}`} title=${`${name}${name === accepted ? ", accepted" : ""} (S: next stage)`}
-      onClick=${(e) => { e.currentTarget.blur(); setView({ stage: i === stages.length - 1 && stage != null && at === i ? null : name, moment: null }); }}>
-      <${Swatch} color=${STAGE_COLORS[name]} hollow=${i > at} />${i === at ? name : ""}${name === accepted && i <= at ? " ✓" : ""}
+    <button type="button" class=${`dot ${i <= at ? "on" : ""}`}
+      title=${`${name}${name === accepted ? ", accepted" : ""} (S: next stage)`}
+      onClick=${(e) => { e.currentTarget.blur(); setView({ stage: i === stages.length - 1 && stage != null && at === i
+        ? null : name, moment: null }); }}>
+      <${Swatch} color=${STAGE_COLORS[name]}
+        hollow=${i > at} />${i === at ? name : ""}${name === accepted && i <= at ? " ✓" : ""}
     </button>`)}</span>`;
 };
 
@@ -92,16 +103,18 @@ function Breakpoints({ stops }) {
     <div class="form"><h3>A run stops when</h3>${STOPS.map(([name, w, offered, unit]) => {
       const value = values[name];
       const on = value != null && value !== false;
-      return html`<div class="row"><${Toggle} value=${on} onChange=${(v) => change(name, offered == null ? v : v ? offered : null)}>${w}<//>
+      return html`<div class="row"><${Toggle} value=${on}
+        onChange=${(v) => change(name, offered == null ? v : v ? offered : null)}>${w}<//>
         ${offered != null && html`<input type="number" step="any" disabled=${!on} value=${on ? value : offered}
-          onChange=${(e) => e.currentTarget.value && change(name, Number(e.currentTarget.value))} /><span class="dim">${unit}</span>`}</div>`;
+          onChange=${(e) => e.currentTarget.value && change(name, Number(e.currentTarget.value))} /><span
+            class="dim">${unit}</span>`}</div>`;
     })}</div>
   <//>`;
 }
 
 // The tones of the run's marks: how many, and whether they are drawn.
 function Marks() {
-  const [marks, hidden] = useStore((s) => [runOf(s).marks, s.hiddenTones]);
+  const [marks, hidden] = useStore((s) => [runOf(s).marks, hiddenOf(s)]);
   const counts = {};
   for (const m of marks) counts[m.tone] = (counts[m.tone] ?? 0) + 1;
   const toggle = (tone) => {
@@ -109,16 +122,27 @@ function Marks() {
     if (!next.delete(tone)) next.add(tone);
     update({ hiddenTones: next });
   };
-  return html`<span class="tones">${Object.entries(TONES).filter(([tone]) => counts[tone]).map(([tone, { words, color, shape }]) => html`
-    <button type="button" class=${`tone ${hidden?.has(tone) ? "off" : ""}`} title=${`${counts[tone]} × ${words}; click: hide or show`}
+  const present = Object.entries(TONES).filter(([tone]) => counts[tone]);
+  return html`<span class="tones">${present.map(([tone, { words, color, shape }]) => html`
+    <button type="button" class=${`tone ${hidden.has(tone) ? "off" : ""}`}
+      title=${`${counts[tone]} × ${words}; click: hide or show`}
       onClick=${(e) => { e.currentTarget.blur(); toggle(tone); }}>
       <svg viewBox="-6 -6 12 12"><path d=${SHAPES[shape]} fill=${color} /></svg>${counts[tone]}
     </button>`)}</span>`;
 }
-state.hiddenTones = new Set();
+// Where another hypothesis is chosen nearly every time, that is no event.
+const NONE = new Set();
+const SWITCHED = new Set(["switched"]);
+state.hiddenTones = null; // until tones are chosen
+function hiddenOf(s) {
+  if (s.hiddenTones) return s.hiddenTones;
+  const { marks, rows } = runOf(s);
+  return marks.filter((m) => m.tone === "switched").length > rows.length / 2 ? SWITCHED : NONE;
+}
 
 const SHAPES = {
-  down: "M-5-4h10L0 5z", up: "M-4 3.5h8L0-4z", square: "M-4-4h8v8h-8z", circle: "M0-4.5a4.5 4.5 0 1 0 .01 0z", bar: "M-1.5-5h3v10h-3z",
+  down: "M-5-4h10L0 5z", up: "M-4 3.5h8L0-4z", square: "M-4-4h8v8h-8z", circle: "M0-4.5a4.5 4.5 0 1 0 .01 0z",
+    bar: "M-1.5-5h3v10h-3z",
   cross: "M-5-3 -3-5 0-2 3-5 5-3 2 0 5 3 3 5 0 2 -3 5 -5 3 -2 0z",
 };
 const PATHS = {};
@@ -129,25 +153,44 @@ function Legend() {
   const [moment, arm, by] = useStore((s) => [momentOf(s), s.view.arm, s.colorBy]);
   if (!moment) return null;
   const order = ranksOf(moment, by);
-  const list = moment.arms.map((a, j) => ({ ...a, j, source: moment.object.arms[j]?.source ?? "" }))
+  const scale = scaleOf(moment.run, by);
+  const list = moment.arms.map((a, j) => ({ ...a, j, source: sourceOf(moment.object, j) }))
     .filter((a) => `hypothesis ${a.j + 1} ${a.source}`.includes(text.toLowerCase()))
     .sort((a, b) => order[a.j] - order[b.j]);
-  return html`<${Menu} icon="list" align="right" title="Hypotheses: what colours say, scores, filter" label="Hypotheses">
+  return html`<${Menu} icon="list" align="right" title="Hypotheses: what colours say, scores, filter"
+    label="Hypotheses">
     <div class="arms"><h3>${moment.arms.length} hypotheses of ${moment.object.label}</h3>
-      <div class="row"><${Select} value=${by} label="colour" title="what the colours on the timeline say" onChange=${(v) => remember({ colorBy: v })}
-        options=${[["score", "score of the pose"], ["rank", "rank of the hypothesis"], ["error", "error of the pose"]]} />
-        <span class="ramp">${[0, 0.25, 0.5, 0.75, 1].map((t) => html`<i style=${{ background: rampColor(t) }} />`)}</span><span class="dim">good</span></div>
+      <div class="row"><${Select} value=${by} label="colour" title="what the colours on the timeline say"
+        onChange=${(v) => remember({ colorBy: v })}
+        options=${[["score", "score of the pose"], ["rank", "rank of the hypothesis"],
+          ["error", "error of the pose"]]} />
+        <span class="ramp">${[0, 0.25, 0.5, 0.75, 1].map((t) => html`<i
+          style=${{ background: rampColor(t) }} />`)}</span><span class="dim">good</span></div>
       <input placeholder="filter" value=${text} onInput=${(e) => setText(e.currentTarget.value)} />
-      <div class="scroll"><table class="table"><thead><tr><th class="left">hypothesis</th><th>plays</th><th>score</th><th>mm</th></tr></thead>
+      <div class="scroll"><table class="table"><thead><tr><th
+        class="left">hypothesis</th><th>plays</th><th>score</th><th>mm</th></tr></thead>
       <tbody>${list.map((a) => html`<tr key=${a.j} class=${`clickable ${arm === a.j ? "current" : ""}`}
         onClick=${() => setView({ arm: arm === a.j ? null : a.j })}>
-        <td class="left"><${Swatch} color=${cellColor(by, moment, a)} /> ${a.j + 1} <span class="dim">${a.source}</span></td>
-        <td>${number(a.plays, 0)}</td><td>${number(a.score, 3)}</td><td>${number(a.err, 1)}</td></tr>`)}</tbody></table></div>
+        <td class="left"><${Swatch}
+          color=${by === "rank" ? armColor(moment, a.j) : rampColor(scale(a))} /> ${a.j + 1} <span
+            class="dim">${a.source}</span></td>
+        <td>${number(a.plays, 0)}</td><td>${number(a.score, 3)}</td><td>${number(a.err, 1)}</td></tr>`)}
+      </tbody></table></div>
     </div>
   <//>`;
 }
-const cellColor = (by, moment, a) =>
-  by === "rank" || moment.arms.length < 2 ? armColor(moment, a.j) : rampColor(by === "error" ? 1 - (a.err ?? 60) / 60 : a.score ?? 0);
+// Numbers to shares of the ramp, good = 1: the run's lowest and highest score or error are its ends.
+function scaleOf({ rows }, by) {
+  const of = (s) => (by === "error" ? s?.err : s?.score);
+  const known = rows.map((row) => of(row.stages.find((s) => s.name === row.accepted))).filter((x) => x != null);
+  const low = Math.min(...known);
+  const span = Math.max(...known) - low || 1;
+  return (pose) => {
+    const value = of(pose);
+    if (value == null || !known.length) return 0.5;
+    return by === "error" ? 1 - (value - low) / span : (value - low) / span;
+  };
+}
 
 // The strip: what is drawn is worked out once for a run and drawn once for a size; the cursor is an element that moves.
 
@@ -160,28 +203,25 @@ function modelOf(frame, runData, obj, by, hidden, arm) {
   for (const row of rows) last.set(row.obj, row);
   const ranks = new Map();
   for (const [id, row] of last) {
-    const order = row.arms.map((a, j) => j).sort((i, j) => (row.arms[j].score ?? 0) - (row.arms[i].score ?? 0) || i - j);
+    const order = row.arms.map((a, j) => j)
+      .sort((i, j) => (row.arms[j].score ?? 0) - (row.arms[i].score ?? 0) || i - j);
     const shares = [];
     order.forEach((j, r) => (shares[j] = order.length > 1 ? 1 - r / (order.length - 1) : 1));
     ranks.set(id, shares);
   }
   const accepted = rows.map((row) => row.stages.find((s) => s.name === row.accepted) ?? {});
-  const known = (by === "error" ? accepted.map((s) => s.err) : accepted.map((s) => s.score)).filter((x) => x != null);
-  const low = Math.min(...known);
-  const span = Math.max(...known) - low || 1;
-  const share = (row, stage) => {
-    if (by === "rank") return ranks.get(row.obj)[row.arm];
-    const value = by === "error" ? stage.err : stage.score;
-    if (value == null) return 0.5;
-    return by === "error" ? 1 - (value - low) / span : (value - low) / span;
-  };
+  const scale = scaleOf(runData, by);
+  const share = (row, stage) => (by === "rank" ? ranks.get(row.obj)[row.arm] : scale(stage));
   const cells = rows.map((row, i) => ({
     k: row.k, obj: row.obj, arm: row.arm, share: share(row, accepted[i]), score: accepted[i].score,
     faint: (focus != null && row.obj !== focus) || (arm != null && row.arm !== arm),
   }));
-  const lanes = several
+  // Several objects have a lane each; once one is chosen its hypotheses have, below a band in the objects' colours.
+  const chosen = objects.find((o) => o.id === focus);
+  const lanes = !chosen
     ? objects.map((o) => ({ name: o.label, color: o.color, has: (c) => c.obj === o.id, id: o.id }))
-    : (objects[0]?.arms ?? []).map((a, j) => ({ name: `${j + 1}`, has: (c) => c.arm === j, arm: j }));
+    : chosen.arms.map((a, j) => ({ name: `hyp. ${j + 1}`, has: (c) => c.obj === chosen.id && c.arm === j, arm: j }));
+  const band = several && chosen ? new Map(objects.map((o) => [o.id, o.color])) : null;
   const marks = runData.marks.filter((m) => !hidden.has(m.tone));
   const curves = objects.filter((o) => focus == null || o.id === focus).map((o) => ({
     color: several ? o.color : STAGE_COLORS.best,
@@ -189,8 +229,10 @@ function modelOf(frame, runData, obj, by, hidden, arm) {
     first: Math.max(...(runData.start?.[o.id] ?? o.arms).map((a) => a.score ?? 0)),
   }));
   const dots = focus == null ? [] : cells.filter((c) => c.obj === focus && c.score != null);
-  const answers = runData.over ? [...last.values()].map(({ obj: id, best }) => ({ obj: id, ...best })).filter((b) => b.k) : [];
-  return { answers, total: Math.max(total, rows.length, 1), done: rows.length, cells, lanes, marks, curves, dots, several, focus };
+  const answers = runData.over ? [...last.values()].map(({ obj: id, best }) => ({ obj: id, ...best }))
+    .filter((b) => b.k) : [];
+  return { answers, band, chosen, total: Math.max(total, rows.length, 1), done: rows.length, cells, lanes, marks,
+    curves, dots, several, focus };
 }
 
 function Strip() {
@@ -199,9 +241,10 @@ function Strip() {
   const [size, setSize] = useState(null);
   const [hover, setHover] = useState(null);
   const [frame, runData, obj, by, hidden, arm, theme] = useStore((s) => [
-    s.frame, runOf(s), s.view.obj, s.colorBy, s.hiddenTones, s.view.arm, s.theme,
+    s.frame, runOf(s), s.view.obj, s.colorBy, hiddenOf(s), s.view.arm, s.theme,
   ]);
-  const model = useMemo(() => frame && modelOf(frame, runData, obj, by, hidden, arm), [frame, runData, obj, by, hidden, arm]);
+  const model = useMemo(() => frame && modelOf(frame, runData, obj, by, hidden, arm),
+    [frame, runData, obj, by, hidden, arm]);
   useEffect(() => {
     const measure = () => {
       const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
@@ -246,7 +289,8 @@ function Strip() {
     else setHover({ k: kAt(e), x: e.clientX - box.left, y: e.clientY - box.top });
   };
   const name = (id) => frame.objects.find((o) => o.id === id)?.label ?? "";
-  return html`<div class="strip" ref=${host} onPointerDown=${down} onPointerMove=${move} onPointerLeave=${() => setHover(null)}>
+  return html`<div class="strip" ref=${host} onPointerDown=${down} onPointerMove=${move}
+    onPointerLeave=${() => setHover(null)}>
     <canvas ref=${canvas} />
     ${place && html`<${Cursor} place=${place} />`}
     ${place && hover && hover.k > 0 && html`<${Hint} hover=${hover} row=${runData.rows[hover.k - 1]} k=${hover.k}
@@ -261,13 +305,16 @@ function Cursor({ place }) {
 }
 
 function Hint({ hover, row, k, marks, name, width }) {
-  if (!row) return html`<div class="hint" style=${{ left: `${hover.x}px`, top: "0" }}>iteration ${k}: not computed yet</div>`;
+  if (!row) return html`<div class="hint"
+    style=${{ left: `${hover.x}px`, top: "0" }}>iteration ${k}: not computed yet</div>`;
   const side = hover.x > width / 2 ? { right: `${width - hover.x + 12}px` } : { left: `${hover.x + 12}px` };
   const stage = row.stages.find((s) => s.name === row.accepted);
+  const error = stage?.err != null ? ` · ${number(stage.err, 1)} mm` : "";
   return html`<div class="hint" style=${{ ...side, bottom: "0.5rem" }}>
     <b>iteration ${k}</b>${name && html` · ${name(row.obj)}`} · hypothesis ${row.arm + 1}
-    <div>${row.accepted} accepted · score ${number(stage?.score, 3)}${stage?.err != null ? ` · ${number(stage.err, 1)} mm` : ""}</div>
-    ${marks.map((m) => html`<div class="mark"><svg viewBox="-6 -6 12 12"><path d=${SHAPES[TONES[m.tone]?.shape ?? "circle"]}
+    <div>${row.accepted} accepted · score ${number(stage?.score, 3)}${error}</div>
+    ${marks.map((m) => html`<div class="mark"><svg viewBox="-6 -6 12 12"><path
+      d=${SHAPES[TONES[m.tone]?.shape ?? "circle"]}
       fill=${TONES[m.tone]?.color ?? "currentColor"} /></svg>${m.text}</div>`)}
   </div>`;
 }
@@ -278,22 +325,23 @@ const MARK_ROWS = [["problem"], ["rejected", "flip", "edited"], ["switched", "be
 function placeOf(model, [w, h, rem, ratio]) {
   const longest = Math.max(...model.lanes.map((l) => l.name.length), 6);
   const left = Math.round(Math.min(rem * 10, rem * (1.4 + 0.5 * longest)) + (model.several ? rem : 0));
+  const band = model.band ? Math.round(rem * 0.6) : 0;
   const right = Math.round(rem * 2.6);
   const marksTop = Math.round(rem * 0.9);
   const groups = MARK_ROWS.filter((tones) => model.marks.some((m) => tones.includes(m.tone)));
   const mark = Math.round(rem * 0.8);
-  const marks = groups.length * mark + Math.round(rem * 0.25);
+  const marks = groups.length * mark + Math.round(rem * 0.25) + band;
   const axis = Math.round(rem * 1.15);
   const room = Math.max(0, h - marksTop - marks - axis);
   const n = Math.max(model.lanes.length, 1);
-  const most = room * 0.52;
+  const most = room * (model.several && !model.chosen ? 0.6 : 0.52);
   const strip = most / n < rem * 0.5;
   const lane = strip ? Math.min(rem * 1.3, room * 0.35) : Math.min(most / n, rem * 1.3);
   const lanesTop = marksTop + marks;
   const lanes = strip ? lane : lane * n;
   const curveTop = lanesTop + lanes + rem * 0.5;
   return {
-    w, h, rem, ratio, left, right, marksTop, mark, groups, lanesTop, lane, lanes, strip, curveTop,
+    w, h, rem, ratio, left, right, marksTop, mark, groups, band, lanesTop, lane, lanes, strip, curveTop,
     curveBottom: h - axis - rem * 0.2, cell: (w - left - right) / model.total,
   };
 }
@@ -319,29 +367,38 @@ function draw(canvas, model, p) {
     const top = p.lanesTop + i * p.lane;
     ctx.fillStyle = line;
     ctx.fillRect(left, Math.round(top + p.lane) - 1, right - left, 1);
-    font(0.86);
+    font(lane.color ? Math.min(0.86, p.lane / rem) : 0.86);
     ctx.textAlign = "left";
-    ctx.fillStyle = lane.id === model.focus && model.several ? text : dim;
-    if (p.strip) return ctx.fillText(model.several ? `${model.lanes.length} objects` : `${model.lanes.length} hyp.`, rem * 0.7, top + p.lane / 2);
+    ctx.fillStyle = dim;
+    if (p.strip) {
+      return ctx.fillText(`${model.lanes.length} ${model.chosen ? "hyp." : "objects"}`, rem * 0.7, top + p.lane / 2);
+    }
     let from = rem * 0.7;
     if (lane.color) {
       ctx.fillStyle = lane.color;
       ctx.fillRect(from, top + p.lane / 2 - rem * 0.28, rem * 0.56, rem * 0.56);
       from += rem * 0.9;
-      ctx.fillStyle = lane.id === model.focus ? text : dim;
+      ctx.fillStyle = text;
     }
-    if (p.lane >= rem * 0.8 || i % 2 === 0) {
+    if (lane.color || p.lane >= rem * 0.8 || i % 2 === 0) {
       ctx.save();
       ctx.beginPath();
-      ctx.rect(0, top, left - rem * 0.5, p.lane);
+      ctx.rect(0, top - p.lane, left - rem * 0.5, 3 * p.lane);
       ctx.clip();
-      ctx.fillText(lane.color ? lane.name : `hyp. ${lane.name}`, from, top + p.lane / 2);
+      ctx.fillText(lane.name, from, top + p.lane / 2);
       ctx.restore();
     }
     return undefined;
   });
   const colors = model.lanes.find((l) => l.color) && p.strip;
+  if (model.band) {
+    for (const c of model.cells) {
+      ctx.fillStyle = model.band.get(c.obj);
+      ctx.fillRect(x(c.k) - cell / 2, p.lanesTop - p.band, cell + 0.3, p.band - 2);
+    }
+  }
   for (const c of model.cells) {
+    if (model.chosen && c.obj !== model.chosen.id) continue;
     const i = p.strip ? 0 : model.lanes.findIndex((l) => l.has(c));
     if (i < 0) continue;
     ctx.globalAlpha = c.faint ? 0.22 : 1;
@@ -352,12 +409,14 @@ function draw(canvas, model, p) {
   ctx.strokeStyle = STAGE_COLORS.best;
   ctx.lineWidth = Math.max(2, rem * 0.14);
   for (const c of model.answers) {
+    if (model.chosen && c.obj !== model.chosen.id) continue;
     const i = p.strip ? 0 : model.lanes.findIndex((l) => l.has(c));
     ctx.strokeRect(x(c.k) - Math.max(cell, 5) / 2, p.lanesTop + i * p.lane + 0.5, Math.max(cell, 5), p.lane - 1.5);
   }
 
   // The curve: the best so far as steps, accepted poses as points.
-  const values = [...model.dots.map((d) => d.score), ...model.curves.flatMap((c) => [c.first, ...c.points.map((q) => q[1])])]
+  const values = [...model.dots.map((d) => d.score),
+    ...model.curves.flatMap((c) => [c.first, ...c.points.map((q) => q[1])])]
     .filter((v) => v != null);
   const [top, bottom] = [p.curveTop, p.curveBottom];
   if (bottom - top > rem && values.length) {

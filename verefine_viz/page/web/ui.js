@@ -1,6 +1,6 @@
 // A small kit: what several panes need of buttons, menus, tables and icons.
 import { html, useState, useEffect, useRef } from "./vendor/htm-preact.js";
-import { useStore, update, state } from "./store.js";
+import { useStore, setView, state } from "./store.js";
 
 // Icons are 16×16 outlines, drawn in the colour of the text.
 const ICONS = {
@@ -12,7 +12,8 @@ const ICONS = {
   event: ["M3 4 7.5 8 3 12z", "M9 4l4.5 4L9 12z"],
   prevEvent: ["M13 4 8.5 8l4.5 4z", "M7 4 2.5 8 7 12z"],
   chain: ["M7 9.5a3 3 0 0 0 4.2 0l2-2a3 3 0 0 0-4.2-4.2l-1 1", "M9 6.5a3 3 0 0 0-4.2 0l-2 2a3 3 0 0 0 4.2 4.2l1-1"],
-  sun: ["M8 5a3 3 0 1 0 0 6 3 3 0 0 0 0-6z", "M8 1v1.5M8 13.5V15M1 8h1.5M13.5 8H15M3 3l1 1M12 12l1 1M13 3l-1 1M4 12l-1 1"],
+  sun: ["M8 5a3 3 0 1 0 0 6 3 3 0 0 0 0-6z",
+    "M8 1v1.5M8 13.5V15M1 8h1.5M13.5 8H15M3 3l1 1M12 12l1 1M13 3l-1 1M4 12l-1 1"],
   moon: ["M13 9.6A5.5 5.5 0 0 1 6.4 3 5.5 5.5 0 1 0 13 9.6z"],
   help: ["M6 6a2 2 0 1 1 2.6 1.9c-.5.2-.6.6-.6 1.3", "M8 11.6v.4"],
   fill: ["M2.5 6V2.5H6M10 2.5h3.5V6M13.5 10v3.5H10M6 13.5H2.5V10"],
@@ -57,7 +58,8 @@ export const Select = ({ value, options, onChange, title, label }) => html`
 
 export const Toggle = ({ value, onChange, title, children }) => html`
   <label class="toggle" title=${title}>
-    <input type="checkbox" checked=${value} onChange=${(e) => { e.currentTarget.blur(); onChange(e.currentTarget.checked); }} />
+    <input type="checkbox" checked=${value}
+      onChange=${(e) => { e.currentTarget.blur(); onChange(e.currentTarget.checked); }} />
     <span>${children}</span>
   </label>`;
 
@@ -66,13 +68,15 @@ export const Swatch = ({ color, hollow }) => html`
 
 // A share of 0 to 1 as a bar.
 export const Bar = ({ share, color, title }) => html`
-  <span class="bar" title=${title}><i style=${{ width: `${100 * Math.max(0, Math.min(1, share ?? 0))}%`, background: color }} /></span>`;
+  <span class="bar" title=${title}><i
+    style=${{ width: `${100 * Math.max(0, Math.min(1, share ?? 0))}%`, background: color }} /></span>`;
 
 // Parts of a whole, beside each other: [[words, number, colour]].
 export const Parts = ({ parts }) => {
   const sum = parts.reduce((n, [, x]) => n + x, 0) || 1;
   return html`<span class="parts">${parts.filter(([, x]) => x > 0).map(([words, x, color]) => html`
-    <i style=${{ width: `${(100 * x) / sum}%`, background: color }} title=${`${words}: ${x} (${((100 * x) / sum).toFixed(0)} %)`} />`)}</span>`;
+    <i style=${{ width: `${(100 * x) / sum}%`, background: color }}
+      title=${`${words}: ${x} (${((100 * x) / sum).toFixed(0)} %)`} />`)}</span>`;
 };
 
 export const number = (x, digits = 2) => (x == null || !Number.isFinite(x) ? "–" : x.toFixed(digits));
@@ -80,7 +84,8 @@ export const number = (x, digits = 2) => (x == null || !Number.isFinite(x) ? "�
 // columns: [{ title, hint, of(row, i) → cell, left }]; a row is clicked.
 export const Table = ({ columns, rows, onRow, current, keyOf = (r, i) => i }) => html`
   <table class="table">
-    <thead><tr>${columns.map((c) => html`<th class=${c.left ? "left" : ""} title=${c.hint}>${c.title}</th>`)}</tr></thead>
+    <thead><tr>${columns.map((c) => html`<th class=${c.left ? "left" : ""}
+      title=${c.hint}>${c.title}</th>`)}</tr></thead>
     <tbody>${rows.map((row, i) => html`
       <tr key=${keyOf(row, i)} class=${`${onRow ? "clickable" : ""} ${current?.(row, i) ? "current" : ""}`}
         onClick=${onRow && (() => onRow(row, i))}>
@@ -112,7 +117,8 @@ export function Menu({ label, title, icon, kind = "", align = "left", children }
   }, [open]);
   const close = () => setOpen(false);
   return html`<div class="menu" ref=${root}>
-    <${Button} kind=${kind} title=${title} icon=${icon} on=${open || undefined} onClick=${() => setOpen(!open)}>${label}<//>
+    <${Button} kind=${kind} title=${title} icon=${icon} on=${open || undefined}
+      onClick=${() => setOpen(!open)}>${label}<//>
     ${open && html`<div class=${`popup ${align}`}>${typeof children === "function" ? children(close) : children}</div>`}
   </div>`;
 }
@@ -134,7 +140,8 @@ export function Tabs({ tabs, value, onChange }) {
       const all = widths.reduce((a, b) => a + b, 0);
       const more = parseFloat(getComputedStyle(document.documentElement).fontSize) * 2.6;
       let n = 0;
-      for (let sum = 0; n < widths.length && sum + widths[n] <= (all <= room ? room : room - more); n++) sum += widths[n];
+      for (let sum = 0; n < widths.length
+        && sum + widths[n] <= (all <= room ? room : room - more); n++) sum += widths[n];
       setFits(n);
     };
     const observer = new ResizeObserver(measure);
@@ -144,7 +151,8 @@ export function Tabs({ tabs, value, onChange }) {
   }, [tabs.map((t) => t.title).join()]);
   const tab = (t, i) => html`
     <button type="button" role="tab" class=${`tab ${t.id === value ? "on" : ""} ${t.dim ? "empty" : ""}`} key=${t.id}
-      title=${t.hint} aria-selected=${String(t.id === value)} onClick=${clicked(() => onChange(t.id))}>${t.title}</button>`;
+      title=${t.hint} aria-selected=${String(t.id === value)}
+        onClick=${clicked(() => onChange(t.id))}>${t.title}</button>`;
   // The tab that is open is always in the row.
   const first = tabs.slice(0, fits);
   const at = tabs.findIndex((t) => t.id === value);
@@ -161,7 +169,7 @@ export function Tabs({ tabs, value, onChange }) {
 }
 
 // Drags a share of its parent's width or height; `invert`: what it sizes lies behind it.
-export function Splitter({ axis, share, onShare, invert, area, title }) {
+export function Splitter({ axis, share, onShare, invert, area }) {
   const start = (down) => {
     down.preventDefault();
     const bar = down.currentTarget;
@@ -180,31 +188,35 @@ export function Splitter({ axis, share, onShare, invert, area, title }) {
     bar.addEventListener("pointerup", up);
     bar.addEventListener("pointercancel", up);
   };
-  return html`<div class=${`splitter ${axis}`} style=${{ gridArea: area }} title=${title} onPointerDown=${start} />`;
+  return html`<div class=${`splitter ${axis} ${area}`} style=${{ gridArea: area }} onPointerDown=${start} />`;
 }
 
 export function Dialog({ title, onClose, children, wide }) {
   return html`<div class="veil" onPointerDown=${(e) => e.target === e.currentTarget && onClose()}>
     <section class=${`dialog ${wide ? "wide" : ""}`} role="dialog" aria-label=${title}>
-      ${title && html`<header><h2>${title}</h2><${IconButton} icon="close" title="close (Esc)" onClick=${onClose} /></header>`}
+      ${title && html`<header><h2>${title}</h2><${IconButton} icon="close" title="close (Esc)"
+        onClick=${onClose} /></header>`}
       ${children}
     </section>
   </div>`;
 }
 
-// The frame of a pane: its title fills the middle on a double click. tools: what stands beside the title.
+// The frame of a pane. A double click on its title fills the middle with it, and so does F while the pointer is over
+// it.
+// tools: what stands beside the title.
 export function Pane({ name, title, tools, children }) {
   const full = useStore((s) => s.view.full);
-  return html`<section class=${`pane ${name}`}>
-    <header onDblClick=${(e) => e.target.closest("button, select, input") || fillPane(name)} title="double click: fill the middle (F)">
+  return html`<section class=${`pane ${name}`} onPointerEnter=${() => (state.lastPane = name)}>
+    <header onDblClick=${(e) => e.target.closest("button, select, input") || fillPane(name)}
+      title="double click: fill the middle (F)">
       <h2>${title}</h2><div class="tools">${tools}</div>
-      <${IconButton} icon=${full === name ? "shrink" : "fill"} title=${full === name ? "all panes (F)" : "fill the middle (F)"}
+      <${IconButton} icon=${full === name ? "shrink" : "fill"} title=${full === name
+        ? "all panes (F)" : "fill the middle (F)"}
         onClick=${() => fillPane(name)} />
     </header>
     <div class="content">${children}</div>
   </section>`;
 }
 export function fillPane(name) {
-  state.view = { ...state.view, full: state.view.full === name ? null : name };
-  update({ lastPane: name });
+  setView({ full: state.view.full === name ? null : name });
 }

@@ -3,23 +3,28 @@ import { html, useState } from "./vendor/htm-preact.js";
 import { state, useStore, setView, send, update } from "./store.js";
 import { momentOf, seek, worstOf } from "./moment.js";
 import { Button, Icon, IconButton, Menu, MenuItem, number } from "./ui.js";
+import { Failures } from "./gallery.js";
 import { titled } from "./keys.js";
 import { copyLink } from "./messages.js";
 import { PRESETS, setPreset, switchTheme } from "./layout.js";
 
 const TONES = {
-  right: ["check", "Right"], wrong: ["cross", "Wrong"], doubt: ["warn", "Doubtful"], unknown: ["question", "No ground truth"],
+  right: ["check", "Right"], wrong: ["cross", "Wrong"], doubt: ["warn", "Doubtful"],
+    unknown: ["question", "No ground truth"],
   none: ["cross", "No pose"], going: ["dot", ""],
 };
-const LIMIT = "ADD(-S), the mean distance between the model at this pose and at the true one. A pose is right below 10 % of the diameter.";
+const LIMIT = "ADD(-S), the mean distance between the model at this pose and at the true one. "
+  + "A pose is right below 10 % of the diameter.";
 
 export function Verdict() {
   const [frame, moment, preset, theme] = useStore((s) => [s.frame, momentOf(s), s.view.preset, s.theme]);
   return html`<header class="verdict">
     <${Opener} frame=${frame} />
     ${moment ? html`<${Words} moment=${moment} />` : html`<span class="spring" />`}
+    <${Failures} />
     <nav class="presets" aria-label="Layout">${PRESETS.map((p) => html`
-      <${Button} on=${p.id === preset} title=${`${p.hint}${p.id === "gallery" ? " (G)" : ""}${p.id === preset ? "; click: sizes as designed" : ""}`}
+      <${Button} on=${p.id === preset}
+        title=${`${p.hint}${p.id === "gallery" ? " (G)" : ""}${p.id === preset ? "; click: sizes as designed" : ""}`}
         onClick=${() => setPreset(p.id)}>${p.title}<//>`)}</nav>
     <div class="group">
       <${IconButton} icon="chain" title="Copy a link to this frame, object and iteration" onClick=${copyLink} />
@@ -40,15 +45,22 @@ function Opener({ frame }) {
     ["Sessions", frame.sessions ?? [], (s) => ({ session: s.path }), (s) => s.path === frame.session_file],
   ].filter(([, list]) => list.length > 1 || (list.length && list !== frame.frames));
   // The file name of a session that shows a failure gives the diagnosis away.
-  const words = (one, i) => (typeof one === "string" ? one : /^failure/.test(one.title) ? `failure ${i + 1}` : one.title);
+  const words = (one, i) => {
+    if (typeof one === "string") return one;
+    return /^failure/.test(one.title) ? `failure ${i + 1}` : one.title;
+  };
+  const fits = ([, w]) => w.toLowerCase().includes(text.toLowerCase());
+  const detail = [frame.frame, frame.method_label, frame.refiner].filter(Boolean).join(" · ");
   return html`<div class="opener">
     <${Menu} kind="opener-button" title="Open another frame, demo or session" label=${html`
       <span class="two"><b>${frame.title}</b>
-      <span class="dim">${[frame.frame, frame.method_label, frame.refiner].filter(Boolean).join(" · ")}</span></span><${Icon} name="down" />`}>
-      ${(close) => html`<div class="open-list"><input placeholder="filter" value=${text} onInput=${(e) => setText(e.currentTarget.value)} />
+      <span class="dim">${detail}</span></span><${Icon} name="down" />`}>
+      ${(close) => html`<div class="open-list"><input placeholder="filter" value=${text}
+        onInput=${(e) => setText(e.currentTarget.value)} />
         <div class="scroll">${lists.map(([title, list, verb, on]) => html`<h3>${title}</h3>
-          ${list.map((one, i) => [one, words(one, i)]).filter(([, w]) => w.toLowerCase().includes(text.toLowerCase())).map(([one, w]) => html`
-            <${MenuItem} on=${on(one)} detail=${one.detail} onClick=${() => { close(); send({ verb: "open", ...verb(one) }); }}>${w}<//>`)}`)}
+          ${list.map((one, i) => [one, words(one, i)]).filter(fits).map(([one, w]) => html`
+            <${MenuItem} on=${on(one)} detail=${one.detail}
+              onClick=${() => { close(); send({ verb: "open", ...verb(one) }); }}>${w}<//>`)}`)}
         </div></div>`}
     <//>
   </div>`;
@@ -56,45 +68,61 @@ function Opener({ frame }) {
 
 function Words({ moment }) {
   const [verdict, chosen] = useStore((s) => [s.verdicts.get(s.view.branch), s.view.obj]);
-  const brief = moment.stage ? moment.row.stages.find((s) => s.name === moment.stage)?.text : moment.row?.text;
-  if (!moment.isAnswer || !verdict?.objects.length) {
-    const row = moment.isCurrent ? moment.row : null;
-    const missing = moment.run.missing && moment.over ? moment.run.missing : "";
-    return html`<div class="words going" title=${brief}>
-      <div class="first">${row ? html`<b>Iteration ${moment.k}</b> <span>${moment.stage
-        ? `hypothesis ${row.arm + 1} of ${moment.arms.length} · stage ${moment.stages.indexOf(moment.stage) + 1} of ${moment.stages.length}: ${moment.stage}` : row.brief}</span>` : moment.k === 0
-        ? html`<b>Ready</b> <span>${state.frame.objects.length > 1 ? `${state.frame.objects.length} objects` : moment.object.label}, ${
-          moment.arms.length} ${moment.arms.length === 1 ? "hypothesis" : "hypotheses"}${moment.best?.score != null ? `, best initial score ${number(moment.best.score)}` : ""}</span>`
-        : html`<b>Iteration ${moment.k}</b> <span>works on another object; ${moment.object.label} is shown as it is by now</span>`}</div>
-      <div class="second">${missing || brief || moment.object.left_out || ""}</div>
-    </div>`;
-  }
-  const said = (chosen != null && verdict.objects.find((o) => o.obj === chosen)) || verdict.objects.find((o) => o.obj === moment.obj)
+  if (!moment.isAnswer || !verdict?.objects.length) return html`<${Going} moment=${moment} />`;
+  const outcome = (chosen != null && verdict.objects.find((o) => o.obj === chosen))
+    || verdict.objects.find((o) => o.obj === moment.obj)
     || worstOf(verdict);
   const several = verdict.objects.length > 1;
-  const [icon, word] = TONES[said.tone] ?? TONES.unknown;
+  const [icon, word] = TONES[outcome.tone] ?? TONES.unknown;
   const findings = verdict.objects.reduce((n, o) => n + (o.findings?.length ?? 0), 0) + (verdict.doubts?.length ?? 0);
-  const label = state.frame.objects.find((o) => o.id === said.obj)?.label;
-  return html`<div class=${`words ${said.tone}`}>
+  const label = state.frame.objects.find((o) => o.id === outcome.obj)?.label;
+  return html`<div class=${`words ${outcome.tone}`}>
     <div class="first">
       <span class="badge"><${Icon} name=${icon} />${word}</span>
       ${several && html`<b class="name">${label}</b>`}
-      ${said.err != null ? html`<span class="figure" title=${LIMIT}><b>${number(said.err, 1)} mm</b> of ${number(said.limit, 1)} allowed</span>` : ""}
-      ${said.score != null && html`<span class="figure" title="score of the answer, in 0 to 1">score <b>${number(said.score)}</b></span>`}
-      ${said.also_fits && html`<span class="also" title="another pose explains the depth equally well; both are drawn">also fits elsewhere</span>`}
-      <${Why} verdict=${verdict} first=${said.obj} n=${findings} />
+      ${outcome.err != null ? html`<span class="figure"
+        title=${LIMIT}><b>${number(outcome.err, 1)} mm</b> of ${number(outcome.limit, 1)} allowed</span>` : ""}
+      ${outcome.score != null && html`<span class="figure"
+        title="score of the answer, in 0 to 1">score <b>${number(outcome.score)}</b></span>`}
+      ${outcome.also_fits && html`<span class="also"
+        title="another pose explains the depth equally well; both are drawn">also fits elsewhere</span>`}
+      <${Why} verdict=${verdict} first=${outcome.obj} n=${findings} />
     </div>
-    <div class="second">${several && verdict.scene?.words ? html`<span class="scene">${verdict.scene.words}</span>` : ""}<span title=${said.words}>${
-      capital(said.words)}</span></div>
+    <div class="second">${several && verdict.scene?.words ? html`<span
+      class="scene">${verdict.scene.words}</span>` : ""}<span title=${outcome.words}>${
+      capital(outcome.words)}</span></div>
   </div>`;
 }
 
+// What happened at the cursor, while nothing is decided.
+function Going({ moment }) {
+  const { k, row, isCurrent, stage, stages, arms, object, best } = moment;
+  const text = stage ? row.stages.find((s) => s.name === stage)?.text : row?.text;
+  const place = stage && `stage ${stages.indexOf(stage) + 1} of ${stages.length}: ${stage}`;
+  let words = `works on another object; ${object.label} is shown as it is by now`;
+  if (k === 0) {
+    const n = state.frame.objects.length;
+    words = `${n > 1 ? `${n} objects` : object.label}, ${arms.length} hypothes${arms.length === 1 ? "is" : "es"}`;
+    if (best?.score != null) words += `, best initial score ${number(best.score)}`;
+  } else if (isCurrent) words = stage ? `hypothesis ${row.arm + 1} of ${arms.length} · ${place}` : row.brief;
+  return html`<div class="words going" title=${text}>
+    <div class="first"><b>${k ? `Iteration ${k}` : "Ready"}</b> <span>${words}</span></div>
+    <div class="second">${(moment.over && moment.run.missing) || text || object.left_out || ""}</div>
+  </div>`;
+}
+
+const numbers = (o) => [
+  o.err != null && `${number(o.err, 1)} mm of ${number(o.limit, 1)} allowed`,
+  o.score != null && `score ${number(o.score, 3)}`,
+  o.score != null && `hypothesis ${o.arm + 1}, ${o.k ? `iteration ${o.k}` : "an initial pose"}`,
+].filter(Boolean).join(" · ");
 const capital = (text) => (text ? text[0].toUpperCase() + text.slice(1) : "");
 
 function Why({ verdict, first, n }) {
   const frame = useStore((s) => s.frame);
   const objects = [...verdict.objects].sort((a, b) => (b.obj === first) - (a.obj === first));
-  const doubts = [...(verdict.doubts ?? []), ...(verdict.notes ?? [])];
+  const shown = new Set(verdict.objects.flatMap((o) => (o.findings ?? []).map((f) => f.text)));
+  const doubts = [...new Set([...(verdict.doubts ?? []), ...(verdict.notes ?? [])])].filter((text) => !shown.has(text));
   const label = (id) => frame.objects.find((o) => o.id === id)?.label;
   return html`<${Menu} kind="why" title="Evidence and what to do about it" label=${n ? `why (${n})` : "why"}>
     ${(close) => html`<div class="findings scroll">
@@ -102,13 +130,13 @@ function Why({ verdict, first, n }) {
       ${objects.map((o) => html`<section key=${o.obj} class=${o.tone}>
         <h3 onClick=${() => { close(); setView({ obj: o.obj, arm: null }); }} title="show this object">
           <${Icon} name=${(TONES[o.tone] ?? TONES.unknown)[0]} />${label(o.obj)}
-          <span class="dim">${o.err != null ? `${number(o.err, 1)} mm of ${number(o.limit, 1)} allowed` : ""}${
-            o.score != null ? ` · score ${number(o.score, 3)} · hypothesis ${o.arm + 1}, ${o.k ? `iteration ${o.k}` : "an initial pose"}` : ""}</span></h3>
+          <span class="dim">${numbers(o)}</span></h3>
         ${!(o.findings?.length) && html`<p>${capital(o.words)}.</p>`}
         ${(o.findings ?? []).map((f) => html`<article>
-          <h4>${f.title}</h4><p>${f.text}</p>${f.advice && html`<p class="dim">${f.advice}</p>`}
+          <h4>${capital(f.title)}</h4><p>${f.text}</p>${f.advice && html`<p class="dim">${capital(f.advice)}.</p>`}
           <div class="group">
-            ${f.k != null && f.k > 0 && html`<${Button} title="go there" onClick=${() => { close(); setView({ obj: o.obj, arm: null }); seek(f.k); }}>Iteration ${f.k}<//>`}
+            ${f.k != null && f.k > 0 && html`<${Button} title="go there"
+              onClick=${() => { close(); setView({ obj: o.obj, arm: null }); seek(f.k); }}>Iteration ${f.k}<//>`}
             ${f.try && html`<${Button} title=${`a new branch from the start with ${wordsOf(f.try)}`} onClick=${() => {
               close();
               send({ verb: "fork", branch: state.view.branch, k: 0, changes: f.try, run: true });
@@ -120,4 +148,5 @@ function Why({ verdict, first, n }) {
   <//>`;
 }
 
-const wordsOf = (changes) => Object.entries(changes).map(([name, v]) => `${name.split(".").pop().replaceAll("_", " ")} = ${v}`).join(", ");
+const wordsOf = (changes) =>
+  Object.entries(changes).map(([name, v]) => `${name.split(".").pop().replaceAll("_", " ")} = ${v}`).join(", ");

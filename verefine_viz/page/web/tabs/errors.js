@@ -1,7 +1,7 @@
 // Errors against ground truth: over the run, by stage, and of every hypothesis.
 import { html, useMemo } from "../vendor/htm-preact.js";
 import { useStore, setView } from "../store.js";
-import { labelOf, momentOf, rowsOf, seek, STAGE_COLORS, startsOf } from "../moment.js";
+import { labelOf, momentOf, rowsOf, seek, sourceOf, STAGE_COLORS, startsOf } from "../moment.js";
 import { number, Swatch, Table } from "../ui.js";
 import { Chart } from "../charts.js";
 
@@ -10,15 +10,18 @@ export const hint = "errors against ground truth";
 export const empty = "No ground truth for this object.";
 export const needs = (s) => Boolean(momentOf(s)?.object.has_gt);
 
-const error = (limit) => (p) => html`<span class=${p.err == null ? "" : p.err < limit ? "good" : "bad"}>${number(p.err, 1)}</span>`;
+const error = (limit) => (p) => html`<span
+  class=${p.err == null ? "" : p.err < limit ? "good" : "bad"}>${number(p.err, 1)}</span>`;
 
 export function render() {
   const moment = useStore(momentOf);
   const { object, poses, run, obj, best } = moment;
   const limit = object.diameter_mm / 10;
-  const stages = Object.entries(poses).filter(([name, p]) => p.err != null && name !== "ground truth").map(([name, p]) => ({ ...p, name }));
+  const stages = Object.entries(poses).filter(([name, p]) => p.err != null && name !== "ground truth")
+    .map(([name, p]) => ({ ...p, name }));
   const of_stage = [
-    { title: "pose", left: true, of: (p) => html`<${Swatch} color=${STAGE_COLORS[p.name]} />${labelOf(p.name, moment)}` },
+    { title: "pose", left: true, of: (p) => html`<${Swatch}
+      color=${STAGE_COLORS[p.name]} />${labelOf(p.name, moment)}` },
     { title: "ADD(-S) mm", hint: `right below ${number(limit, 1)} mm, 10 % of the diameter`, of: error(limit) },
     { title: "turn °", of: (p) => number(p.deg, 1) },
     { title: "shift mm", of: (p) => number(p.mm, 1) },
@@ -28,7 +31,9 @@ export function render() {
   const starts = startsOf(run, object);
   const arms = moment.arms.map((a, j) => ({ ...a, j, start: starts[j] ?? {} }));
   const of_arm = [
-    { title: "hypothesis", left: true, of: (a) => html`${a.j === best?.arm ? html`<${Swatch} color=${STAGE_COLORS.best} />` : html`<${Swatch} color="transparent" />`}${a.j + 1} <span class="dim">${a.start.source ?? ""}</span>` },
+    { title: "hypothesis", left: true, of: (a) => html`<${Swatch}
+      color=${a.j === best?.arm ? STAGE_COLORS.best : "transparent"} hollow />${a.j + 1} <span
+        class="dim">${sourceOf(object, a.j)}</span>` },
     { title: "initial mm", hint: "ADD(-S) of its initial pose", of: (a) => error(limit)(a.start) },
     { title: "now mm", hint: "ADD(-S) of its current pose", of: error(limit) },
     { title: "score", of: (a) => number(a.score) },
@@ -51,7 +56,8 @@ function Curve({ moment, limit }) {
     const stage = (r, name) => r.stages.find((s) => s.name === name);
     return [own.map((r) => r.k), [
       { name: "best so far", values: own.map((r) => r.best.err), color: STAGE_COLORS.best, kind: "steps" },
-      { name: "accepted", values: own.map((r) => stage(r, r.accepted)?.err ?? null), color: STAGE_COLORS.accepted, kind: "points" },
+      { name: "accepted", values: own.map((r) => stage(r, r.accepted)?.err ?? null), color: STAGE_COLORS.accepted,
+        kind: "points" },
       { name: "turn °", values: own.map((r) => stage(r, r.accepted)?.deg ?? null), color: "#b58ad6", off: true },
       { name: "shift mm", values: own.map((r) => stage(r, r.accepted)?.mm ?? null), color: "#4aa3c7", off: true },
     ]];

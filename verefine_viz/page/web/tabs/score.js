@@ -1,8 +1,9 @@
 // Why one pose scores higher than another: A and B in numbers, the stages of the iteration, and the score over the run.
 import { html, useMemo } from "../vendor/htm-preact.js";
-import { useStore, setView, useWant } from "../store.js";
-import { armColor, labelOf, momentOf, rowsOf, seek, STAGE_COLORS, STAGE_MEANINGS } from "../moment.js";
+import { useStore, setView } from "../store.js";
+import { armColor, labelOf, momentOf, rowsOf, seek, sourceOf, STAGE_COLORS, STAGE_MEANINGS } from "../moment.js";
 import { Bar, Icon, number, Parts, Select, Swatch, Table } from "../ui.js";
+import { sidesOf } from "../sides.js";
 import { Chart } from "../charts.js";
 
 export const title = "Score";
@@ -11,19 +12,18 @@ export const empty = "This object has no pose.";
 export const needs = (s) => Object.keys(momentOf(s)?.poses ?? {}).length > 0;
 
 const CLASSES = {
-  explained: "#3cb44b", missed: "#dc322f", protruding: "#d336b6", hidden: "#607d8b", unknown: "#c8c8c8",
+  explained: "#3cb44b", missed: "#dc322f", protruding: "#d336b4", hidden: "#607d8b", unknown: "#c8c8c8",
 };
 
-// The parts of a pose's score; the server counts the pixels.
-const useScore = (moment, pose, slot) => {
-  const answer = useWant(pose && { what: "maps", branch: moment.branch, k: moment.k, obj: moment.obj, T: pose.T }, slot);
-  return answer?.score ?? pose ?? {};
-};
+// The parts of a pose's score: with its maps come the counts of pixels.
+const scoreOf = (side, pose) => (side?.score && !side.stale ? side.score : pose ?? {});
 
 export function render() {
   const moment = useStore(momentOf);
-  const { a, b, same } = moment;
-  const [of_a, of_b] = [useScore(moment, a, "maps-a"), useScore(moment, b, "maps-b")];
+  const sides = useStore((s) => sidesOf(momentOf(s)));
+  const together = useStore((s) => s.view.together && momentOf(s).scene.length > 1); // all objects as one
+  const [a, b, same] = together ? [sides.a?.pose, sides.b?.pose, sides.same] : [moment.a, moment.b, moment.same];
+  const [of_a, of_b] = [scoreOf(sides.a, a), scoreOf(sides.b, b)];
   const names = Object.keys(moment.poses).map((name) => [name, labelOf(name, moment)]);
   const choose = (side) => (name) => setView({ a: a?.name ?? null, b: b?.name ?? null, [side]: name });
   const twice = same || !b;
@@ -36,13 +36,17 @@ export function render() {
     ["turn °", "rotation against ground truth", (s) => s.deg, 1],
     ["shift mm", "translation against ground truth", (s) => s.mm, 1],
   ].filter(([, , of]) => of(of_a) != null || of(of_b) != null);
-  const counts = (s) => (s.counts ? Object.entries(CLASSES).filter(([c]) => s.counts[c]).map(([c, color]) => [c, s.counts[c], color]) : []);
+  const counts = (s) => (s.counts ? Object.entries(CLASSES).filter(([c]) => s.counts[c])
+    .map(([c, color]) => [c, s.counts[c], color]) : []);
   return html`<div class="tab score">
-    <div class="pair">
+    ${together
+      ? html`<p class="dim">All objects together. A: ${a?.label}. B: ${b?.label}.</p>`
+      : html`<div class="pair">
       <${Select} label="A" value=${a?.name} options=${names} onChange=${choose("a")} title=${STAGE_MEANINGS[a?.name]} />
       <${Select} label="B" value=${b?.name} options=${names} onChange=${choose("b")} title=${STAGE_MEANINGS[b?.name]} />
-    </div>
-    <table class="table"><thead><tr><th class="left"></th><th title=${a?.label}>A</th><th title=${b?.label}>B</th><th title="B less A">B − A</th></tr></thead>
+    </div>`}
+    <table class="table"><thead><tr><th class="left"></th><th title=${a?.label}>A</th><th title=${b?.label}>B</th>
+      <th title="B less A">B − A</th></tr></thead>
       <tbody>${rows.map(([words, meaning, of, digits, fits]) => {
         const [x, y] = [of(of_a), of(of_b)];
         const d = x != null && y != null ? y - x : null;
@@ -52,9 +56,10 @@ export function render() {
           <td class=${better}>${d == null || twice ? "–" : `${d > 0 ? "+" : ""}${number(d, digits)}`}</td></tr>`;
       })}</tbody></table>
     ${twice && b && html`<p class="dim">A and B are the same pose.</p>`}
-    ${[[a, of_a, "A"], [twice ? null : b, of_b, "B"]].filter(([p, s]) => p && counts(s).length).map(([p, s, letter]) => html`
+    ${[["A", of_a], ["B", twice ? {} : of_b]].filter(([, s]) => counts(s).length).map(([letter, s]) => html`
       <div class="classes"><span class="dim">${letter}</span><${Parts} parts=${counts(s)} /></div>`)}
-    ${(counts(of_a).length > 0 || counts(of_b).length > 0) && html`<p class="key">${Object.entries(CLASSES).map(([c, color]) => html`
+    ${(counts(of_a).length > 0 || counts(of_b).length > 0) && html`<p
+      class="key">${Object.entries(CLASSES).map(([c, color]) => html`
       <span><${Swatch} color=${color} />${c}</span>`)}</p>`}
     <${Stages} moment=${moment} />
     <${Curve} moment=${moment} />
@@ -75,9 +80,11 @@ function Stages({ moment }) {
     { title: "normal", hint: "normal fit", of: (s) => number(s.normal_fit) },
     { title: "ms", of: (s) => (s.ms ? number(s.ms, 0) : "") },
   ];
-  const name = `${isAnswer ? "The answer: iteration" : "Iteration"} ${row.k}, hypothesis ${row.arm + 1} of ${moment.arms.length}`;
+  const place = `${row.k}, hypothesis ${row.arm + 1} of ${moment.arms.length}`;
+  const name = `${isAnswer ? "The answer: iteration" : "Iteration"} ${place}`;
   const choose = (s) => setView({ b: s.name, a: moment.a?.name === s.name ? "current" : moment.a?.name });
-  return html`<h3>${isAnswer ? html`<button type="button" class="link" title="go there" onClick=${() => seek(row.k)}>${name}</button>` : name}</h3>
+  return html`<h3>${isAnswer ? html`<button type="button" class="link" title="go there"
+    onClick=${() => seek(row.k)}>${name}</button>` : name}</h3>
     <${Table} columns=${columns} rows=${shown} keyOf=${(s) => s.name} onRow=${isAnswer ? null : choose} />
     <p class="prose">${moment.isPartial ? shown.at(-1)?.text : row.text}</p>`;
 }
@@ -85,9 +92,10 @@ function Stages({ moment }) {
 function Starts({ moment }) {
   const { object, isAnswer, arms } = moment;
   const columns = [
-    { title: "hypothesis", left: true, of: (a) => html`<${Swatch} color=${armColor(moment, a.j)} />${a.j + 1} <span class="dim">${
-      object.arms[a.j]?.source ?? ""}</span>` },
-    { title: "score", of: (a) => html`<${Bar} share=${a.score} color=${armColor(moment, a.j)} />${number(a.score, 3)}` },
+    { title: "hypothesis", left: true, of: (a) => html`<${Swatch} color=${armColor(moment, a.j)} />${a.j + 1} <span
+      class="dim">${sourceOf(object, a.j)}</span>` },
+    { title: "score", of: (a) => html`<${Bar} share=${a.score}
+      color=${armColor(moment, a.j)} />${number(a.score, 3)}` },
     ...(object.has_gt ? [{ title: "mm", hint: "ADD(-S)", of: (a) => number(a.err, 1) }] : []),
   ];
   const rows = arms.map((a, j) => ({ ...a, j })).sort((a, b) => (b.score ?? 0) - (a.score ?? 0));
@@ -106,11 +114,14 @@ function Curve({ moment }) {
       { name: "accepted", values: accepted.map((s) => s.score ?? null), color: STAGE_COLORS.accepted, kind: "points" },
       { name: "depth fit", values: accepted.map((s) => s.depth_fit ?? null), color: "#4aa3c7", off: true },
       { name: "normal fit", values: accepted.map((s) => s.normal_fit ?? null), color: "#b58ad6", off: true },
-      { name: "simulated", values: own.map((r) => r.stages.find((s) => s.name === "simulated")?.score ?? null), color: STAGE_COLORS.simulated, off: true },
-      { name: "refined", values: own.map((r) => r.stages.find((s) => s.name === "refined")?.score ?? null), color: STAGE_COLORS.refined, off: true },
+      { name: "simulated", values: own.map((r) => r.stages.find((s) => s.name === "simulated")?.score ?? null),
+        color: STAGE_COLORS.simulated, off: true },
+      { name: "refined", values: own.map((r) => r.stages.find((s) => s.name === "refined")?.score ?? null),
+        color: STAGE_COLORS.refined, off: true },
     ]];
   }, [run, obj]);
   if (!x.length) return null;
   return html`<h3>Score of ${object.label} over the run</h3>
-    <${Chart} series=${series} x=${x} yLabel="score" units="0…1" digits=${3} cursor=${moment.k || null} onSeek=${seek} />`;
+    <${Chart} series=${series} x=${x} yLabel="score" units="0…1" digits=${3} cursor=${moment.k || null}
+      onSeek=${seek} />`;
 }

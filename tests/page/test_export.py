@@ -1,0 +1,148 @@
+"""Files: nothing is lost by saving, everything can be read back, and the log of verbs gives the same records."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import urlopen
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.page.conftest import SESSION, Posted
+from tests.page.fake_tools import FakeTools
+from tests.page.test_verbs import T_MOVED, records
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.settings import Session
+from verefine_viz.page import protocol as p
+from verefine_viz.page.app import App
+from verefine_viz.page.export import Exporter, NotReplacedError
+from verefine_viz.page.protocol import read_verb
+from verefine_viz.page.replay_verbs import carry_out
+from verefine_viz.page.verbs import Debugger
+from verefine_viz.page.workspace import Workspace
+from verefine_viz.recording.reader import read_recording
+from verefine_viz.run.session_file import load_session, save_session
+from verefine_viz.scenes.results_csv import read_results
+
+EDIT = p.Edit(0, 0, T_MOVED)
+
+
+@pytest.fixture
+def debugger(tmp_path: Path, posted: Posted) -> Debugger:
+    """Session "mine", opened from its file, beside a file that holds another session."""
+    save_session(Session(title="other"), tmp_path / "theirs.toml")
+    mine = tmp_path / "mine.toml"
+    save_session(SESSION.model_copy(update={"title": "mine"}), mine)
+    space = Workspace(load_session(mine), mine, FakeTools)
+    return Debugger(space, posted, write=Exporter(tmp_path))
+
+
+def test_another_session_stays_until_the_user_insists(debugger: Debugger, tmp_path: Path):
+    theirs = tmp_path / "theirs.toml"
+    with pytest.raises(NotReplacedError, match="another session, “other”") as refused:
+        debugger.carry_out([p.Save("session", name="theirs")])
+    assert load_session(theirs).title == "other"
+    verb = read_verb(json.dumps(refused.value.offer["verb"]))
+    debugger.carry_out([verb, p.Save("session", name="theirs"), p.Save("session", name="mine")])
+    assert load_session(theirs).title == "mine"
+
+
+def test_a_pose_that_the_branch_lacks_stays_until_the_user_insists(debugger: Debugger, tmp_path: Path):
+    mine = p.Save("session", name="mine", branch=1)
+    debugger.carry_out([p.Step(), p.Fork(1, edit=EDIT), mine])
+    assert len(load_session(tmp_path / "mine.toml").edits) == 1
+    with pytest.raises(NotReplacedError, match=r"another branch, “hypothesis 1 edited.*”, with 1 edited pose that"):
+        debugger.carry_out([p.Save("session", name="mine", branch=0)])
+    debugger.carry_out([p.Restart()])
+    with pytest.raises(NotReplacedError, match="holds 1 edited pose that this branch does not have"):
+        debugger.carry_out([p.Save("session", name="mine", branch=2)])
+
+
+def test_a_changed_session_gets_the_name_of_its_new_file_as_title(debugger: Debugger, tmp_path: Path):
+    save = [p.Save("session", name=name) for name in ("copy", "longer")]
+    debugger.carry_out([save[0], p.Restart(changes={"method.iterations": 4})])
+    debugger.carry_out([p.Save("session", name="longer", branch=debugger.space.work.first.index)])
+    assert [load_session(tmp_path / f"{name}.toml").title for name in ("copy", "longer")] == ["mine", "longer"]
+
+
+def test_poses_moved_in_each_frame_are_saved_together(debugger: Debugger, tmp_path: Path):
+    def fork() -> p.Fork:
+        return p.Fork(0, debugger.space.work.first.index, edit=EDIT)
+
+    debugger.carry_out([fork(), p.Open(frame="0/2")])
+    debugger.carry_out([fork()])
+    debugger.carry_out([p.Save("session", name="two", branch=max(debugger.space.branches))])
+    # Branches that left the first one are not what the other frame's session says.
+    assert {edit.frame for edit in load_session(tmp_path / "two.toml").edits} == {"0/2"}
+
+
+def test_names_stay_within_the_folder(debugger: Debugger, tmp_path: Path):
+    there = set(tmp_path.rglob("*"))
+    for name in ("../evil", "/tmp/evil", "a/b", " ", "..", "a\\b", "x\ny"):
+        for what in ("session", "results"):
+            with pytest.raises(InputError, match="is no name of a file"):
+                debugger.carry_out([p.Save(what, name=name)])
+    assert {path for path in tmp_path.rglob("*") if path.is_file()} <= there
+
+
+@pytest.mark.usefixtures("processes")
+def test_exports_can_be_read_back(debugger: Debugger, tmp_path: Path, posted: Posted):
+    debugger.carry_out([p.Run(), p.Save("results"), p.Save("maps", k=3), p.Save("verbs"), p.Save("maps", k=3)])
+    debugger.carry_out([p.Save("recording"), p.Save("recording", name="short.vfrun")])
+    run, names = debugger.space.work.first.run, [message["name"] for message in posted.of("written")]
+    assert names == [
+        "mine_0_1_rir.csv", "mine_0_1_rir_maps.png", "mine_0_1_rir_verbs.jsonl", "mine_0_1_rir_maps-2.png",
+        "mine_0_1_rir.rrd", "short.vfrun",
+    ]  # fmt: skip
+    folder = tmp_path / "runs" / "exports"
+    assert sorted(path.name for path in folder.iterdir()) == sorted(names)
+    assert np.asarray(Image.open(folder / names[1])).std() > 10
+    (row,) = read_results(folder / names[0])
+    assert np.allclose(row.T_cam_obj, run.final_state.best[0].T_cam_obj)
+    for name in names[4:]:
+        record = read_recording(folder / name)
+        for one, other in zip(record.iterations, run.iterations, strict=True):
+            assert np.array_equal(one.accepted_stage.T_cam_obj, other.accepted_stage.T_cam_obj)
+        assert record.is_complete
+    debugger.carry_out([p.Open(recording=str(folder / names[5])), p.Save("recording", name="again.vfrun", branch=1)])
+    assert read_recording(folder / "again.vfrun").is_complete
+
+
+def test_what_was_written_can_be_downloaded_and_nothing_else(open_page, tmp_path: Path):
+    app: App = open_page()
+    app.send(p.Save("session", name="mine"))
+    app.wait_until_idle()
+    with urlopen(f"{app.url}/file/mine.toml") as answer:
+        assert answer.read() == (tmp_path / "mine.toml").read_bytes()
+        assert "attachment" in answer.headers["content-disposition"]
+    (tmp_path / "secret.toml").write_text("x")
+    for name in ("secret.toml", "..%2Fsecret.toml", "%2Fetc%2Fpasswd"):
+        with pytest.raises(HTTPError, match="404"):
+            urlopen(f"{app.url}/file/{name}")
+
+
+def test_the_log_carried_out_again_gives_the_same_records(debugger: Debugger, tmp_path: Path, posted: Posted):
+    session = debugger.space.tools.session
+    fork = p.Fork(2, changes={"method.exploration": 0.2}, run=True)
+    debugger.carry_out([p.Step(), p.Seek(3), fork, p.Fork(3, 1, edit=EDIT, run=True)])
+    debugger.carry_out([p.Compare(changes={"method.name": "sir"}), p.Branch(1, "mine"), p.Open(frame="0/2")])
+    debugger.carry_out([p.Run(4), p.Order(4, reset=True), p.Break({"arm_switched": True}), p.Step(5)])
+    debugger.carry_out([p.Open(frame="0/1")])
+    # A run that is stopped on the way is as long again.
+    index = debugger.space.work.first.index
+    for verb in (p.Run(index), p.Pause(), p.Run(index)):
+        debugger.apply(None, verb)
+        if debugger.is_running:
+            debugger.tick()
+    debugger.apply(None, p.Save("verbs"))
+    lines = Path(posted.of("written")[-1]["path"]).read_text().splitlines()
+    again = carry_out(session, lines, FakeTools)
+    assert [b.name for b in again.space.branches.values()] == [b.name for b in debugger.space.branches.values()]
+    assert records(again) == records(debugger)
+    debugger.goal = None
+    for d in (again, debugger):
+        d.carry_out([p.Open(frame="0/2")])
+    assert records(again) == records(debugger)

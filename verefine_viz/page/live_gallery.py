@@ -1,0 +1,47 @@
+"""The answers of a folder that is watched: frames arrive, are solved, and go."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from verefine_viz.batch.answer_tags import Arrangement
+from verefine_viz.core.settings import Session
+from verefine_viz.page.gallery import Gallery
+from verefine_viz.scenes.frames import parse_frame
+
+if TYPE_CHECKING:
+    from verefine_viz.batch.watch import Watch
+
+
+class LiveGallery(Gallery):
+    """What a watch has at the moment; :meth:`refresh` takes over what it has next."""
+
+    def __init__(self, watch: Watch) -> None:
+        indices, self.fault = watch.latest
+        super().__init__(indices)
+        self._watch = watch
+
+    def refresh(self) -> None:
+        """Take over what the watch has now, all at once: other threads read it meanwhile."""
+        self.__dict__ = LiveGallery(self._watch).__dict__
+
+    def session(self, run: str) -> Session:
+        """Return what opens a run: all frames, also those to come."""
+        return self.runs[run].session
+
+    def frames(self, run: str) -> tuple[str, ...]:
+        """Return those of a run, by number."""
+        frames = {entry.row.frame for entry in self.entries if entry.run == run}
+        return tuple(sorted(frames, key=parse_frame))
+
+    @cached_property
+    def first_arrangement(self) -> Arrangement:
+        """All answers are shown until the user chooses."""
+        return Arrangement()
+
+    @cached_property
+    def outcome(self) -> str:
+        """How many objects are right, and what keeps frames from being solved, in words."""
+        words = super().outcome
+        return f"{words}; {self.fault.rstrip('.')}" if self.fault else words

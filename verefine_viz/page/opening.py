@@ -1,0 +1,161 @@
+"""Opens something else: a frame, a session, a built-in scene, a recording, an answer of the gallery, or a link."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.paths import at_home
+from verefine_viz.core.settings import Session
+from verefine_viz.page.gallery import Entry, Gallery
+from verefine_viz.page.link import PageLink, read_link
+from verefine_viz.page.protocol import Open
+from verefine_viz.run.session_file import load_session
+
+if TYPE_CHECKING:
+    from verefine_viz.page.verbs import Debugger
+
+
+def open_other(d: Debugger, verb: Open, window: int | None) -> None:
+    """Open what a verb names.
+
+    Raises:
+        VerefineError: it cannot be opened, or the verb names nothing.
+    """
+    if verb.hulls:
+        with d.space.with_hulls():
+            _open(d, verb, window)
+    else:
+        _open(d, verb, window)
+
+
+def _open(d: Debugger, verb: Open, window: int | None) -> None:
+    space = d.space
+    if verb.answer is not None:
+        entry = open_gallery(d.gallery).answer(verb.answer)
+        _open_answer(d, entry)
+        d.show(entry.iteration, entry.row.instance_id, window)
+        return
+    if verb.link:
+        _open_link(d, read_link(verb.link), window)
+        return
+    if verb.frame:
+        space.open_frame(verb.frame)
+    elif verb.recording:
+        space.open_recording(at_home(verb.recording))
+        d.batch_run = ""
+    elif verb.session:
+        file = at_home(verb.session)
+        space.open(load_session(file), file)
+        d.batch_run = ""
+    elif verb.demo:
+        space.open(*_demo_session(d, verb.demo))
+        d.batch_run = ""
+    else:
+        raise InputError("open what? Name a frame, a session, a recording, a demo, an answer or a link")
+    d.send_frame()
+    d.repeat_recorded()
+    d.show(None, None, None)
+
+
+def _open_link(d: Debugger, link: PageLink, window: int | None) -> None:
+    """Open what a link names; the frame that is open stays where it is unless the link names an iteration."""
+    space = d.space
+    frame = link.frame or space.frame
+    if frame != space.frame or (link.run and link.run != d.batch_run):
+        _enter(d, link.run or d.batch_run, frame)
+    obj, instances = link.instance, d.space.problem.instances
+    if link.object is not None:
+        named = [i.instance_id for i in instances if i.obj_id == link.object]
+        obj = named[0] if len(named) == 1 else None
+        if not named:
+            d.say(f"Frame {frame} holds no object {link.object}.", window)
+        elif obj is None:
+            d.say(f"Frame {frame} holds object {link.object} several times: name its instance.", window)
+    elif obj is not None and obj not in [i.instance_id for i in instances]:
+        obj = None
+        d.say(f"Frame {frame} holds no instance {link.instance}.", window)
+    total = space.work.first.run.n_iterations
+    if link.iteration is not None and link.iteration > total:
+        d.say(f"The run has no iteration {link.iteration}: {total} is its last.", window)
+    if link.iteration is None and frame == space.frame and obj is not None:
+        d.post({"t": "view", "patch": {"obj": obj, "arm": None}, "at": None}, window)
+    else:
+        d.show(link.iteration, obj, window)
+
+
+def open_gallery(gallery: Gallery | None) -> Gallery:
+    """Return the answers of the batch that is open.
+
+    Raises:
+        InputError: none is.
+    """
+    if gallery is None:
+        raise InputError("no batch is open; open one with verefine-viz view FOLDER")
+    return gallery
+
+
+def _open_answer(d: Debugger, entry: Entry) -> None:
+    path = open_gallery(d.gallery).loose_record(entry)
+    if path is None:
+        _enter(d, entry.run, entry.row.frame)
+        return
+    d.space.open_recording(path)
+    d.batch_run = entry.run
+    d.send_frame()
+
+
+def _enter(d: Debugger, run: str, frame: str) -> None:
+    """Open a frame of a batch run, with the session of that run; without a run a frame of the open session."""
+    gallery, space = d.gallery, d.space
+    if not run:
+        space.open_frame(frame)
+    elif gallery is None or run not in gallery.runs:
+        raise InputError(unknown("run", run, gallery.runs if gallery is not None else ()))
+    elif space.tools.session == gallery.session(run):
+        space.open_frame(frame)
+    else:
+        space.open(gallery.session(run), None, frame, gallery.records(run))
+    d.batch_run = run
+    space.batch = gallery.runs[run].folder if gallery is not None and run else None
+    d.send_frame()
+    d.repeat_recorded()
+
+
+def _demo_session(d: Debugger, name: str) -> tuple[Session, Path | None]:
+    """Return the session of a built-in scene: that of the file of its name, or else the open one's settings."""
+    if name not in d.demos:
+        raise SettingsError(unknown("built-in scene", name, d.demos))
+    own = next((path for path in d.list_sessions() if path.stem == name), None)
+    session = load_session(own) if own is not None else None
+    if session is not None and (session.scene.source, session.scene.demo) == ("demo", name):
+        return session, own
+    old = d.space.tools.session
+    scene = old.scene.model_copy(update={"source": "demo", "demo": name, "frames": (), "objects": ()})
+    hypotheses = old.hypotheses.model_copy(update={"source": "perturb", "files": (), "estimate": ()})
+    update = {"scene": scene, "hypotheses": hypotheses, "title": name, "edits": (), "changes": ()}
+    return old.model_copy(update=update), None
+
+
+def titled(files: Sequence[Path]) -> list[dict[str, str]]:
+    """Name session files by their titles; one without a title by its scene and a number, which gives nothing away."""
+    out: list[dict[str, str]] = []
+    for number, path in enumerate(files, 1):
+        title, scene = _title_and_scene(path, path.stat().st_mtime_ns if path.exists() else 0)
+        out.append({"path": str(path), "title": title or f"{scene} {number}"})
+    return out
+
+
+@lru_cache(maxsize=256)
+def _title_and_scene(path: Path, changed_ns: int) -> tuple[str, str]:
+    try:
+        content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return path.stem, ""
+    scene = content.get("scene")
+    known = scene if isinstance(scene, dict) else {}
+    return str(content.get("title") or ""), str(known.get("demo") or Path(str(known.get("dataset", "session"))).name)

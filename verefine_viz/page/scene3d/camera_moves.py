@@ -1,0 +1,117 @@
+"""Where the 3D view's camera is taken: to the sensor, to a first overview, and to where an object is not hidden."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import viser
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.geometry import apply
+from verefine_viz.core.observation import Observation
+
+NEAR_M = 0.005
+"""From where on the view is drawn [m]."""
+_ELEVATIONS_DEG = (25, 50, 75)
+_AZIMUTHS = 12
+_CELLS, _LEAST_CELL_M = 12, 0.006
+"""Cells across an object; no smaller than the distance of points that are sampled on models."""
+_TURNING = 0.15
+"""Share of an object's points that are worth a turn of the view by 180°."""
+
+
+def set_first_look(server: viser.ViserServer, points_cam: Float, T_world_cam: Float) -> None:
+    """Let browsers begin beside the sensor, with the objects' points (n, 3) in the middle; take those there to it."""
+    middle = points_cam.mean(axis=0)
+    extent_m = 2 * float(np.percentile(np.linalg.norm(points_cam - middle, axis=1), 90))
+    direction = -middle / np.linalg.norm(middle) + [0.75, -0.35, 0.0]
+    eye_cam = middle + max(0.17, extent_m) * direction / np.linalg.norm(direction)
+    eye, target = apply(T_world_cam, np.array([eye_cam, middle]))
+    camera = server.initial_camera
+    camera.position, camera.look_at, camera.up = eye, target, np.array([0.0, 0.0, 1.0])
+    camera.near = NEAR_M
+    for client in server.get_clients().values():
+        take_to_first_look(server, client)
+
+
+def take_to_first_look(server: viser.ViserServer, client: viser.ClientHandle) -> None:
+    """Take one browser's camera back to the first look."""
+    first = server.initial_camera
+    client.camera.up_direction = np.array([0.0, 0.0, 1.0])
+    client.camera.position, client.camera.look_at, client.camera.fov = first.position, first.look_at, first.fov
+
+
+def take_to_sensor(client: viser.ClientHandle, observation: Observation, T_world_cam: Float) -> None:
+    """Put one browser's camera where the sensor was, looking along its axis, as high an image as it took."""
+    depth_m = observation.depth_m[observation.depth_m > 0]
+    ahead_m = float(np.median(depth_m)) if len(depth_m) else 1.0
+    eye, target = apply(T_world_cam, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, ahead_m]]))
+    client.camera.up_direction = -T_world_cam[:3, 1]
+    client.camera.position, client.camera.look_at = eye, target
+    client.camera.fov = 2 * math.atan2(observation.camera.height / 2, observation.camera.fy)
+
+
+def take_to_points(client: viser.ClientHandle, points_world: Float, others_world: Sequence[Float]) -> None:
+    """Take one browser's camera close to an object's points (n, 3), where those of others hide the fewest of them."""
+    low, high = points_world.min(axis=0), points_world.max(axis=0)
+    middle, size_m = (low + high) / 2, float(np.linalg.norm(high - low))
+    now = np.asarray(client.camera.position) - np.asarray(client.camera.look_at)
+    direction = least_hidden(points_world, others_world, now / max(float(np.linalg.norm(now)), 1e-9))
+    distance_m = 1.1 * size_m / (2 * math.tan(client.camera.fov / 2)) + size_m / 2
+    client.camera.up_direction = np.array([0.0, 0.0, 1.0])
+    client.camera.position, client.camera.look_at = middle + distance_m * direction, middle
+
+
+def least_hidden(points: Float, others: Sequence[Float], now: Float) -> Float:
+    """Return the direction (3,) from an object to the eye, above the ground, from which most of its points are seen.
+
+    Of directions that are about as good, the one near the present one, ``now``, is taken.
+    """
+    directions = [
+        np.array([math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)])
+        for e in np.deg2rad(_ELEVATIONS_DEG)
+        for a in np.linspace(0, 2 * np.pi, _AZIMUTHS, endpoint=False)
+    ]
+    if 0.1 < now[2] < 0.98:
+        directions.append(now)
+    together = np.concatenate(others) if others else np.zeros((0, 3))
+    return max(directions, key=lambda d: visible_share(points, together, d) + _TURNING * (d @ now) / 2)
+
+
+def visible_share(points: Float, others: Float, direction: Float) -> float:
+    """Return the share of an object's points that no other points lie before, as seen from a direction.
+
+    Both are drawn into cells of a grid square to the direction, with the depth of what is nearest in each.
+    """
+    across = np.cross([0.0, 0.0, 1.0], direction)
+    across /= max(float(np.linalg.norm(across)), 1e-9)
+    axes = np.stack([across, np.cross(direction, across)])
+    middle = points.mean(axis=0)
+    cell_m = max(2 * float(np.linalg.norm(points - middle, axis=1).max()) / _CELLS, _LEAST_CELL_M)
+    cells, near = (points - middle) @ axes.T // cell_m, (points - middle) @ direction
+    other_cells, other_near = (others - middle) @ axes.T // cell_m, (others - middle) @ direction
+    half = _CELLS
+    heights = np.full((2 * half, 2 * half), -np.inf)
+    inside = (np.abs(other_cells + 0.5) < half).all(axis=1)
+    at = other_cells[inside].astype(int) + half
+    np.maximum.at(heights, (at[:, 0], at[:, 1]), other_near[inside])
+    own = np.clip(cells.astype(int) + half, 0, 2 * half - 1)
+    return float((heights[own[:, 0], own[:, 1]] <= near + cell_m / 2).mean())
+
+
+def cut_away(camera: viser.CameraHandle, ball_world: tuple[Float, float], share: float) -> None:
+    """Draw one browser's view only from a plane on that is square to it and lies at a share of a ball's depth.
+
+    Args:
+        camera: of the browser.
+        ball_world: centre (3,) and radius [m].
+        share: 0 = nothing is cut away, 1 = the whole ball.
+    """
+    near_m, (centre, radius_m) = NEAR_M, ball_world
+    if share:
+        ahead = camera.look_at - camera.position
+        depth_m = float((centre - camera.position) @ ahead) / max(float(np.linalg.norm(ahead)), 1e-9)
+        near_m = max(depth_m + (2 * share - 1) * radius_m, NEAR_M)
+    camera.near = near_m  # A value as before is not sent.

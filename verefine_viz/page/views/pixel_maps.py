@@ -1,0 +1,135 @@
+"""The score of a pose, or of several together, pixel by pixel: raw arrays over a part of the image."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.problem import Target
+from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore, ScoreMaps
+
+if TYPE_CHECKING:
+    from verefine_viz.page.blobs import Blobs
+    from verefine_viz.page.protocol import Maps
+    from verefine_viz.page.workspace import Workspace
+
+MARGIN_PX = 12
+"""Shown around what has numbers."""
+ALIGNED = 8
+"""Offsets of arrays in their blob are multiples of it."""
+LEAST_DEPTH_M = 0.05
+"""Half the range of the depth scale at least."""
+
+
+def maps(space: Workspace, want: Maps, blobs: Blobs) -> dict[str, Any]:
+    """The answer to a want of maps, as docs/page.md describes it.
+
+    Raises:
+        InputError: there is no such branch or object, or no pose is given.
+    """
+    evaluator = space.branch(want.branch).evaluator_of(want.k)
+    if want.obj is None:
+        targets = [space.problem.target(obj) for obj, _ in want.poses]
+        Ts = np.array([T for _, T in want.poses], float).reshape(-1, 4, 4)
+        if len(targets) == 0:
+            raise InputError("maps of no pose were asked for")
+        score = evaluator.scene_score(targets, Ts)
+        pixels, errors = evaluator.scene_maps(targets, Ts), None
+    else:
+        if want.T is None:
+            raise InputError("maps of no pose were asked for")
+        targets, T_cam_obj = [space.problem.target(want.obj)], pose_of(want.T)
+        score, pixels = evaluator.score(targets[0], T_cam_obj), evaluator.maps(targets[0], T_cam_obj)
+        errors = evaluator.errors(targets[0], T_cam_obj)
+    region = region_of(pixels, targets)
+    key, arrays = packed(cut(pixels, region), blobs)
+    numbers = score_numbers(score)
+    if errors is not None:
+        numbers |= {"err": errors.add_s_mm, "deg": errors.rotation_deg, "mm": errors.translation_mm}
+    rule = evaluator.verifier.settings
+    return {
+        "region": region,
+        "score": numbers,
+        "scale": {"depth": depth_range(targets), "tau_mm": 1e3 * rule.tau_m, "colour_weight": score.colour_weight},
+        "blob": key,
+        "arrays": arrays,
+    }
+
+
+def pose_of(numbers: tuple[float, ...]) -> Float:
+    """(4, 4) of 16 numbers by rows."""
+    return np.array(numbers, float).reshape(4, 4)
+
+
+def score_numbers(score: PoseScore) -> dict[str, Any]:
+    """A score with its parts, and the pixels of each class; errors are None until they are known."""
+    return {
+        "score": score.score,
+        "depth_fit": score.depth_fit,
+        "normal_fit": score.normal_fit,
+        "colour_fit": score.colour_fit,
+        "n": score.n_pixels,
+        "counts": dict(zip(PIXEL_CLASSES, score.counts, strict=True)),
+        "err": None,
+        "deg": None,
+        "mm": None,
+    }
+
+
+def region_of(pixels: ScoreMaps, targets: list[Target]) -> list[int]:
+    """[u0, v0, width, height] around the masks, what is rendered and what is scored; within the image."""
+    shown: Mask = (pixels.rendered_m > 0) | pixels.counted
+    for target in targets:
+        shown |= target.instance.mask
+    rows, columns = np.flatnonzero(shown.any(axis=1)), np.flatnonzero(shown.any(axis=0))
+    height, width = shown.shape
+    if len(rows) == 0:
+        return [0, 0, width, height]
+    u0, v0 = max(int(columns[0]) - MARGIN_PX, 0), max(int(rows[0]) - MARGIN_PX, 0)
+    u1, v1 = min(int(columns[-1]) + 1 + MARGIN_PX, width), min(int(rows[-1]) + 1 + MARGIN_PX, height)
+    return [u0, v0, u1 - u0, v1 - v0]
+
+
+def cut(pixels: ScoreMaps, region: list[int]) -> dict[str, NDArray[Any]]:
+    """The arrays of a region by name, (h, w) or (h, w, 3); those of colour only where it counts."""
+    u0, v0, width, height = region
+    named = {
+        "rendered": pixels.rendered_m,
+        "difference": pixels.depth_difference_m,
+        "angle": pixels.angle_rad,
+        "f_d": pixels.f_d,
+        "f_n": pixels.f_n,
+        "classes": pixels.classes,
+        "counted": pixels.counted.view(np.uint8),
+        "correlation": pixels.correlation,
+        "rendered_rgb": pixels.rendered_rgb,
+        "observed_rgb": pixels.observed_rgb,
+    }
+    there = {name: image for name, image in named.items() if image is not None}
+    return {name: image[v0 : v0 + height, u0 : u0 + width] for name, image in there.items()}
+
+
+def packed(images: dict[str, NDArray[Any]], blobs: Blobs) -> tuple[str, list[list[Any]]]:
+    """Key of one blob with all arrays, and for each [name, type, byte offset, number of values]."""
+    content, table = bytearray(), []
+    for name, image in images.items():
+        kind = image.dtype.newbyteorder("<")
+        table.append([name, image.dtype.name, len(content), image.size])
+        content += np.ascontiguousarray(image, kind).tobytes()
+        content += bytes(-len(content) % ALIGNED)
+    return blobs.put(bytes(content)), table
+
+
+def depth_range(targets: list[Target]) -> list[float]:
+    """[nearest, farthest] of the depth scale [m]: one for all poses of these objects."""
+    mask: Mask = np.logical_or.reduce([target.instance.mask for target in targets])
+    depth_m = targets[0].observation.depth_m[mask]
+    depth_m = depth_m[depth_m > 0]
+    largest = max(target.model.diameter_m for target in targets)
+    low, high = np.percentile(depth_m, (5, 95)) if len(depth_m) else (1.0, 1.0)
+    around = max(largest / 2, LEAST_DEPTH_M, float(high - low) / 2)
+    return [round(float(low + high) / 2 - around, 2), round(float(low + high) / 2 + around, 2)]
