@@ -16,7 +16,6 @@ from verefine_viz.core.progress_token import NEVER_CANCELLED
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs
-from verefine_viz.page.grasp_trials import trials_of
 from verefine_viz.page.moment import pose_matrix
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.grasp import grasp
@@ -57,6 +56,9 @@ def test_two_runs_compare_as_the_engine_says(opened: Callable[..., Debugger]):
                                        "b": first.b}  # fmt: skip
     assert first.text in answer["words"]
     for row, o in zip(answer["rows"], outcomes(a.run, b.run, a.final_evaluator.errors), strict=True):
+        assert o.a is not None
+        assert o.b is not None
+        assert o.b.errors is not None
         assert (row["a"]["score"], row["winner"]) == (o.a.best.score.score, o.winner)
         assert row["b"]["err"] == o.b.errors.add_s_mm
     assert answer["names"] == ["rir", "sir"]
@@ -123,6 +125,7 @@ def test_frames_that_were_solved_are_a_track(opened: Callable[..., Debugger]):
     frames = asked(d, p.Track(0))["frames"]
     assert [row["frame"] for row in frames] == ["0/1", "0/2"]
     target = d.space.problem.targets[0]
+    assert target.instance.T_cam_obj_gt is not None
     assert frames[0]["score"] == best.score.score
     assert frames[1]["err"] == add_s_mm(
         target.model, d.space.work.first.run.final_state.best[0].T_cam_obj, target.instance.T_cam_obj_gt
@@ -143,7 +146,7 @@ def test_a_grasp_is_cached_for_the_3d_view(opened: Callable[..., Debugger]):
     verb = p.Evaluate("1", "grasp", 0, tuple(pose_list(T)))
     answer = grasp(d.space, verb, d.blobs, NEVER_CANCELLED)
     problem, settings = d.space.problem, d.space.work.first.settings.grasp
-    pair = trials_of(d.space).known(problem, settings, 0, T)
+    pair = d.space.grasps.known(problem, settings, 0, T)
     assert pair is not None
     for side, attempt in ((answer["pose"], pair.answer), (answer["truth"], pair.ground_truth)):
         assert side["verdict"] == attempt.verdict
@@ -151,4 +154,4 @@ def test_a_grasp_is_cached_for_the_3d_view(opened: Callable[..., Debugger]):
         assert attempt.path is not None
         assert len(side["frames"]) == side["n"] == attempt.path.n_moments
     assert answer["truth"]["rise_mm"][-1] > 100
-    assert trials_of(d.space).known(problem, settings, 0, np.eye(4)) is None
+    assert d.space.grasps.known(problem, settings, 0, np.eye(4)) is None
