@@ -324,7 +324,7 @@ const MARK_ROWS = [["problem"], ["rejected", "flip", "edited"], ["switched", "be
 // Where everything lies [px].
 function placeOf(model, [w, h, rem, ratio]) {
   const longest = Math.max(...model.lanes.map((l) => l.name.length), 6);
-  const left = Math.round(Math.min(rem * 10, rem * (1.4 + 0.5 * longest)) + (model.several ? rem : 0));
+  const left = Math.round(Math.min(rem * 11.5, rem * (1.4 + 0.53 * longest)) + (model.several ? rem : 0));
   const band = model.band ? Math.round(rem * 0.6) : 0;
   const right = Math.round(rem * 2.6);
   const marksTop = Math.round(rem * 0.9);
