@@ -8,12 +8,12 @@ from typing import Any
 from verefine_viz.page import protocol as p
 from verefine_viz.page.views.comparison import comparison
 from verefine_viz.page.views.crops import crops
-from verefine_viz.page.views.landscape import landscape
+from verefine_viz.page.views.object_track import track
 from verefine_viz.page.views.physics import physics
 from verefine_viz.page.views.pixel_maps import maps
 from verefine_viz.page.views.pose_outlines import outlines
+from verefine_viz.page.views.score_landscape import landscape
 from verefine_viz.page.views.shaded_model import shaded
-from verefine_viz.page.views.track import track
 
 ANSWERS: dict[type, Callable[..., dict[str, Any]]] = {
     p.Comparison: comparison,

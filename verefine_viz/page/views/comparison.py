@@ -115,7 +115,7 @@ def _departure(departure: Departure) -> Json:
 
 
 def _outcome(o: Outcome, alike: bool) -> Json:
-    """Return one object's answers in both runs; who is nearer only where that can be told."""
+    """Return one object's answers in both runs; who is nearer only where that is known."""
     is_known = o.a is not None and o.b is not None and o.a.errors is not None and o.b.errors is not None
     return {
         "obj": o.instance_id,

@@ -58,7 +58,7 @@ function Arms({ moment }) {
   const width = (x) => ({ width: `${(100 * Math.max(0, Math.min(x, top))) / top}%` });
   const c = settings.find((one) => one.name === "method.exploration")?.value;
   return html`
-    <p class="said">${wordsOf(moment, shown, choice)}</p>
+    <p class="summary">${wordsOf(moment, shown, choice)}</p>
     <div class="row"><span class="key"><span><i class="swatch mean" />mean</span>${choice && html`<span><i class="swatch bonus" />bonus</span>`}
       <span><i class="chosen-mark" />chosen</span></span><span class="spring" />
       ${arms.length > 2 && html`<${Select} value=${order} options=${orders} onChange=${setOrder} title="order of the hypotheses" />`}</div>

@@ -28,7 +28,7 @@ function next() {
   const { branch } = state.running;
   if (queue.asked != null && !isOver(queue.asked)) {
     if (branch === queue.asked) queue.began = true;
-    else if (branch == null && queue.began) queue = null; // somebody paused it
+    else if (branch == null && queue.began) queue = null; // it was paused
     return;
   }
   if (branch != null) return;

@@ -4,7 +4,7 @@ import { send, setView, state, useStore } from "../store.js";
 import { momentOf, rowsOf, runOf, startsOf, verdictOf } from "../moment.js";
 import { Button, IconButton, number, Select, Swatch, Table } from "../ui.js";
 import { Chart } from "../charts.js";
-import { useKept } from "./kept.js";
+import { useLatest } from "./latest.js";
 import { putBeside, runBeside, runBoth } from "./beside.js";
 import { Field, listOf, parsed, settingsOf, shortName } from "./setting.js";
 
@@ -20,7 +20,7 @@ export function render() {
   const [compare, branches, branch] = useStore((s) => [s.compare, s.branches, s.view.branch, s.runs.get(s.compare?.a), s.runs.get(s.compare?.b)]);
   const moment = useStore(momentOf);
   return html`<div class="tab compare">
-    ${compare ? html`<${Pair} compare=${compare} branches=${branches} moment=${moment} />` : html`<p class="said">Put another run of this frame beside this one.</p>`}
+    ${compare ? html`<${Pair} compare=${compare} branches=${branches} moment=${moment} />` : html`<p class="summary">Put another run of this frame beside this one.</p>`}
     <${NewB} branch=${compare?.a ?? branch} branches=${branches} compare=${compare} />
     <${Branches} branches=${branches} moment=${moment} compare=${compare} />
   </div>`;
@@ -29,15 +29,15 @@ export function render() {
 function Pair({ compare, branches, moment }) {
   const { a, b } = compare;
   const [run_a, run_b, running] = useStore((s) => [runOf(s, a), runOf(s, b), s.running.branch]);
-  const answer = useKept({ what: "compare", a, b, done: [run_a.rows.length, run_b.rows.length] }, "compare", `${a} ${b}`);
-  const kept = answer?.gone ? null : answer;
+  const answer = useLatest({ what: "compare", a, b, done: [run_a.rows.length, run_b.rows.length] }, "compare", `${a} ${b}`);
+  const result = answer?.gone ? null : answer;
   const options = branches.map((one) => [String(one.index), one.name]);
   const choose = (side) => (index) => {
     const to = { ...compare, [side]: Number(index) };
     if (to.a !== to.b) send({ verb: "compare", a: to.a, b: to.b, run: false });
   };
   const go = ({ a: k_a, b: k_b, place }) => {
-    const obj = kept.pairs[place - 1]?.[0] ?? null;
+    const obj = result.pairs[place - 1]?.[0] ?? null;
     setView({ branch: a, k: k_a ?? 0, beside: k_b ?? 0, obj, stage: null, arm: null, edited: null });
   };
   const left = [run_a, run_b].some((run) => !run.over);
@@ -52,15 +52,15 @@ function Pair({ compare, branches, moment }) {
       ${left && running == null && html`<${Button} kind="primary" title="compute what is left of A and of B" onClick=${runBoth}>Run both<//>`}
       ${running != null && html`<span class="dim">${running === a ? "A" : running === b ? "B" : "Another branch"} is computed.</span>`}
     </div>
-    ${kept && html`
-      <p class="said">${kept.words}</p>
-      ${kept.departures.length > 0 && html`<div class="row">${kept.departures.filter((d, i, all) => all.findIndex((x) => x.place === d.place) === i).map((d) => html`
+    ${result && html`
+      <p class="summary">${result.words}</p>
+      ${result.departures.length > 0 && html`<div class="row">${result.departures.filter((d, i, all) => all.findIndex((x) => x.place === d.place) === i).map((d) => html`
         <${Button} title=${`B ${d.text}`} onClick=${() => go(d)}>${d.kind === "score" ? "First other score" : "First difference"}: ${d.place ? `iteration ${d.a ?? d.b}` : "the start"}<//>`)}</div>`}
-      ${!kept.scores_alike && html`<p class="doubt">A and B score by different settings: their scores do not compare, errors do.</p>`}
-      <${Outcomes} answer=${kept} moment=${moment} />
-      <${Curves} run_a=${run_a} run_b=${run_b} moment=${moment} names=${kept.names} compare=${compare} />
-      ${kept.settings.length > 0 && html`<h3>Settings that differ</h3><table class="table"><thead><tr><th class="left">setting</th><th>A</th><th>B</th></tr></thead>
-        <tbody>${kept.settings.map(([name, x, y]) => html`<tr title=${name}><td class="left">${shortName(name)}</td><td>${x}</td><td>${y}</td></tr>`)}</tbody></table>`}`}`;
+      ${!result.scores_alike && html`<p class="doubt">A and B score by different settings: their scores do not compare, errors do.</p>`}
+      <${Outcomes} answer=${result} moment=${moment} />
+      <${Curves} run_a=${run_a} run_b=${run_b} moment=${moment} names=${result.names} compare=${compare} />
+      ${result.settings.length > 0 && html`<h3>Settings that differ</h3><table class="table"><thead><tr><th class="left">setting</th><th>A</th><th>B</th></tr></thead>
+        <tbody>${result.settings.map(([name, x, y]) => html`<tr title=${name}><td class="left">${shortName(name)}</td><td>${x}</td><td>${y}</td></tr>`)}</tbody></table>`}`}`;
 }
 
 function Outcomes({ answer, moment }) {

@@ -101,7 +101,7 @@ function Moments({ one, by, at, show }) {
       <input type="range" min="0" max=${one.n - 1} value=${at} title="moment of the grasp" onInput=${(e) => show({ moment: Number(e.currentTarget.value) })} />
       <${Button} title="draw the grasp in 3D no more" onClick=${() => setView({ grasp: null })}>Hide<//></div>
     <div class="strip">${spans.map((s) => html`<button type="button" key=${s.k} class=${at >= s.k && at < s.k + s.n ? "on" : ""} style=${{ flex: s.n }} title=${`${s.name}, from ${(s.k / 30).toFixed(1)} s`} onClick=${() => show({ moment: s.k })}>${s.name}</button>`)}</div>
-    <${Chart} series=${series} x=${x} xLabel="time [s]" yLabel="rise, force" units="mm, N" digits=${1} cursor=${at / 30} height=${10} />
+    <${Chart} series=${series} x=${x} xLabel="time [s]" yLabel="mm, N" digits=${1} cursor=${at / 30} height=${10} />
     <dl class="facts">${[["stage", one.stages[at]], ["gap", `${number(one.gap_mm[at], 0)} mm`, "between the fingers"], ["force", `${number(left, 0)} / ${number(right, 0)} N`, "of the fingers on the object, left / right"],
       ["rise", `${number(one.rise_mm[at], 0)} mm`, "of the object since the start"], ["touches", one.touches[at].join(", ") || "nothing", "what the gripper presses on"]].map(([name, value, what]) => html`
       <div title=${what}><dt>${name}</dt><dd>${value}</dd></div>`)}</dl>

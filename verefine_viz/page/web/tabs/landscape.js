@@ -3,7 +3,7 @@ import { html, useMemo, useState } from "../vendor/htm-preact.js";
 import { setView, useStore } from "../store.js";
 import { momentOf } from "../moment.js";
 import { Button, number, Select } from "../ui.js";
-import { useKept } from "./kept.js";
+import { useLatest } from "./latest.js";
 
 export const title = "Landscape";
 export const hint = "the score around the best pose";
@@ -35,16 +35,16 @@ function Around({ moment, pose }) {
   const of = { what: "landscape", branch: moment.branch, k: moment.k, obj: moment.obj };
   const [frame, setFrame] = useState("table");
   const [axes, setAxes] = useState([5, 0]);
-  const around = useKept({ ...of, part: "curves" }, "curves", pose);
-  const two = useKept(around && !around.gone ? { ...of, part: "slice", axes } : null, "slice", pose);
-  const other = useKept(two ? { ...of, part: "other" } : null, "other", pose);
+  const around = useLatest({ ...of, part: "curves" }, "curves", pose);
+  const two = useLatest(around && !around.gone ? { ...of, part: "slice", axes } : null, "slice", pose);
+  const other = useLatest(two ? { ...of, part: "other" } : null, "other", pose);
   if (!around) return html`<p class="empty">Scoring the poses around the ${moment.isAnswer ? "answer" : "best pose"}.</p>`;
   if (around.gone) return html`<p class="empty">${around.gone}</p>`;
   const edit = (T) => setView({ obj: moment.obj, edited: { obj: moment.obj, arm: moment.best.arm, T, from: around.T } });
   const names = around.curves.map((c) => [String(c.axis), c.words]);
   const choose = (i) => (v) => setAxes(axes.map((old, j) => (i === j ? Number(v) : old)));
   return html`<div class="tab landscape">
-    <p class="said">${moment.isAnswer ? "Answer" : "Best pose so far"} of ${moment.object.label}: ${around.undetermined}.</p>
+    <p class="summary">${moment.isAnswer ? "Answer" : "Best pose so far"} of ${moment.object.label}: ${around.undetermined}.</p>
     <${Other} other=${other} edit=${edit} />
     <div class="row"><h3>Score along</h3><${Select} value=${frame} options=${FRAMES} onChange=${setFrame} /></div>
     <div class="curves">${around.curves.filter((c) => c.frame === frame).map((c) => html`<${Curve} key=${c.axis} curve=${c} score=${around.score} edit=${edit} />`)}</div>

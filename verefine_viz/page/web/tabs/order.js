@@ -27,7 +27,7 @@ export function render() {
   const pairs = Object.values(Object.groupBy([...order.edges].sort((x, y) => TELLING[x.kind] - TELLING[y.kind]), (e) => [e.first, e.second].sort((x, y) => x - y).join()));
   const restarts = branches.length > 1 ? "restarts the run and discards the branches" : "restarts the run";
   return html`<div class="tab order">
-    <p class="said">${RULES[order.source]} ${new Set(objects.map((o) => o.cluster)).size <= order.clusters.length ? "" : `${method} solves each object alone; vf_breadth, vf_depth and physim_mcts follow this order.`}</p>
+    <p class="summary">${RULES[order.source]} ${new Set(objects.map((o) => o.cluster)).size <= order.clusters.length ? "" : `${method} solves each object alone; vf_breadth, vf_depth and physim_mcts follow this order.`}</p>
     ${order.notes.map((note) => html`<p class="doubt">${note[0].toUpperCase() + note.slice(1)}.</p>`)}
     <${Graph} order=${order} of=${of} current=${moment.obj} />
     <p class="key"><span><svg class="line" viewBox="0 0 24 8"><path d="M0 4h24" /></svg>carries</span><span><svg class="line" viewBox="0 0 24 8"><path class="occlusion" d="M0 4h24" /></svg>hides</span>

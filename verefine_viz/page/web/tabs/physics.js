@@ -4,7 +4,7 @@ import { listen, send, setView, state, useStore } from "../store.js";
 import { labelOf, momentOf, STAGE_COLORS } from "../moment.js";
 import { Button, number, Select, Swatch, Table } from "../ui.js";
 import { Chart } from "../charts.js";
-import { useKept } from "./kept.js";
+import { useLatest } from "./latest.js";
 
 export const title = "Physics";
 export const hint = "whether the objects can stand so, and the simulation";
@@ -18,11 +18,11 @@ export function render() {
   const moment = useStore(momentOf);
   const edited = useStore((s) => s.view.edited);
   const mine = edited?.obj === moment.obj ? edited.T : null;
-  const answer = useKept({ what: "physics", branch: moment.branch, k: moment.k, obj: moment.obj, answer: moment.isAnswer, edited: mine }, "physics", `${moment.branch} ${moment.obj}`);
+  const answer = useLatest({ what: "physics", branch: moment.branch, k: moment.k, obj: moment.obj, answer: moment.isAnswer, edited: mine }, "physics", `${moment.branch} ${moment.obj}`);
   if (!answer) return html`<p class="empty">Working out what touches what.</p>`;
   if (answer.gone) return html`<p class="empty">${answer.gone}</p>`;
   return html`<div class="tab physics">
-    ${answer.why_none && html`<p class="said">${answer.why_none}</p>`}
+    ${answer.why_none && html`<p class="summary">${answer.why_none}</p>`}
     ${answer.doubts.map((d) => html`<p class="doubt">${d}</p>`)}
     <${Focus} answer=${answer} moment=${moment} />
     <${Path} path=${answer.path} moment=${moment} />

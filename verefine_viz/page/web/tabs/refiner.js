@@ -2,7 +2,7 @@
 import { html } from "../vendor/htm-preact.js";
 import { useStore } from "../store.js";
 import { momentOf } from "../moment.js";
-import { useKept } from "./kept.js";
+import { useLatest } from "./latest.js";
 
 export const title = "Refiner";
 export const hint = "what a learned refiner saw and answered";
@@ -11,11 +11,11 @@ export const empty = (s) => (momentOf(s)?.row ? "The refiner is not learned: the
 
 export function render() {
   const moment = useStore(momentOf);
-  const answer = useKept({ what: "crops", branch: moment.branch, k: moment.k, obj: moment.obj }, "crops", `${moment.branch} ${moment.obj}`);
+  const answer = useLatest({ what: "crops", branch: moment.branch, k: moment.k, obj: moment.obj }, "crops", `${moment.branch} ${moment.obj}`);
   if (!answer) return html`<p class="empty">Asking the refiner what it saw.</p>`;
   if (answer.gone || answer.why_none) return html`<p class="empty">${answer.gone ?? answer.why_none}</p>`;
   return html`<div class="tab refiner">
-    <p class="said">${answer.refiner} in iteration ${answer.k}${answer.start ? `: ${answer.start}` : ""}.</p>
+    <p class="summary">${answer.refiner} in iteration ${answer.k}${answer.start ? `: ${answer.start}` : ""}.</p>
     ${answer.steps.map((step, i) => html`<figure key=${step.url}><img src=${step.url} alt=${`what the refiner saw at step ${i + 1}`} />
       <figcaption><b>Step ${i + 1} of ${answer.steps.length}</b>${step.words.map((line) => html`<span>${line}</span>`)}</figcaption></figure>`)}
     <p class="dim">White line: the shift that it answered. Yellow: the axis of its turn, longer for larger turns.</p>

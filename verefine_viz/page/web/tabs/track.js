@@ -3,7 +3,7 @@ import { html } from "../vendor/htm-preact.js";
 import { send, state, useStore } from "../store.js";
 import { momentOf, STAGE_COLORS } from "../moment.js";
 import { number, Swatch, Table } from "../ui.js";
-import { useKept } from "./kept.js";
+import { useLatest } from "./latest.js";
 
 export const title = "Track";
 export const hint = "the object over the frames of a sequence";
@@ -17,14 +17,14 @@ const [BAR, GAP] = [46, 8];
 export function render() {
   const moment = useStore(momentOf);
   const frame = useStore((s) => s.frame);
-  const answer = useKept({ what: "track", obj: moment.obj, done: moment.over }, "track", String(moment.obj));
+  const answer = useLatest({ what: "track", obj: moment.obj, done: moment.over }, "track", String(moment.obj));
   if (!answer) return html`<p class="empty">Comparing the frames.</p>`;
   if (answer.gone) return html`<p class="empty">${answer.gone}</p>`;
   if (answer.frames.length < 2) return html`<p class="empty">Solve two frames of this sequence and ${moment.object.label} is followed from one to the next.</p>`;
   const odd = answer.frames.filter((f) => f.kind === "flip" || f.kind === "jump");
   const open = (f) => f.frame !== state.frame.frame && send({ verb: "open", frame: f.frame });
   return html`<div class="tab track">
-    <p class="said">${answer.words}</p>
+    <p class="summary">${answer.words}</p>
     <${Strip} answer=${answer} here=${frame.frame} open=${open} />
     <dl class="legend">${Object.entries(KINDS).map(([kind, color]) => html`<div><dt><${Swatch} color=${color} />${kind}</dt><dd class="dim">${answer.legend[kind]}</dd></div>`)}</dl>
     <p class="dim">Motions are relative to ${answer.reference === "world" ? "the world: what the camera does is left out" : "the camera: what the camera does is in them"}.</p>

@@ -92,15 +92,15 @@ export function Tree({ tree, moment }) {
   };
   const layers = Math.max(1, ...boxes.map((b) => b.depth));
   const [x, series] = useMemo(() => [tree.steps.map((s) => s.k), [
-    { name: "incumbent", values: tree.steps.map((s) => s.tree.incumbent), color: STAGE_COLORS.best, kind: "steps" },
-    { name: "this scene", values: tree.steps.map((s) => s.tree.cost), color: STAGE_COLORS.current, kind: "points" },
+    { name: "incumbent", values: tree.steps.map((s) => s.tree.incumbent / 1000), color: STAGE_COLORS.best, kind: "steps" },
+    { name: "this scene", values: tree.steps.map((s) => s.tree.cost / 1000), color: STAGE_COLORS.current, kind: "points" },
   ]], [tree]);
   const named = (n) => `${of(n.obj).label} from hypothesis ${n.arm + 1}`;
   const numbers = (n) => `${n.visits} visit${n.visits === 1 ? "" : "s"}, ${px(n.mean)} px per visit, LCP ${number(n.lcp)}`;
   const listed = tree.nodes.slice(1).filter((n) => tree.branch.includes(n.number) || tree.incumbent.branch.includes(n.number) || n.children.length || n.visits > 1)
     .sort((a, b) => a.depth - b.depth || first(a, b)).slice(0, 40);
   return html`
-    <p class="said">${tree.nodes.length - 1} nodes. The best scene leaves ${px(tree.incumbent.cost)} px unexplained,
+    <p class="summary">${tree.nodes.length - 1} nodes. The best scene leaves ${px(tree.incumbent.cost)} px unexplained,${" "}
       <button type="button" class="link" onClick=${() => seek(tree.incumbent.k)}>iteration ${tree.incumbent.k}</button>.</p>
     <svg class="tree" viewBox=${`${-STRIP} 0 ${WIDTH + STRIP} ${layers * (LAYER + GAP)}`}>
       ${[...Array(layers).keys()].map((d) => {
@@ -122,12 +122,12 @@ export function Tree({ tree, moment }) {
       })}
     </svg>
     <p class="key"><span><${Swatch} color=${`rgb(${CHEAP})`} />cheap</span><span><${Swatch} color=${`rgb(${DEAR})`} />dear per visit</span>
-      <span><${Swatch} color="#fff" hollow />this branch</span><span><${Swatch} color=${INCUMBENT} hollow />way to the best scene</span>
+      <span><${Swatch} color="#fff" />this branch</span><span><${Swatch} color=${INCUMBENT} hollow />way to the best scene</span>
       <span>h3 · 7× = hypothesis 3, 7 visits</span></p>
     ${tree.choices.length > 0 && html`<h3 title="a node is taken where its cost per visit minus its bonus for few visits is lowest; untried ones come first">Why this branch</h3>
       ${tree.choices.map((choice, i) => html`<p><b>${of(tree.nodes[tree.branch[i + 1]]?.obj).label}</b> ${choice}</p>`)}`}
     <h3>Cost of the scenes</h3>
-    <${Chart} series=${series} x=${x} yLabel="unexplained" units="px" digits=${0} cursor=${moment.k || null} onSeek=${seek} />
+    <${Chart} series=${series} x=${x} yLabel="unexplained" units="1000 px" digits=${2} cursor=${moment.k || null} onSeek=${seek} />
     <${Table} rows=${listed} keyOf=${(n) => n.number} onRow=${(n) => seek(n.k)} current=${(n) => n.number === tree.branch.at(-1)} columns=${[
       { title: "node", left: true, of: (n) => html`<span style=${{ paddingLeft: `${0.8 * (n.depth - 1)}rem` }}><${Swatch} color=${of(n.obj).color} />${of(n.obj).label} ${n.arm + 1}</span>` },
       { title: "visits", of: (n) => n.visits },

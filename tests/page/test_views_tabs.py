@@ -1,0 +1,157 @@
+"""The views behind the tabs: what they send to the browser is what the engine works out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from tests.page.conftest import SESSION
+from tests.page.fake_tools import FakeTools
+from verefine_viz.core.problem import Placed
+from verefine_viz.core.progress_token import NEVER_CANCELLED
+from verefine_viz.evaluation.pose_errors import add_s_mm
+from verefine_viz.page import protocol as p
+from verefine_viz.page.blobs import Blobs
+from verefine_viz.page.moment import pose_matrix
+from verefine_viz.page.verbs import Debugger
+from verefine_viz.page.views.grasp import grasp
+from verefine_viz.page.views.rows import pose_list
+from verefine_viz.page.wants import ANSWERS
+from verefine_viz.page.workspace import Checks, Workspace
+from verefine_viz.physics.plausibility import plausibility
+from verefine_viz.physics.proximity import overlap
+from verefine_viz.run.compare import aligned, departures, outcomes
+
+
+def asked(debugger: Debugger, want: p.Wanted) -> dict[str, Any]:
+    """Return a view's answer as a browser gets it."""
+    answer = ANSWERS[type(want)](debugger.space, want, debugger.blobs)
+    return msgspec.json.decode(msgspec.json.encode(answer))
+
+
+@pytest.fixture
+def opened() -> Callable[..., Debugger]:
+    """Open frames of boxes with real checks of physics."""
+
+    def make(*verbs: p.AnyVerb, frame: str = "0/1") -> Debugger:
+        space = Workspace(SESSION, None, FakeTools, Checks(plausibility, overlap), frame=frame)
+        return Debugger(space, blobs=Blobs()).carry_out(verbs)
+
+    return make
+
+
+def test_two_runs_compare_as_the_engine_says(opened: Callable[..., Debugger]):
+    d = opened(p.Run(), p.Compare(changes={"method.name": "sir"}), frame="0/2")
+    a, b = (d.space.branch(k) for k in (0, 1))
+    answer = asked(d, p.Comparison(0, 1))
+    pairs = aligned(a.run.iterations, b.run.iterations)
+    assert answer["pairs"] == [[*pair] for pair in pairs]
+    first = departures(a.run, b.run, pairs).deed
+    assert first is not None
+    assert answer["departures"][0] == {"place": first.place, "kind": first.kind, "text": first.text, "a": first.a,
+                                       "b": first.b}  # fmt: skip
+    assert first.text in answer["words"]
+    for row, o in zip(answer["rows"], outcomes(a.run, b.run, a.final_evaluator.errors), strict=True):
+        assert o.a is not None
+        assert o.b is not None
+        assert o.b.errors is not None
+        assert (row["a"]["score"], row["winner"]) == (o.a.best.score.score, o.winner)
+        assert row["b"]["err"] == o.b.errors.add_s_mm
+    assert answer["names"] == ["rir", "sir"]
+    assert len(answer["frame"]) == 2
+
+
+def test_physics_says_of_every_object_what_the_check_says(opened: Callable[..., Debugger]):
+    d = opened(p.Seek(3), frame="0/2")
+    branch = d.space.work.first
+    answer = asked(d, p.Physics(k=3))
+    problem, iteration = d.space.problem, branch.run.iterations[2]
+    assert [o["obj"] for o in answer["objects"]] == [i.instance_id for i in problem.instances]
+    after = answer["poses"][-1]
+    assert after["name"] == "accepted"
+    own = Placed(iteration.instance_id, problem.target(iteration.instance_id).model, iteration.accepted_stage.T_cam_obj)
+    other = next(i.instance_id for i in problem.instances if i.instance_id != iteration.instance_id)
+    best = branch.run.best_at(3)[other]
+    assert problem.observation.support is not None
+    known = plausibility(own, [Placed(other, problem.target(other).model, best.T_cam_obj)], problem.observation.support)
+    assert after["gap_mm"] == known.gap_mm
+    assert after["depth_mm"] == known.penetration_mm
+    assert after["stable"] == known.is_stable
+    assert len(after["polygon"]) == len(known.polygon_cam)
+    assert iteration.path is not None
+    assert answer["path"]["n"] == len(iteration.path.Ts_cam_obj)
+    assert answer["path"]["moved_mm"][0] == 0
+
+
+def test_physics_of_an_edited_pose_is_about_that_pose(opened: Callable[..., Debugger]):
+    d = opened(p.Run())
+    T = np.array(d.space.problem.instances[0].T_cam_obj_gt)
+    T[1, 3] -= 0.05  # The camera's y points down.
+    n = d.space.work.first.run.length
+    answer = asked(d, p.Physics(k=n, obj=0, edited=tuple(pose_list(T))))
+    assert [pose["name"] for pose in answer["poses"]][-1] == "edited"
+    assert answer["poses"][-1]["gap_mm"] == pytest.approx(50, abs=1)
+    assert answer["poses"][-1]["tone"] == "red"
+
+
+def test_landscape_has_the_scores_of_its_poses(opened: Callable[..., Debugger]):
+    d = opened(p.Run())
+    run = d.space.work.first.run
+    target, T_best = run.problem.targets[0], run.final_state.best[0].T_cam_obj
+    verifier = d.space.tools.verifier
+    curves = asked(d, p.Landscape(0, k=run.length))["curves"]
+    assert len(curves) == 12
+    for curve in curves[::5]:
+        poses = np.array([pose_matrix(T) for T in curve["poses"]])
+        assert verifier.score(target, poses).score == pytest.approx(curve["scores"])
+        assert np.array_equal(poses[curve["offsets"].index(0.0)], T_best)
+    two = asked(d, p.Landscape(0, k=run.length, part="slice", axes=(0, 1)))
+    middle = len(two["scores"]) // 2
+    assert pose_matrix(two["poses"][middle][middle]) == pytest.approx(T_best)
+    assert two["scores"][middle][middle] == pytest.approx(run.final_state.best[0].score.score)
+    assert asked(d, p.Landscape(0, k=run.length, part="other"))["other"] is None
+
+
+def test_frames_that_were_solved_are_a_track(opened: Callable[..., Debugger]):
+    d = opened(p.Run())
+    assert asked(d, p.Track(0))["frames"] == []
+    best = d.space.work.first.run.final_state.best[0]
+    d.carry_out([p.Open(frame="0/2")])
+    d.carry_out([p.Run(d.space.work.first.index)])
+    frames = asked(d, p.Track(0))["frames"]
+    assert [row["frame"] for row in frames] == ["0/1", "0/2"]
+    target = d.space.problem.targets[0]
+    assert target.instance.T_cam_obj_gt is not None
+    assert frames[0]["score"] == best.score.score
+    assert frames[1]["err"] == add_s_mm(
+        target.model, d.space.work.first.run.final_state.best[0].T_cam_obj, target.instance.T_cam_obj_gt
+    )
+
+
+def test_a_refiner_that_is_not_learned_saw_nothing(opened: Callable[..., Debugger]):
+    d = opened(p.Run())
+    answer = asked(d, p.Crops(k=3, obj=0))
+    assert answer["steps"] == []
+    assert "not learned" in answer["why_none"]
+
+
+@pytest.mark.usefixtures("processes")
+def test_a_grasp_is_cached_for_the_3d_view(opened: Callable[..., Debugger]):
+    d = opened(p.Run())
+    T = d.space.work.first.run.final_state.best[0].T_cam_obj
+    verb = p.Evaluate("1", "grasp", 0, tuple(pose_list(T)))
+    answer = grasp(d.space, verb, d.blobs, NEVER_CANCELLED)
+    problem, settings = d.space.problem, d.space.work.first.settings.grasp
+    pair = d.space.grasps.known(problem, settings, 0, T)
+    assert pair is not None
+    for side, attempt in ((answer["pose"], pair.answer), (answer["truth"], pair.ground_truth)):
+        assert side["verdict"] == attempt.verdict
+        assert side["free"] == attempt.is_free.sum()
+        assert attempt.path is not None
+        assert len(side["frames"]) == side["n"] == attempt.path.n_moments
+    assert answer["truth"]["rise_mm"][-1] > 100
+    assert d.space.grasps.known(problem, settings, 0, np.eye(4)) is None
