@@ -10,9 +10,9 @@ import pytest
 from tests.made_runs import answer, finished
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.cli import main
+from verefine_viz.page import app as page_app
+from verefine_viz.page.gallery import Gallery
 from verefine_viz.run.session_file import resolve
-from verefine_viz.viewer import app as page_app
-from verefine_viz.viewer.state.batch_gallery import Gallery
 
 
 def batch_run(folder: Path, method: str, errors_mm: tuple[float, ...], status: str = "finished") -> None:
@@ -39,8 +39,8 @@ def test_of_one_run_the_worst_frame_comes_first(tmp_path: Path, served: dict[str
     assert main(["view", str(tmp_path / "rir")]) == 0
     assert served["session"].scene.frames == ("0/1", "0/0", "0/2")
     assert served["session_path"] is None
-    assert isinstance(served["batch"], Gallery)
-    assert served["batch"].worst.row.im_id == 1
+    assert isinstance(served["gallery"], Gallery)
+    assert served["gallery"].worst.row.im_id == 1
 
 
 def test_of_several_runs_the_session_of_the_worst_is_opened_with_the_settings_given(
@@ -52,7 +52,7 @@ def test_of_several_runs_the_session_of_the_worst_is_opened_with_the_settings_gi
     assert served["session"].method.name == "sir"
     assert served["session"].method.exploration == 0.2
     assert served["session"].scene.frames == ("0/0", "0/1")
-    assert served["batch"].session("rir").method.exploration == 0.2
+    assert served["gallery"].session("rir").method.exploration == 0.2
 
 
 def test_runs_that_are_left_out_are_reported(
@@ -62,7 +62,7 @@ def test_runs_that_are_left_out_are_reported(
     (tmp_path / "old").mkdir()
     batch_run(tmp_path / "old" / "sir", "sir", (5.0, 40.0))
     assert main(["view", str(tmp_path)]) == 0
-    assert served["batch"].has_several_runs is False
+    assert served["gallery"].has_several_runs is False
     assert f"to view them, name their folder: {tmp_path / 'old'} (1 run)." in capsys.readouterr().err
 
 

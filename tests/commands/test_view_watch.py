@@ -20,8 +20,8 @@ from tests.run.kept_frames import box_mesh, found, kept
 from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.runs import Runs
 from verefine_viz.cli import main
+from verefine_viz.page import app as page_app
 from verefine_viz.run.session_file import resolve, save_session
-from verefine_viz.viewer import app as page_app
 
 PROBLEM = box_problem(n_hypotheses=2)
 PATIENCE_S = 240.0

@@ -132,7 +132,7 @@ class PageServer:
     def stop(self) -> None:
         """Close all connections and free the port."""
         self._server.should_exit = True
-        if self._loop is not None:
+        if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(lambda: [window.put(None) for window in self._windows.values()])
         self._thread.join(timeout=10)
         self._socket.close()

@@ -109,9 +109,9 @@ class Debugger:
         self.space, self.post, self.blobs = space, post, blobs or Blobs()
         self.gallery, self.demos, self.list_sessions = gallery, demos, sessions
         self._write, self.progress = write, progress
-        self.batch_run = gallery.worst.run if gallery is not None else ""
+        self.batch_run = ""
         """The batch run whose session is open; "" = none is."""
-        space.batch = gallery.runs[self.batch_run].folder if gallery is not None else None
+        self.enter_run(gallery.worst.run if gallery is not None else "")
         self.goals: dict[int, Goal] = {}
         """What is computed, by branch; in turns where there are several."""
         self.log: list[AnyVerb] = []
@@ -209,6 +209,11 @@ class Debugger:
     def progress_verbs(self) -> list[AnyVerb]:
         """Return verbs that compute as much as is there of what is being computed."""
         return [p.Seek(goal.branch.run.length, goal.branch.index) for goal in self.goals.values()]
+
+    def enter_run(self, run: str) -> None:
+        """Note which batch run the open session is of; "" = none."""
+        self.batch_run = run
+        self.space.batch = self.gallery.runs[run].folder if self.gallery is not None and run else None
 
     def repeat_recorded(self) -> None:
         """Take the steps that another program recorded: what is over already opens at its end."""
