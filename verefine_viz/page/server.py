@@ -210,8 +210,8 @@ class PageServer:
         except TimeoutError:
             return Response(status_code=503)
         # Its address names the answer too, so the browser need not ask again.
-        kept = {"cache-control": "private, max-age=3600"}
-        return Response(made, media_type="image/webp", headers=kept) if made else Response(status_code=404)
+        cached = {"cache-control": "private, max-age=3600"}
+        return Response(made, media_type="image/webp", headers=cached) if made else Response(status_code=404)
 
     async def _written(self, request: Request) -> Response:
         path = self._file(request.path_params["name"])
