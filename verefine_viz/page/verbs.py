@@ -332,6 +332,7 @@ class Debugger:
                     "name": b.name,
                     "parent": b.parent,
                     "from": b.forked_at,
+                    "scored": [after for after, _ in b.evaluators],
                     "recording": str(b.recording) if b.recording else None,
                     "missing": b.missing,
                     "done": b.run.length,

@@ -41,7 +41,7 @@ def physics(space: Workspace, want: p.Physics, blobs: Blobs) -> Json:
     support = moment.problem.observation.support
     answer: Json = {
         "why_none": _why_none(branch),
-        "doubts": _doubts(branch, support),
+        "doubts": doubts_of(branch, support),
         "surroundings": None if support is None else _surroundings(support),
         "objects": [],
         "poses": [],
@@ -231,7 +231,7 @@ def _why_none(branch: Branch) -> str:
     return "" if method.simulates else f"{method.label} does not simulate."
 
 
-def _doubts(branch: Branch, support: Support | None) -> list[str]:
+def doubts_of(branch: Branch, support: Support | None) -> list[str]:
     """Return what makes physics doubtful here: the plane, gravity, and objects that stand on others."""
     if support is None:
         return []

@@ -10,7 +10,6 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Best
 from verefine_viz.diagnosis.causes import ADVICE, TITLES, Cause, Finding
-from verefine_viz.diagnosis.data_doubts import plane_doubt
 from verefine_viz.diagnosis.impossible import impossible
 from verefine_viz.diagnosis.lost_poses import lost
 from verefine_viz.diagnosis.signs import FinishedObject, RunnerUp, signs
@@ -20,6 +19,7 @@ from verefine_viz.methods.registry import method_of
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.evaluator import CachedEvaluator
 from verefine_viz.page.moment import labels_of, runner_up
+from verefine_viz.page.views.physics import doubts_of
 from verefine_viz.page.views.rows import pose_list
 
 Json = dict[str, Any]
@@ -234,8 +234,10 @@ def _scene(objects: Sequence[Json]) -> Json:
 
 def _notes(branch: Branch) -> list[str]:
     """Return what of the frame makes physics doubtful."""
-    observation = branch.run.problem.observation
+    observation, physics = branch.run.problem.observation, branch.settings.physics
     if observation.support is None:
         return [f"No physics: {observation.support_note or 'no support plane was found'}."]
-    doubt = plane_doubt(observation.support)
-    return [doubt] if doubt else []
+    notes = doubts_of(branch, observation.support)
+    if physics.enabled and physics.collider == "hull":
+        notes.append("Physics takes every model for its convex hull (physics.collider = hull).")
+    return notes

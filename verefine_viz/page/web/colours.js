@@ -1,23 +1,26 @@
 // Colour scales of the score maps, and arrays drawn with them; the colours are those of core/palette.py.
 
 export const EMPTY = "#26282c"; // pixels without a value
-const VIRIDIS = [[68, 1, 84], [72, 40, 120], [62, 74, 137], [49, 104, 142], [38, 130, 142], [31, 158, 137], [53, 183, 121],
-  [109, 205, 89], [180, 222, 44], [253, 231, 37]];
+const VIRIDIS = [[68, 1, 84], [72, 40, 120], [62, 74, 137], [49, 104, 142], [38, 130, 142], [31, 158, 137],
+  [53, 183, 121], [109, 205, 89], [180, 222, 44], [253, 231, 37]];
 const INFERNO = [[0, 0, 4], [31, 12, 72], [85, 15, 109], [136, 34, 106], [186, 54, 85], [227, 89, 51], [249, 140, 10],
   [249, 201, 50], [252, 255, 164]];
-const BLUE_RED = [[33, 102, 172], [103, 169, 207], [209, 229, 240], [250, 250, 250], [253, 219, 199], [239, 138, 98], [178, 24, 43]];
-const MAGENTA_GREEN = [[197, 27, 125], [233, 163, 201], [253, 224, 239], [247, 247, 247], [230, 245, 208], [161, 215, 106], [77, 146, 33]];
+const BLUE_RED = [[33, 102, 172], [103, 169, 207], [209, 229, 240], [250, 250, 250], [253, 219, 199], [239, 138, 98],
+  [178, 24, 43]];
+const MAGENTA_GREEN = [[197, 27, 125], [233, 163, 201], [253, 224, 239], [247, 247, 247], [230, 245, 208],
+  [161, 215, 106], [77, 146, 33]];
 
 export const CLASSES = [
   { name: "explained", color: "#3cb44b", words: "in the mask, rendered and observed agree within τ" },
-  { name: "missed", color: "#dc322f", words: "in the mask, but the pose leaves it empty or puts it behind what was observed" },
-  { name: "protruding", color: "#d336b4", words: "surface where the sensor saw through, or outside the mask onto another surface" },
+  { name: "missed", color: "#dc322f", words: "in the mask; the pose leaves it empty, or puts it behind the surface" },
+  { name: "protruding", color: "#d336b4", words: "rendered where the sensor saw through, or outside the mask" },
   { name: "hidden", color: "#607d8b", words: "something nearer stands in front" },
   { name: "unknown", color: "#c8c8c8", words: "rendered, but nothing was measured there" },
 ];
 
 const packed = ([r, g, b]) => ((255 << 24) | (b << 16) | (g << 8) | r) >>> 0; // little-endian RGBA
-const CLASS_TABLE = new Uint32Array([0, ...CLASSES.map((c) => packed(c.color.match(/\w\w/g).map((x) => parseInt(x, 16))))]);
+const unpacked = (color) => color.match(/\w\w/g).map((x) => parseInt(x, 16));
+const CLASS_TABLE = new Uint32Array([0, ...CLASSES.map((c) => packed(unpacked(c.color)))]);
 
 // 256 packed colours, evenly between the anchors.
 const tables = new Map();
@@ -34,33 +37,58 @@ export function table(anchors) {
 
 export const gradient = (anchors) => `linear-gradient(to right, ${anchors.map((c) => `rgb(${c})`).join(", ")})`;
 
-// What each map shows. `of(side)`: its array; `factor`: from the array's unit to the one shown; `range(side)`: low and
-// high, so that the same colour means the same number at every pose; `where(side)`: array that is 0 where nothing counts.
-// `shared`: the same for A and B. `ends`: words at the ends of the scale.
-const tau = (side) => [-2 * side.scale.tau_mm, 2 * side.scale.tau_mm];
+// What each map shows. `of(side)`: its array. `factor`: from the array's unit to the one shown. `range(side)`: the ends
+// of the scale; but for `gain` the same colour means the same number at every pose. `where(side)`: an array that is 0
+// where there is no value. `shared`: one for A and B. `colour`: only where colour counts. `ends`: words at the ends.
 const depth = (side) => side.scale.depth;
 export const MAPS = {
-  observed: { label: "observed", hint: "depth that the sensor measured", unit: "m", digits: 4, anchors: VIRIDIS, range: depth, shared: true },
-  rendered: { label: "rendered", hint: "depth of the model at the pose", unit: "m", digits: 4, anchors: VIRIDIS, range: depth,
-    of: (side) => side.arrays.rendered, where: (side) => side.arrays.rendered },
-  difference: { label: "difference", unit: "mm", digits: 1, sign: true, factor: 1000, anchors: BLUE_RED, range: tau, marks: true,
+  observed: {
+    label: "observed", hint: "depth that the sensor measured", unit: "m", digits: 4, anchors: VIRIDIS, range: depth,
+    shared: true, of: (side) => side.arrays.depth, where: (side) => side.arrays.depth,
+  },
+  rendered: {
+    label: "rendered", hint: "depth of the model at the pose", unit: "m", digits: 4, anchors: VIRIDIS, range: depth,
+    of: (side) => side.arrays.rendered, where: (side) => side.arrays.rendered,
+  },
+  difference: {
+    label: "difference", unit: "mm", digits: 1, sign: true, factor: 1000, anchors: BLUE_RED, marks: true,
     hint: "observed − rendered: red, the sensor saw past the model; blue, something is before it; the marks are ±τ",
-    of: (side) => side.arrays.difference },
-  angle: { label: "angle", hint: "between observed and rendered surface normal", unit: "°", digits: 0, factor: 180 / Math.PI,
-    anchors: INFERNO, range: () => [0, 90], of: (side) => side.arrays.angle },
-  f_d: { label: "depth fit f_d", hint: "1 = same depth, 0 = off by τ or more; where the pixel counts", unit: "", digits: 2, anchors: VIRIDIS,
-    range: () => [0, 1], of: (side) => side.arrays.f_d, where: (side) => side.arrays.counted },
-  f_n: { label: "normal fit f_n", hint: "1 = same direction, 0 = beyond the cut-off angle; where the pixel counts", unit: "", digits: 2,
-    anchors: VIRIDIS, range: () => [0, 1], of: (side) => side.arrays.f_n, where: (side) => side.arrays.counted },
-  classes: { label: "classes", hint: "why each pixel counts as it does", classes: true, of: (side) => side.arrays.classes },
-  gain: { label: "gain of B", hint: "what a pixel adds to the score, B − A: green, B is better there; magenta, A is", unit: "", digits: 2,
-    sign: true, anchors: MAGENTA_GREEN, range: (side) => [-side.largest, side.largest], ends: ["A", "B"], of: (side) => side.arrays.gain, shared: true },
-  observed_rgb: { label: "image colour", hint: "the image as the colour term sees it, smoothed", rgb: true, colour: true, shared: true,
-    of: (side) => side.arrays.observed_rgb },
-  rendered_rgb: { label: "model colour", hint: "the model's colours at the pose, without light", rgb: true, colour: true,
-    of: (side) => side.arrays.rendered_rgb, where: (side) => side.arrays.rendered },
-  correlation: { label: "correlation", unit: "", digits: 2, sign: true, anchors: [...BLUE_RED].reverse(), range: () => [-2, 2], colour: true,
-    hint: "what each explained pixel adds to f_c: blue, for this pose; red, against it", of: (side) => side.arrays.correlation },
+    range: (side) => [-2 * side.scale.tau_mm, 2 * side.scale.tau_mm], of: (side) => side.arrays.difference,
+  },
+  angle: {
+    label: "angle", hint: "between observed and rendered surface normal", unit: "°", digits: 0, factor: 180 / Math.PI,
+    anchors: INFERNO, range: () => [0, 90], of: (side) => side.arrays.angle,
+  },
+  f_d: {
+    label: "depth fit f_d", hint: "1 = same depth, 0 = off by τ or more; where the pixel counts", digits: 2,
+    anchors: VIRIDIS, range: () => [0, 1], of: (side) => side.arrays.f_d, where: (side) => side.arrays.counted,
+  },
+  f_n: {
+    label: "normal fit f_n", hint: "1 = same direction, 0 = beyond the cut-off angle; where the pixel counts",
+    digits: 2, anchors: VIRIDIS, range: () => [0, 1],
+    of: (side) => side.arrays.f_n, where: (side) => side.arrays.counted,
+  },
+  classes: {
+    label: "classes", hint: "why each pixel counts as it does", classes: true, of: (side) => side.arrays.classes,
+  },
+  gain: {
+    label: "gain of B", digits: 2, sign: true, anchors: MAGENTA_GREEN, ends: ["A", "B"], shared: true,
+    hint: "what a pixel adds to the score, B − A: green, B is better there; magenta, A is",
+    range: (side) => [-side.largest, side.largest], of: (side) => side.arrays.gain,
+  },
+  observed_rgb: {
+    label: "image colour", hint: "the image as the colour term sees it, smoothed", rgb: true, colour: true,
+    shared: true, of: (side) => side.arrays.observed_rgb,
+  },
+  rendered_rgb: {
+    label: "model colour", hint: "the model's colours at the pose, without light", rgb: true, colour: true,
+    of: (side) => side.arrays.rendered_rgb, where: (side) => side.arrays.rendered,
+  },
+  correlation: {
+    label: "correlation", digits: 2, sign: true, anchors: [...BLUE_RED].reverse(), colour: true,
+    hint: "what each explained pixel adds to f_c: blue, for this pose; red, against it",
+    range: () => [-2, 2], of: (side) => side.arrays.correlation,
+  },
 };
 
 // Draws an array (h, w) into packed pixels; transparent where there is no value.
@@ -110,8 +138,8 @@ export function ticks(map, side) {
 }
 
 // What each pixel adds to the score of B less what it adds to that of A, over the part that holds both. In units of one
-// pixel's whole share (of the larger N), so that ±1 is a pixel that fits in one and not at all in the other. `largest`:
-// end of the scale, which shows what the 50th part of the pixels exceeds.
+// pixel's whole share (of the larger N), so that ±1 is a pixel that fits in one and not at all in the other. `largest`
+// is the end of the scale: two in a hundred pixels exceed it.
 export function gainOf(a, b) {
   const u0 = Math.min(a.region[0], b.region[0]);
   const v0 = Math.min(a.region[1], b.region[1]);
@@ -132,7 +160,8 @@ export function gainOf(a, b) {
         if (!counted[i]) continue;
         const j = (y + v - v0) * w + x + u - u0;
         if (gain[j] !== gain[j]) gain[j] = 0;
-        gain[j] += fit * (f_d[i] + f_n[i]) + (weight && correlation[i] === correlation[i] ? colour * correlation[i] : 0);
+        gain[j] += fit * (f_d[i] + f_n[i]);
+        if (weight && correlation[i] === correlation[i]) gain[j] += colour * correlation[i];
       }
     }
   }

@@ -1,48 +1,65 @@
 // What the image pane draws: photo or depth, a map or the shaded model over it, outlines of poses, ruler and crosses.
 import { state } from "./store.js";
 import { labelOf, samePose, rampColor, ranksOf, STAGE_COLORS } from "./moment.js";
-import { sideFor, mapCanvas, photo, shadedOf, observedDepth, outlineOf, askOutlines, collect, pathOf } from "./sides.js";
+import { sideFor, mapCanvas, photo, shadedOf, observedDepth } from "./sides.js";
+import { outlineOf, askOutlines, collect, pathOf } from "./outlines.js";
 import { distance, origin, pointAt, project } from "./pose.js";
 
+const SIDE_COLORS = { A: "#00becd", B: "#cdff46" }; // of two runs: core/palette.py
+
 // Outlines of the moment: [{ key, label, color, items: [{ obj, T }], dashed }]; later ones are drawn over earlier ones.
-export function contoursOf(moment, sides) {
-  const { poses, object } = moment;
-  const letters = [[moment.a, "A"], [moment.same ? null : moment.b, "B"]].filter(([pose]) => pose?.T);
-  const named = [];
-  if (poses["ground truth"]) named.push({ key: "ground truth", label: "ground truth", T: object.gt });
-  const stage = moment.stage ?? (poses.accepted ? "accepted" : poses.current ? "current" : null);
-  if (stage && poses[stage]) named.push({ key: stage, label: labelOf(stage, moment), T: poses[stage].T });
-  for (const [pose, letter] of letters) {
-    const at = named.findIndex((one) => one.key === pose.name && samePose(one.T, pose.T));
-    if (at >= 0) named.splice(at, 1);
-    const label = pose.label?.startsWith(`${letter}:`) ? pose.label : `${letter} ${labelOf(pose.name, moment)}`;
-    named.push({ key: pose.branch == null ? pose.name : letter, label, T: pose.T, dashed: letter === "B", beside: pose.branch != null && letter });
+export function contoursOf(moment) {
+  const { object, obj } = moment;
+  const poses = posesOf(moment)
+    .map((one) => ({ color: STAGE_COLORS[one.key] ?? "#a0a0a0", ...one, items: [{ obj, T: one.T }] }));
+  const others = moment.scene.filter((o) => o.object.id !== obj && o.T)
+    .map((o) => ({ obj: o.object.id, T: o.T, color: o.object.color }));
+  const last = Math.max(moment.arms.length - 1, 1);
+  const shade = (j) => rampColor(1 - ranksOf(moment)[j] / last, "dark"); // pictures are dark in both themes
+  const arms = moment.arms.map(({ T }, j) => ({ obj, T, color: shade(j) })).filter(({ T }) => T);
+  const contours = [];
+  if (object.mask?.length) {
+    contours.push({ key: "mask", label: "mask", color: object.color, polygons: object.mask, items: [] });
   }
-  if (poses.best && !named.some((one) => one.key === "best")) named.push({ key: "best", label: labelOf("best", moment), T: poses.best.T });
+  if (others.length) {
+    contours.push({ key: "others", label: "other objects", color: others[0].color, items: others, thin: true });
+  }
+  if (arms.length > 1) {
+    const label = `${arms.length} hypotheses`;
+    contours.push({ key: "hypotheses", label, color: shade(moment.arm), items: arms, thin: true });
+  }
+  return [...contours, ...poses];
+}
+
+// Poses of the object that are outlined, each once with all its names: ground truth, what is shown, A, B, the best.
+function posesOf(moment) {
+  const { poses } = moment;
+  const named = [];
+  const add = (key, more = {}) =>
+    poses[key] && named.push({ key, label: labelOf(key, moment), T: poses[key].T, ...more });
+  const letters = [["A", moment.a], ["B", moment.same ? null : moment.b]].filter(([, pose]) => pose?.T);
+  const isLettered = (key) => letters.some(([, pose]) => pose.name === key && pose.branch == null);
+  for (const key of ["ground truth", moment.stage ?? (poses.accepted ? "accepted" : "current")]) {
+    if (!isLettered(key)) add(key);
+  }
+  for (const [letter, pose] of letters) {
+    const dashed = letter === "B";
+    if (pose.branch == null) add(pose.name, { label: `${letter} ${labelOf(pose.name, moment)}`, dashed });
+    else named.push({ key: letter, label: pose.label, T: pose.T, color: SIDE_COLORS[letter], dashed });
+  }
+  if (!isLettered("best")) add("best");
   const also = moment.isAnswer ? moment.verdict?.also_fits : null;
-  if (also) named.push({ key: "also fits", label: "fits as well", T: also, color: STAGE_COLORS["runner-up"], dashed: true });
-  // The same pose once, with all its names: a later outline would hide the earlier one.
+  const color = STAGE_COLORS["runner-up"];
+  if (also) named.push({ key: "also fits", label: "fits as well", T: also, color, dashed: true });
+  // The same pose once: a later outline would hide the earlier one.
   const merged = [];
   for (const one of named) {
     const at = merged.findIndex((other) => samePose(other.T, one.T));
-    if (at < 0) merged.push(one);
-    else {
-      const [before] = merged.splice(at, 1);
-      merged.push({ ...one, label: before.label === "accepted" ? one.label : `${before.label} = ${one.label}` });
-    }
+    const [before] = at < 0 ? [] : merged.splice(at, 1);
+    const isPlain = !before || before.label === "accepted"; // which of its stages it is says more
+    merged.push(isPlain ? one : { ...one, label: `${before.label} = ${one.label}` });
   }
-  const beside = { A: "#00becd", B: "#cdff46" };
-  const own = merged.map((one) => ({ ...one, color: one.color ?? beside[one.beside] ?? STAGE_COLORS[one.key] ?? "#a0a0a0",
-    items: [{ obj: moment.obj, T: one.T }] }));
-  const others = moment.scene.filter((o) => o.object.id !== moment.obj && o.T)
-    .map((o) => ({ obj: o.object.id, T: o.T, color: o.object.color }));
-  const arms = moment.arms.map((arm, j) => ({ obj: moment.obj, T: arm.T, color: rampColor(1 - ranksOf(moment)[j] / Math.max(moment.arms.length - 1, 1), "dark") })).filter((arm) => arm.T);
-  return [
-    object.mask?.length && { key: "mask", label: "mask", color: object.color, polygons: object.mask, items: [] },
-    others.length && { key: "others", label: "other objects", color: others[0].color, items: others, thin: true },
-    arms.length > 1 && { key: "hypotheses", label: `${arms.length} hypotheses`, color: arms[moment.arm]?.color, items: arms, thin: true },
-    ...own,
-  ].filter(Boolean);
+  return merged;
 }
 
 export function draw(canvas, size, place, moment, sides, layers) {
@@ -77,7 +94,7 @@ export function draw(canvas, size, place, moment, sides, layers) {
     clipped(layers.at, 1, () => drawOver(context, over, sides, "b", 1, moment));
   }
 
-  if (!blinks) drawContours(context, contoursOf(moment, sides).filter((one) => !layers.hidden.includes(one.key)), px);
+  if (!blinks) drawContours(context, contoursOf(moment).filter((one) => !layers.hidden.includes(one.key)), px);
   if (wiped && !blinks) {
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     const x = layers.at * size.w;
@@ -128,7 +145,8 @@ function editedPath(obj, T) {
   const { K } = state.frame.camera;
   const [from, to, scale] = [project(origin(edited.T), K), project(origin(T), K), edited.T[11] / T[11]];
   const path = new Path2D();
-  path.addPath(edited.path, new DOMMatrix([scale, 0, 0, scale, to[0] + 0.5 - scale * (from[0] + 0.5), to[1] + 0.5 - scale * (from[1] + 0.5)]));
+  const shift = [0, 1].map((i) => to[i] + 0.5 - scale * (from[i] + 0.5));
+  path.addPath(edited.path, new DOMMatrix([scale, 0, 0, scale, ...shift]));
   return path;
 }
 
@@ -144,7 +162,8 @@ function drawContours(context, contours, px) {
         if (path) edited = { ...item, path };
         else path = editedPath(item.obj, item.T);
       }
-      if (path) strokePath(context, path, item.color ?? one.color, (one.thin ? 1.1 : 1.8) * px, px, one.dashed ? [6 * px, 4 * px] : []);
+      const dash = one.dashed ? [6 * px, 4 * px] : [];
+      if (path) strokePath(context, path, item.color ?? one.color, (one.thin ? 1.1 : 1.8) * px, px, dash);
     }
   }
   if (missing.length) askOutlines(missing);
@@ -213,5 +232,6 @@ function rulerText([from, to]) {
   const [near, far] = [depthAt(from), depthAt(to)];
   if (!near || !far) return `${Math.hypot(to[0] - from[0], to[1] - from[1]).toFixed(0)} px, no depth`;
   const along = 1000 * (far - near);
-  return `${(1000 * distance(pointAt(from, near, K), pointAt(to, far, K))).toFixed(1)} mm, depth ${along > 0 ? "+" : ""}${along.toFixed(1)}`;
+  const length = 1000 * distance(pointAt(from, near, K), pointAt(to, far, K));
+  return `${length.toFixed(1)} mm, depth ${along > 0 ? "+" : "−"}${Math.abs(along).toFixed(1)}`;
 }

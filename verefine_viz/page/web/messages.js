@@ -1,4 +1,4 @@
-// What the server's messages change, what it is told in return, and the page's address.
+// What the server's messages change, what it gets in return, and the page's address.
 import { state, setView, update, send, on, listen, connect, forgetAnswers } from "./store.js";
 import { followed, goTo, momentOf, runOf, stopReplay } from "./moment.js";
 
@@ -89,7 +89,7 @@ on("view", ({ patch, at }) => {
   else if (k != null) setView({ k: Math.min(k, runOf(state).rows.length), stage: null, moment: null });
 });
 
-// The server, and with it the 3D view, is told what this window looks at: at most every 40 ms, the latest wins.
+// The server, and with it the 3D view, gets what this window looks at: at most every 40 ms, the latest wins.
 
 // What this window looks at, as a verb; null while there is nothing.
 export function lookOf(s) {
@@ -103,13 +103,13 @@ export function lookOf(s) {
   };
 }
 
-let told = "";
+let lastLook = "";
 let waiting = null;
 function tellLook() {
   waiting = null;
   const verb = state.connection === "open" ? lookOf(state) : null;
   const text = JSON.stringify(verb);
-  if (verb && text !== told && send(verb)) told = text;
+  if (verb && text !== lastLook && send(verb)) lastLook = text;
 }
 listen(() => {
   waiting ??= setTimeout(tellLook, 40);

@@ -33,7 +33,7 @@ const NEAR = 0.005; // a smaller difference of score is a tie
 
 export const runOf = (s, branch = s.view.branch) => s.runs.get(branch) ?? NO_RUN;
 
-// Answers that depend on the same inputs are the same object: of each function the last few are kept.
+// Answers that depend on the same inputs are the same object: of each function the last few stay.
 function memoized(inputs, work, keep = 4) {
   const recent = [];
   return (...args) => {
@@ -93,9 +93,11 @@ function bestStart(run, object) {
 
 // An object's best after iteration k; of a finished run its answer, which methods that keep the best scene take from
 // that.
-function bestAt(run, object, k, said) {
-  if (said?.T) return { T: said.T, score: said.score, err: said.err, deg: said.deg, mm: said.mm, arm: said.arm,
-    k: said.k, stage: said.stage };
+function bestAt(run, object, k, outcome) {
+  if (outcome?.T) {
+    const { T, score, err, deg, mm, arm, k: made, stage } = outcome;
+    return { T, score, err, deg, mm, arm, k: made, stage };
+  }
   const row = latest(rowsOf(run, object.id), k);
   return row ? row.best : bestStart(run, object);
 }
@@ -106,8 +108,8 @@ function sceneAt(s, run, k, at, shown, isAnswer, verdict) {
   const stands = new Map([...(row?.placed ?? []), ...(row?.tree?.rollout ?? [])].map((p) => [p.obj, p.T]));
   const placed = new Set((row?.placed ?? []).map((p) => p.obj));
   return s.frame.objects.map((object) => {
-    const said = isAnswer ? verdict?.objects.find((o) => o.obj === object.id) : null;
-    const best = bestAt(run, object, k, said);
+    const outcome = isAnswer ? verdict?.objects.find((o) => o.obj === object.id) : null;
+    const best = bestAt(run, object, k, outcome);
     const own = latest(rowsOf(run, object.id), k);
     let phase = "waiting";
     if (!best) phase = "no pose";
@@ -119,7 +121,7 @@ function sceneAt(s, run, k, at, shown, isAnswer, verdict) {
     else if (own) phase = "paused";
     const T = row?.obj === object.id ? shown : stands.get(object.id) ?? best?.T ?? null;
     return { object, phase, best, T, score: best?.score ?? null, err: best?.err ?? null, spent: own?.own ?? 0,
-      verdict: said ?? null };
+      verdict: outcome ?? null };
   });
 }
 
@@ -175,8 +177,8 @@ function momentAt(s, view) {
   const isPartial = cut < names.length;
   const before = isPartial ? latest(own, row.k - 1) : row; // whose results are known by now
   const starts = startsOf(run, object);
-  const said = verdict?.objects.find((o) => o.obj === object.id) ?? null;
-  const best = bestAt(run, object, before?.k ?? 0, isAnswer ? said : null);
+  const outcome = verdict?.objects.find((o) => o.obj === object.id) ?? null;
+  const best = bestAt(run, object, before?.k ?? 0, isAnswer ? outcome : null);
   const arms = before
     ? before.arms
     : starts.map((a) => ({ plays: a.plays ?? 0, mean: a.mean ?? a.score, score: a.score, err: a.err, T: a.T }));
@@ -189,9 +191,9 @@ function momentAt(s, view) {
     if (!isPartial) poses.accepted = { ...row.stages.find((stage) => stage.name === row.accepted), arm: row.arm };
   } else if (!isAnswer && arms[arm]) poses.current = { ...arms[arm], arm };
   if (best) poses.best = { ...best };
-  if (isAnswer && said?.runner_up) {
-    const { T, arm: j, lead } = said.runner_up;
-    poses["runner-up"] = { T, arm: j, score: said.score - lead, err: said.runner_up.err ?? null };
+  if (isAnswer && outcome?.runner_up) {
+    const { T, arm: j, lead } = outcome.runner_up;
+    poses["runner-up"] = { T, arm: j, score: outcome.score - lead, err: outcome.runner_up.err ?? null };
   }
   if (view.edited && view.edited.obj === object.id) poses.edited = { T: view.edited.T, arm: view.edited.arm };
   if (object.gt) poses["ground truth"] = { T: object.gt, err: 0, score: object.gt_score ?? null };
@@ -200,7 +202,8 @@ function momentAt(s, view) {
   const stands = isPartial ? row.stages[cut - 1].T : row ? (poses.accepted ?? poses.best).T : best?.T;
   return {
     branch: view.branch, run, k, total: run.total, over: run.over, at: at ?? null, row, isCurrent, isAnswer, isPartial,
-    obj: object.id, object, arm, arms, best, poses, stages: names, stage: isPartial ? view.stage : null, verdict: said,
+    obj: object.id, object, arm, arms, best, poses, stages: names,
+    stage: isPartial ? view.stage : null, verdict: outcome,
     scene: sceneAt(s, run, k, at, stands, isAnswer, verdict),
   };
 }

@@ -15,21 +15,23 @@ export function Objects() {
   const [moment, obj] = useStore((s) => [momentOf(s), s.view.obj]);
   if (!moment) return null;
   const several = moment.scene.length > 1;
+  const hasErrors = moment.scene.some((o) => o.object.has_gt);
   const choose = (id) => setView({ obj: obj === id ? null : id, arm: null, moment: null });
   return html`<section class="objects">
     <div class="scroll"><table class="table"><thead><tr>
       <th class="left">${several ? `${moment.scene.length} objects` : "Object"}</th><th
         title="of its best pose so far, 0 to 1">score</th>
-      <th title="ADD(-S) of its best pose so far; allowed is 10 % of the diameter">mm</th><th
+      ${hasErrors && html`<th title="ADD(-S) of its best pose so far; allowed is 10 % of the diameter">mm</th>`}<th
         class="left">state</th></tr></thead>
     <tbody>${moment.scene.map(({ object, phase, score, err, verdict }) => {
       const right = err == null ? null : err < object.diameter_mm / 10;
       return html`<tr key=${object.id}
         class=${`clickable ${object.id === moment.obj ? "current" : ""} ${object.left_out ? "faint" : ""}`}
         onClick=${() => choose(object.id)} title=${object.left_out || PHASES[phase]}>
-        <td class="left name"><${Swatch} color=${object.color} />${object.label}</td>
+        <td class="left"><span class="name"><${Swatch} color=${object.color} />
+          <span>${object.label.replaceAll("_", "_\u200b")}</span></span></td>
         <td>${number(score)}</td>
-        <td class=${right == null ? "" : right ? "good" : "bad"}>${err == null ? "–" : number(err, 1)}</td>
+        ${hasErrors && html`<td class=${right == null ? "" : right ? "good" : "bad"}>${number(err, 1)}</td>`}
         <td class="left state">${verdict ? html`<${Verdict}
           tone=${verdict.tone} />` : object.left_out ? "left out" : phase}</td>
       </tr>`;

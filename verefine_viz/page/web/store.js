@@ -156,20 +156,24 @@ export function useWant(of, slot = "") {
   return useStore(() => (of ? want(of, slot) : undefined));
 }
 
+// The server no longer has what an answer names: it is asked for again when it is next needed.
+export function forget(answer) {
+  for (const [key, entry] of known) if (entry.answer === answer) known.delete(key);
+}
+
 // Binary arrays that messages name.
 
 const MOST_BLOBS = 60;
-const blobs = new Map();
+const blobs = new Map(); // key → { buffer, isGone }
 export function blob(key) {
   let entry = blobs.get(key);
   if (!entry) {
-    entry = { buffer: null };
+    entry = { buffer: null, isGone: false };
     blobs.set(key, entry);
     fetch(`/blob/${key}`)
       .then((reply) => (reply.ok ? reply.arrayBuffer() : null))
       .then((buffer) => {
-        if (buffer) entry.buffer = buffer;
-        else blobs.delete(key);
+        Object.assign(entry, { buffer, isGone: !buffer });
         changed();
       })
       .catch(() => blobs.delete(key));
@@ -181,14 +185,21 @@ export function blob(key) {
   return entry.buffer;
 }
 
-const TYPES = { float32: Float32Array, uint8: Uint8Array, int32: Int32Array, uint16: Uint16Array, float64: Float64Array };
+const TYPES = {
+  float32: Float32Array, uint8: Uint8Array, int32: Int32Array, uint16: Uint16Array, float64: Float64Array,
+};
+const unpacked = new WeakMap(); // buffer → arrays by name: they go when the blob does
 // The arrays of an answer by name, or null until they are there.
 export function arraysOf(answer) {
   const buffer = answer?.blob ? blob(answer.blob) : null;
-  if (!buffer) return null;
-  if (answer.unpacked?.buffer === buffer) return answer.unpacked.arrays;
-  const arrays = {};
-  for (const [name, type, offset, length] of answer.arrays) arrays[name] = new TYPES[type](buffer, offset, length);
-  answer.unpacked = { buffer, arrays };
-  return arrays;
+  if (!buffer) {
+    if (blobs.get(answer?.blob)?.isGone) forget(answer);
+    return null;
+  }
+  if (!unpacked.has(buffer)) {
+    const arrays = {};
+    for (const [name, type, offset, length] of answer.arrays) arrays[name] = new TYPES[type](buffer, offset, length);
+    unpacked.set(buffer, arrays);
+  }
+  return unpacked.get(buffer);
 }

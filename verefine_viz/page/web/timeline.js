@@ -114,7 +114,7 @@ function Breakpoints({ stops }) {
 
 // The tones of the run's marks: how many, and whether they are drawn.
 function Marks() {
-  const [marks, hidden] = useStore((s) => [runOf(s).marks, s.hiddenTones]);
+  const [marks, hidden] = useStore((s) => [runOf(s).marks, hiddenOf(s)]);
   const counts = {};
   for (const m of marks) counts[m.tone] = (counts[m.tone] ?? 0) + 1;
   const toggle = (tone) => {
@@ -124,13 +124,21 @@ function Marks() {
   };
   const present = Object.entries(TONES).filter(([tone]) => counts[tone]);
   return html`<span class="tones">${present.map(([tone, { words, color, shape }]) => html`
-    <button type="button" class=${`tone ${hidden?.has(tone) ? "off" : ""}`}
+    <button type="button" class=${`tone ${hidden.has(tone) ? "off" : ""}`}
       title=${`${counts[tone]} × ${words}; click: hide or show`}
       onClick=${(e) => { e.currentTarget.blur(); toggle(tone); }}>
       <svg viewBox="-6 -6 12 12"><path d=${SHAPES[shape]} fill=${color} /></svg>${counts[tone]}
     </button>`)}</span>`;
 }
-state.hiddenTones = new Set();
+// Where another hypothesis is chosen nearly every time, that is no event.
+const NONE = new Set();
+const SWITCHED = new Set(["switched"]);
+state.hiddenTones = null; // until tones are chosen
+function hiddenOf(s) {
+  if (s.hiddenTones) return s.hiddenTones;
+  const { marks, rows } = runOf(s);
+  return marks.filter((m) => m.tone === "switched").length > rows.length / 2 ? SWITCHED : NONE;
+}
 
 const SHAPES = {
   down: "M-5-4h10L0 5z", up: "M-4 3.5h8L0-4z", square: "M-4-4h8v8h-8z", circle: "M0-4.5a4.5 4.5 0 1 0 .01 0z",
@@ -233,7 +241,7 @@ function Strip() {
   const [size, setSize] = useState(null);
   const [hover, setHover] = useState(null);
   const [frame, runData, obj, by, hidden, arm, theme] = useStore((s) => [
-    s.frame, runOf(s), s.view.obj, s.colorBy, s.hiddenTones, s.view.arm, s.theme,
+    s.frame, runOf(s), s.view.obj, s.colorBy, hiddenOf(s), s.view.arm, s.theme,
   ]);
   const model = useMemo(() => frame && modelOf(frame, runData, obj, by, hidden, arm),
     [frame, runData, obj, by, hidden, arm]);
@@ -316,7 +324,7 @@ const MARK_ROWS = [["problem"], ["rejected", "flip", "edited"], ["switched", "be
 // Where everything lies [px].
 function placeOf(model, [w, h, rem, ratio]) {
   const longest = Math.max(...model.lanes.map((l) => l.name.length), 6);
-  const left = Math.round(Math.min(rem * 10, rem * (1.4 + 0.5 * longest)) + (model.several ? rem : 0));
+  const left = Math.round(Math.min(rem * 11.5, rem * (1.4 + 0.53 * longest)) + (model.several ? rem : 0));
   const band = model.band ? Math.round(rem * 0.6) : 0;
   const right = Math.round(rem * 2.6);
   const marksTop = Math.round(rem * 0.9);

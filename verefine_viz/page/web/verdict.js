@@ -69,35 +69,35 @@ function Opener({ frame }) {
 function Words({ moment }) {
   const [verdict, chosen] = useStore((s) => [s.verdicts.get(s.view.branch), s.view.obj]);
   if (!moment.isAnswer || !verdict?.objects.length) return html`<${Going} moment=${moment} />`;
-  const said = (chosen != null && verdict.objects.find((o) => o.obj === chosen))
+  const outcome = (chosen != null && verdict.objects.find((o) => o.obj === chosen))
     || verdict.objects.find((o) => o.obj === moment.obj)
     || worstOf(verdict);
   const several = verdict.objects.length > 1;
-  const [icon, word] = TONES[said.tone] ?? TONES.unknown;
+  const [icon, word] = TONES[outcome.tone] ?? TONES.unknown;
   const findings = verdict.objects.reduce((n, o) => n + (o.findings?.length ?? 0), 0) + (verdict.doubts?.length ?? 0);
-  const label = state.frame.objects.find((o) => o.id === said.obj)?.label;
-  return html`<div class=${`words ${said.tone}`}>
+  const label = state.frame.objects.find((o) => o.id === outcome.obj)?.label;
+  return html`<div class=${`words ${outcome.tone}`}>
     <div class="first">
       <span class="badge"><${Icon} name=${icon} />${word}</span>
       ${several && html`<b class="name">${label}</b>`}
-      ${said.err != null ? html`<span class="figure"
-        title=${LIMIT}><b>${number(said.err, 1)} mm</b> of ${number(said.limit, 1)} allowed</span>` : ""}
-      ${said.score != null && html`<span class="figure"
-        title="score of the answer, in 0 to 1">score <b>${number(said.score)}</b></span>`}
-      ${said.also_fits && html`<span class="also"
+      ${outcome.err != null ? html`<span class="figure"
+        title=${LIMIT}><b>${number(outcome.err, 1)} mm</b> of ${number(outcome.limit, 1)} allowed</span>` : ""}
+      ${outcome.score != null && html`<span class="figure"
+        title="score of the answer, in 0 to 1">score <b>${number(outcome.score)}</b></span>`}
+      ${outcome.also_fits && html`<span class="also"
         title="another pose explains the depth equally well; both are drawn">also fits elsewhere</span>`}
-      <${Why} verdict=${verdict} first=${said.obj} n=${findings} />
+      <${Why} verdict=${verdict} first=${outcome.obj} n=${findings} />
     </div>
     <div class="second">${several && verdict.scene?.words ? html`<span
-      class="scene">${verdict.scene.words}</span>` : ""}<span title=${said.words}>${
-      capital(said.words)}</span></div>
+      class="scene">${verdict.scene.words}</span>` : ""}<span title=${outcome.words}>${
+      capital(outcome.words)}</span></div>
   </div>`;
 }
 
 // What happened at the cursor, while nothing is decided.
 function Going({ moment }) {
   const { k, row, isCurrent, stage, stages, arms, object, best } = moment;
-  const said = stage ? row.stages.find((s) => s.name === stage)?.text : row?.text;
+  const text = stage ? row.stages.find((s) => s.name === stage)?.text : row?.text;
   const place = stage && `stage ${stages.indexOf(stage) + 1} of ${stages.length}: ${stage}`;
   let words = `works on another object; ${object.label} is shown as it is by now`;
   if (k === 0) {
@@ -105,9 +105,9 @@ function Going({ moment }) {
     words = `${n > 1 ? `${n} objects` : object.label}, ${arms.length} hypothes${arms.length === 1 ? "is" : "es"}`;
     if (best?.score != null) words += `, best initial score ${number(best.score)}`;
   } else if (isCurrent) words = stage ? `hypothesis ${row.arm + 1} of ${arms.length} · ${place}` : row.brief;
-  return html`<div class="words going" title=${said}>
+  return html`<div class="words going" title=${text}>
     <div class="first"><b>${k ? `Iteration ${k}` : "Ready"}</b> <span>${words}</span></div>
-    <div class="second">${(moment.over && moment.run.missing) || said || object.left_out || ""}</div>
+    <div class="second">${(moment.over && moment.run.missing) || text || object.left_out || ""}</div>
   </div>`;
 }
 
@@ -121,7 +121,8 @@ const capital = (text) => (text ? text[0].toUpperCase() + text.slice(1) : "");
 function Why({ verdict, first, n }) {
   const frame = useStore((s) => s.frame);
   const objects = [...verdict.objects].sort((a, b) => (b.obj === first) - (a.obj === first));
-  const doubts = [...(verdict.doubts ?? []), ...(verdict.notes ?? [])];
+  const shown = new Set(verdict.objects.flatMap((o) => (o.findings ?? []).map((f) => f.text)));
+  const doubts = [...new Set([...(verdict.doubts ?? []), ...(verdict.notes ?? [])])].filter((text) => !shown.has(text));
   const label = (id) => frame.objects.find((o) => o.id === id)?.label;
   return html`<${Menu} kind="why" title="Evidence and what to do about it" label=${n ? `why (${n})` : "why"}>
     ${(close) => html`<div class="findings scroll">
@@ -132,7 +133,7 @@ function Why({ verdict, first, n }) {
           <span class="dim">${numbers(o)}</span></h3>
         ${!(o.findings?.length) && html`<p>${capital(o.words)}.</p>`}
         ${(o.findings ?? []).map((f) => html`<article>
-          <h4>${f.title}</h4><p>${f.text}</p>${f.advice && html`<p class="dim">${f.advice}</p>`}
+          <h4>${capital(f.title)}</h4><p>${f.text}</p>${f.advice && html`<p class="dim">${capital(f.advice)}.</p>`}
           <div class="group">
             ${f.k != null && f.k > 0 && html`<${Button} title="go there"
               onClick=${() => { close(); setView({ obj: o.obj, arm: null }); seek(f.k); }}>Iteration ${f.k}<//>`}

@@ -1,8 +1,9 @@
 // Why one pose scores higher than another: A and B in numbers, the stages of the iteration, and the score over the run.
 import { html, useMemo } from "../vendor/htm-preact.js";
-import { useStore, setView, useWant } from "../store.js";
+import { useStore, setView } from "../store.js";
 import { armColor, labelOf, momentOf, rowsOf, seek, sourceOf, STAGE_COLORS, STAGE_MEANINGS } from "../moment.js";
 import { Bar, Icon, number, Parts, Select, Swatch, Table } from "../ui.js";
+import { sidesOf } from "../sides.js";
 import { Chart } from "../charts.js";
 
 export const title = "Score";
@@ -11,20 +12,18 @@ export const empty = "This object has no pose.";
 export const needs = (s) => Object.keys(momentOf(s)?.poses ?? {}).length > 0;
 
 const CLASSES = {
-  explained: "#3cb44b", missed: "#dc322f", protruding: "#d336b6", hidden: "#607d8b", unknown: "#c8c8c8",
+  explained: "#3cb44b", missed: "#dc322f", protruding: "#d336b4", hidden: "#607d8b", unknown: "#c8c8c8",
 };
 
-// The parts of a pose's score; the server counts the pixels.
-const useScore = (moment, pose, slot) => {
-  const answer = useWant(pose && { what: "maps", branch: moment.branch, k: moment.k, obj: moment.obj, T: pose.T },
-    slot);
-  return answer?.score ?? pose ?? {};
-};
+// The parts of a pose's score: with its maps come the counts of pixels.
+const scoreOf = (side, pose) => (side?.score && !side.stale ? side.score : pose ?? {});
 
 export function render() {
   const moment = useStore(momentOf);
-  const { a, b, same } = moment;
-  const [of_a, of_b] = [useScore(moment, a, "maps-a"), useScore(moment, b, "maps-b")];
+  const sides = useStore((s) => sidesOf(momentOf(s)));
+  const together = useStore((s) => s.view.together && momentOf(s).scene.length > 1); // all objects as one
+  const [a, b, same] = together ? [sides.a?.pose, sides.b?.pose, sides.same] : [moment.a, moment.b, moment.same];
+  const [of_a, of_b] = [scoreOf(sides.a, a), scoreOf(sides.b, b)];
   const names = Object.keys(moment.poses).map((name) => [name, labelOf(name, moment)]);
   const choose = (side) => (name) => setView({ a: a?.name ?? null, b: b?.name ?? null, [side]: name });
   const twice = same || !b;
@@ -40,10 +39,12 @@ export function render() {
   const counts = (s) => (s.counts ? Object.entries(CLASSES).filter(([c]) => s.counts[c])
     .map(([c, color]) => [c, s.counts[c], color]) : []);
   return html`<div class="tab score">
-    <div class="pair">
+    ${together
+      ? html`<p class="dim">All objects together. A: ${a?.label}. B: ${b?.label}.</p>`
+      : html`<div class="pair">
       <${Select} label="A" value=${a?.name} options=${names} onChange=${choose("a")} title=${STAGE_MEANINGS[a?.name]} />
       <${Select} label="B" value=${b?.name} options=${names} onChange=${choose("b")} title=${STAGE_MEANINGS[b?.name]} />
-    </div>
+    </div>`}
     <table class="table"><thead><tr><th class="left"></th><th title=${a?.label}>A</th><th title=${b?.label}>B</th>
       <th title="B less A">B − A</th></tr></thead>
       <tbody>${rows.map(([words, meaning, of, digits, fits]) => {
