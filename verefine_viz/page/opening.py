@@ -83,7 +83,7 @@ def _open_link(d: Debugger, link: PageLink, window: int | None) -> None:
     if link.iteration is not None and link.iteration > total:
         d.say(f"The run has no iteration {link.iteration}: {total} is its last.", window)
     if link.iteration is None and frame == space.frame and obj is not None:
-        d.post({"t": "view", "patch": {"obj": obj, "arm": None}, "at": None}, window)
+        d.post({"t": "view", "patch": {"obj": obj, "arm": None}}, window)
     else:
         d.show(link.iteration, obj, window)
 

@@ -57,13 +57,10 @@ class Goal:
         branch: which.
         k: until it holds so many iterations, breakpoints or not; None = to its end, and breakpoints stop it.
         until: "end", or "event": the first mark stops it too.
-        then: called once it is reached.
     """
 
-    def __init__(
-        self, branch: Branch, k: int | None = None, until: str = "end", then: Callable[[], None] = lambda: None
-    ) -> None:
-        self.branch, self.k, self.until, self.then = branch, k, until, then
+    def __init__(self, branch: Branch, k: int | None = None, until: str = "end") -> None:
+        self.branch, self.k, self.until = branch, k, until
         self.seconds: deque[float] = deque(maxlen=_TIMED)
 
     @property
@@ -187,7 +184,6 @@ class Debugger:
                 return
         if goal.is_reached:
             self.pause(index)
-            goal.then()
             return
         self.goals[index] = self.goals.pop(index)  # The next one's turn.
         if monotonic() - self._sent_at > ROWS_S:
@@ -232,13 +228,10 @@ class Debugger:
         branch = self.space.work.first
         run = branch.run
         patch = {"branch": branch.index, "obj": obj, "stage": None, "arm": None, "moment": None}
+        at = None if iteration is None else min(iteration, run.n_iterations)
+        self.post({"t": "view", "patch": patch, "at": at}, window)
         if iteration is not None and not run.is_done:
-            self.post({"t": "view", "patch": patch, "at": None}, window)
-            seen = {"t": "view", "patch": {**patch, "k": iteration}, "at": iteration}
-            self.compute(Goal(branch, run.n_iterations, then=lambda: self.post(seen, window)))
-            return
-        k = run.length if iteration is None else min(iteration, run.length)
-        self.post({"t": "view", "patch": {**patch, "k": k}, "at": iteration}, window)
+            self.compute(Goal(branch, run.n_iterations))
 
     def refresh_gallery(self) -> None:
         """Take over what a watched folder has now."""
