@@ -6,8 +6,7 @@ from typing import Any
 __version__ = "0.1.0"
 
 
-def __getattr__(name: str) -> Any:
-    """Import what the library offers when it is first used: the page is heavy."""
-    if name == "show":
-        return import_module("verefine_viz.page.notebook").show
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+def show(what: Any, height: int = 800) -> Any:
+    """Show a run, or what lies at a path, within a notebook; see ``verefine_viz.page.notebook.show``."""
+    # The page is heavy, and stands above everything that imports the version from here.
+    return import_module("verefine_viz.page.notebook").show(what, height)

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import pytest
 
-from tests.report.pages import GONE, without_plotly
-from tests.report.runs import row, write_run
+from tests.report.runs import row
 from verefine_viz.batch.answer_cards import RIGHT, WRONG, choices_of, matches, places_of, values_of, words_of
 from verefine_viz.batch.answer_tags import TAGS_FILE, Arrangement, TagFile, answer_key, read_tags, save_tags
 from verefine_viz.batch.index import ORDERS
 from verefine_viz.core.errors import InputError
-from verefine_viz.report.build_report import write_report
-from verefine_viz.viewer.panels.gallery_panel import gallery_html
-from verefine_viz.viewer.state.batch_gallery import read_gallery
 
 ROWS = (
     row(1, 0, add_s_mm=40.0, score=0.8, cause="pool", evidence="The nearest starts 80° away.", ms_total=3.0),
@@ -89,21 +84,3 @@ def test_a_folder_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> No
     (tmp_path / "run").write_text("a file")
     with pytest.raises(InputError, match=r"cannot write .*tags\.json: .*run is a file, not a folder"):
         save_tags(tmp_path / "run", TagFile())
-
-
-def test_page_and_report_have_the_same_card_of_an_answer(tmp_path: Path) -> None:
-    run = write_run(tmp_path / "run", ROWS[:3], GONE)
-    save_tags(run, TagFile(tags={answer_key(ROWS[0]): ("seen",)}))
-    write_report(run, None, tmp_path / "r.html")
-    report = without_plotly((tmp_path / "r.html").read_text(encoding="utf-8"))
-    assert 'data-tags="[&#34;seen&#34;]"' in report
-
-    def cards(html: str) -> dict[str, str]:
-        found = re.findall(r'<div class="answer.*?<p class="tags"></p>\n</div>', html, re.DOTALL)
-        # Pictures are in the report, and fetched by the page; of one run the report need not name the method.
-        plain = [re.sub(r'(<div class="pic">).*?(</div>)|( · rir)', r"\1\2", card) for card in found]
-        return {re.search(r"1/\d", card)[0]: card for card in plain}  # type: ignore[index]
-
-    on_page, in_report = cards(gallery_html(read_gallery(run))), cards(report)
-    assert set(in_report) == {"1/1", "1/3"}
-    assert {frame: on_page[frame] for frame in in_report} == in_report

@@ -13,9 +13,9 @@ from verefine_viz.batch.runs import BatchInfo, Runs
 from verefine_viz.batch.solve_frame import explain_frame
 from verefine_viz.batch.totals import Totals
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, RecordingSettings, SceneSettings, Session
+from verefine_viz.page.gallery import Gallery
 from verefine_viz.run.record import DATA_FIRST, RunRecord
 from verefine_viz.run.toolbox import Toolbox
-from verefine_viz.viewer.state.batch_gallery import Gallery
 
 pytestmark = pytest.mark.usefixtures("processes")
 

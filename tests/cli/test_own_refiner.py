@@ -19,6 +19,12 @@ from verefine_viz.core.refiner_steps import RefinerStep, TrainedRange
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.diagnosis.diagnose import diagnose
+from verefine_viz.page import app as page_app
+from verefine_viz.page.protocol import Crops, Run, Step
+from verefine_viz.page.verbs import Debugger
+from verefine_viz.page.views.crops import crops
+from verefine_viz.page.views.verdict import verdict_message
+from verefine_viz.page.workspace import Workspace
 from verefine_viz.recording import entities, rerun_viewer
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
@@ -28,12 +34,6 @@ from verefine_viz.run.run_file import SUFFIX, RunFile
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.frames import parse_frame
-from verefine_viz.viewer import app as page_app
-from verefine_viz.viewer.commands import OpenRecording, RunUntil, ShowRefinerCrops, Step
-from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.score_panel import refiner_html, switch_html
-from verefine_viz.viewer.text.findings import findings
-from verefine_viz.viewer.text.verdict import MOST_WORDS, verdict
 
 MADE_BY = {"name": "refine", "refiner": "own", "iterations": 2}
 SETTINGS = {
@@ -187,11 +187,10 @@ def test_the_rerun_viewer_opens_it_and_one_line_says_where(
 def test_the_page_opens_it(recording: Path, served: dict[str, Any]) -> None:
     assert cli.main(["view", str(recording)]) == 0
     page_app.check_names(served["session"])
-    assert served["recordings"] == (recording, None)
-    make_tools: Any = Toolbox
-    debugger = Debugger(served["session"], None, make_tools).carry_out([OpenRecording(str(recording))])
-    assert debugger.workspace.run.length == 2
-    assert debugger.workspace.session.method.refiner == "own"
+    assert served["recording"] == recording
+    branch = Workspace(served["session"], None, Toolbox, recording=recording).work.first
+    assert branch.run.length == 2
+    assert branch.settings.method.refiner == "own"
 
 
 def test_a_batch_is_opened_through_the_program_that_has_it(
@@ -226,25 +225,16 @@ def test_recordings_have_what_it_saw_and_where_it_began(tmp_path: Path, monkeypa
 
 
 @pytest.mark.usefixtures("processes")
-def test_the_page_asks_it_only_while_its_box_is_ticked(monkeypatch: pytest.MonkeyPatch) -> None:
-    own, make_tools = Learned(), Toolbox
+def test_the_page_asks_it_only_where_its_crops_are_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = Learned()
     monkeypatch.setitem(REFINERS, "own", lambda session: own)
-    tools: Any = make_tools
-    debugger = Debugger(resolve(SETTINGS), None, tools).carry_out([Step()])
-    before = debugger.view()
-    assert (own.n_asked, before.refiner_steps, refiner_html(before)) == (0, None, "")
-    assert " checked" not in switch_html(before)
-    debugger.carry_out([ShowRefinerCrops()])
-    after = debugger.view()
+    debugger = Debugger(Workspace(resolve(SETTINGS), None, Toolbox)).carry_out([Step()])
+    assert own.n_asked == 0
+    want = Crops(1, debugger.space.problem.instances[0].instance_id)
+    answer = crops(debugger.space, want, debugger.blobs)
     assert own.n_asked == 1
-    assert " checked" in switch_html(after)
-    assert refiner_html(after).count("<figure>") == 1
-    assert "out of range" in refiner_html(after)
-    debugger.carry_out([Step()])
-    assert debugger.view().is_answer
-    assert "iteration 2: began 30°, " in refiner_html(debugger.view()), "of the iteration that made the answer"
-    debugger.carry_out([ShowRefinerCrops(on=False)])
-    assert (debugger.view().refiner_steps, own.n_asked) == (None, 2)
+    assert len(answer["steps"]) == 1
+    assert "out of range" in str(answer)
 
 
 @pytest.mark.usefixtures("processes")
@@ -271,10 +261,8 @@ def test_the_diagnosis_knows_its_range(start_deg: float, monkeypatch: pytest.Mon
 def test_the_page_names_its_range_without_a_re_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(REFINERS, "own", lambda session: Jump())
     start = {"max_per_object": 1, "rotation_deg": 120, "translation_mm": 20}
-    make_tools: Any = Toolbox
-    debugger = Debugger(resolve(SETTINGS | {"hypotheses": start}), None, make_tools).carry_out([RunUntil()])
-    shown = verdict(debugger.view())
-    assert shown.cause.endswith("refiner out of its training range: starts 120° off")
-    assert len(shown.cause.split()) <= MOST_WORDS
-    (found,) = [one for one in findings(debugger.view()) if one.cause == Cause.OUT_OF_RANGE]
-    assert "No hypothesis of the mug is within the training range of own, 20° and " in found.text
+    debugger = Debugger(Workspace(resolve(SETTINGS | {"hypotheses": start}), None, Toolbox)).carry_out([Run()])
+    (shown,) = verdict_message(debugger.space.work.first)["objects"]
+    assert shown["words"].endswith("refiner out of its training range: starts 120° off")
+    (found,) = [one for one in shown["findings"] if one["cause"] == Cause.OUT_OF_RANGE]
+    assert "No hypothesis of the mug is within the training range of own, 20° and " in found["text"]

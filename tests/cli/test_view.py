@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.viewer.two_runs import SESSION, record
+from tests.page.recorded import SESSION, record
 from verefine_viz.cli import main
 
 pytestmark = pytest.mark.usefixtures("processes")

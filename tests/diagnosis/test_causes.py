@@ -24,16 +24,16 @@ from verefine_viz.core.problem import Placed, Target
 from verefine_viz.diagnosis.case import CONTROLS, FIRST_CONTROLS, HELPS, Control, ErrorOf
 from verefine_viz.diagnosis.causes import TITLES, Cause, Diagnosis, Finding
 from verefine_viz.diagnosis.diagnose import _controlled, diagnose, diagnosed, failed_cases
+from verefine_viz.page import protocol
+from verefine_viz.page.branch import Branch
+from verefine_viz.page.verbs import Debugger
+from verefine_viz.page.views.verdict import verdict_message
+from verefine_viz.page.workspace import Workspace
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.run.engine import Run
 from verefine_viz.run.session_file import load_session, resolve
 from verefine_viz.run.toolbox import Toolbox
-from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.panels.timeline_panel import timeline_words
-from verefine_viz.viewer.text.findings import findings
-from verefine_viz.viewer.text.verdict import MOST_WORDS, verdict
 
 pytestmark = pytest.mark.usefixtures("long_run")
 
@@ -107,6 +107,14 @@ def test_a_simulation_is_blamed_with_its_own_numbers_and_hypothesis(
         f"{found.main.numbers['moved_mm']:.0f} mm and {found.main.numbers['turned_deg']:.0f}°"
     )
     assert f"from {before:.0%} to {after:.0%} of its diameter off; without physics " in found.main.text
+
+
+def ran(toolbox: Toolbox) -> Branch:
+    """Run what the page would open, to its end."""
+    space = Workspace(toolbox.session, None, lambda _: toolbox)
+    debugger = Debugger(space)
+    debugger.carry_out([protocol.Run(space.work.first.index)])
+    return space.work.first
 
 
 def test_a_sentence_says_which_way_a_pose_is_turned() -> None:
@@ -201,9 +209,8 @@ def test_a_discarded_pose_is_named_with_both_poses_their_scores_and_the_iteratio
     worst = worst_iteration(target, run.iterations, run.final_state.best[0])
     assert worst == evidence["given_up_in_iteration"] == 1
     cast(Any, broken.toolbox).__dict__["source"] = OneFrame(broken.problem)
-    page = Debugger(broken.toolbox.session, None, lambda _: broken.toolbox).carry_out([c.RunUntil("end")])
-    assert [m.iteration for m in page.workspace.branch.marks() if m.kind == "discarded" and m.is_red] == [1]
-    assert "No red marks" not in timeline_words(page.view(), page.view().marks)
+    branch = ran(broken.toolbox)
+    assert [m.k for m in branch.marks() if m.kind == "discarded" and m.tone == "problem"] == [1]
 
 
 def test_what_re_runs_get_right_by_chance_is_undecided_whatever_is_put_right() -> None:
@@ -223,11 +230,9 @@ def test_what_re_runs_get_right_by_chance_is_undecided_whatever_is_put_right() -
 def test_the_page_says_that_an_answer_is_right_by_add_s_only() -> None:
     # A slim box that leans by 24°: each of its points is near some point of the upright one.
     toolbox = Toolbox(load_session(SESSIONS / "failure_simulation_topples.toml", {"method": {"name": "rir"}}))
-    view = Debugger(toolbox.session, None, lambda _: toolbox).carry_out([c.RunUntil("end")] * 8).view()
-    it = verdict(view)
-    assert it.mark == "✓"
-    assert it.cause.startswith("right by ADD-S only: ADD over its symmetries is 1")
-    assert len(it.cause.split()) <= MOST_WORDS
+    (it,) = verdict_message(ran(toolbox))["objects"]
+    assert it["tone"] == "right"
+    assert it["words"].startswith("by ADD-S only: ADD over its symmetries is 1")
 
 
 def test_a_repair_has_its_control() -> None:
@@ -258,9 +263,8 @@ def test_a_repair_is_confirmed_only_where_it_helps_clearly_more_often_than_chanc
 def test_the_page_blames_no_start_for_ground_truth_that_does_not_fit_its_image() -> None:
     broken = broken_scene(Cause.GROUND_TRUTH, 2)
     cast(Any, broken.toolbox).__dict__["source"] = OneFrame(broken.problem)
-    view = Debugger(broken.toolbox.session, None, lambda _: broken.toolbox).carry_out([c.RunUntil("end")]).view()
-    assert verdict(view).about == Cause.GROUND_TRUTH
-    assert {finding.cause for finding in findings(view)} == {Cause.GROUND_TRUTH}
+    (it,) = verdict_message(ran(broken.toolbox))["objects"]
+    assert [finding["cause"] for finding in it["findings"]] == [Cause.GROUND_TRUTH]
 
 
 def test_every_cause_has_a_title() -> None:

@@ -18,7 +18,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
-from tests.viewer.client import CAMERA, SUBPROTOCOL
+from tests.page.viser_client import CAMERA, SUBPROTOCOL
 from verefine_viz.page.proxy import routes
 from verefine_viz.page.scene3d.viser_server import MOST_MALFORMED, Viser3DServer
 

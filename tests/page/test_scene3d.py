@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import viser
 
-from tests.viewer.client import client
+from tests.page.viser_client import client
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.settings import MethodSettings, SceneSettings, Session

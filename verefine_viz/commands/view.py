@@ -18,7 +18,6 @@ from verefine_viz.core.settings import MethodSettings, Session
 if TYPE_CHECKING:
     from verefine_viz.page.gallery import Gallery
     from verefine_viz.run.data_folder import DataFolder
-    from verefine_viz.viewer.state import batch_gallery
 
 
 @dataclass(frozen=True)
@@ -43,8 +42,6 @@ class View:
     """A folder in which frames arrive, in BOP layout or from keep_frame, or that holds several such: each is listed at
     once, solved in the background with the method of SESSION (none = of the folder's own session.toml), and can be
     opened."""
-    classic: bool = False
-    """Open the page as it was before."""
     out: Path | None = None
     """With --watch: folder for its results, those of a batch; none = FOLDER-runs beside it."""
     settings: AnySettings = field(default_factory=SessionFlags)
@@ -57,7 +54,7 @@ class View:
             raise InputError("--out is for the results of --watch FOLDER; leave it out, or name the folder to watch")
         recordings = _recordings(self.session, self.other, overrides)
         recording, _ = recordings
-        batch: Gallery | batch_gallery.Gallery | None = None
+        batch: Gallery | None = None
         known: DataFolder | None = None
         if recording is not None:
             session = _recorded_session(recording, self.other)
@@ -66,11 +63,12 @@ class View:
             session = known.session
         elif self.session is not None and self.session.is_dir():
             from verefine_viz.batch.index import find_runs
+            from verefine_viz.page.gallery import read_gallery
             from verefine_viz.run.session_refiners import check_refiners
 
             if note := find_runs(self.session).note:
                 print(note, file=sys.stderr)
-            batch = self._gallery(self.session, overrides)
+            batch = read_gallery(self.session, overrides)
             for missing in batch.notes:
                 print(f"note: {missing}", file=sys.stderr)
             session = batch.session(batch.worst.run)
@@ -83,31 +81,26 @@ class View:
         path = None if batch or recording or known else self.session
         return self._serve(session, session_path=path, recordings=recordings, batch=batch)
 
-    def _gallery(self, folder: Path, overrides: Mapping[str, Any]) -> Gallery | batch_gallery.Gallery:
-        if self.classic:
-            from verefine_viz.viewer.state.batch_gallery import read_gallery
-        else:
-            from verefine_viz.page.gallery import read_gallery
-        return read_gallery(folder, overrides)
+    def _serve(
+        self,
+        session: Session,
+        recordings: tuple[Path | None, Path | None] = (None, None),
+        batch: Gallery | None = None,
+        **shown: Any,
+    ) -> int:
+        from verefine_viz.page.app import serve
+        from verefine_viz.page.protocol import Compare
 
-    def _serve(self, session: Session, recordings: tuple[Path | None, Path | None] = (None, None), **shown: Any) -> int:
-        if self.classic:
-            from verefine_viz.viewer.app import serve
-
-            shown["recordings"] = recordings
-        else:
-            from verefine_viz.page.app import serve
-            from verefine_viz.page.protocol import Compare
-
-            a, b = recordings
-            shown |= {"gallery": shown.pop("batch", None), "recording": a}
-            shown["first"] = [Compare(a=0, recording=str(b), run=False)] if b is not None else []
+        a, b = recordings
         serve(
             session,
             host=self.host,
             port=self.port,
             allowed_origins=self.allow_origin,
             open_browser=self.open_browser and _has_desktop(),
+            gallery=batch,
+            recording=a,
+            first=[Compare(a=0, recording=str(b), run=False)] if b is not None else [],
             **shown,
         )
         return 0

@@ -7,14 +7,14 @@ from functools import partial
 from typing import Any
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.problem import ANSWER, Placed, Target
 from verefine_viz.core.records import Best
 from verefine_viz.diagnosis.causes import ADVICE, TITLES, Cause, Finding
 from verefine_viz.diagnosis.impossible import impossible
 from verefine_viz.diagnosis.lost_poses import lost
 from verefine_viz.diagnosis.signs import FinishedObject, RunnerUp, signs
 from verefine_viz.evaluation.matched_estimates import CORRECT
-from verefine_viz.evaluation.pose_errors import add_s_mm
+from verefine_viz.evaluation.pose_errors import add_s_mm, add_where_add_s_is_below
 from verefine_viz.methods.registry import method_of
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.evaluator import CachedEvaluator
@@ -25,6 +25,8 @@ from verefine_viz.page.views.rows import pose_list
 Json = dict[str, Any]
 BAD_FIT = 0.6
 """A right answer that scores less fits its image badly."""
+UNANSWERED = "no answer was recorded: this is the last pose"
+DATA_DOUBTED = "the data do not fit together: look at them first"
 NEAR_TIE = 0.005
 """A pose elsewhere that scores less by no more explains the image equally well [score]."""
 
@@ -125,8 +127,8 @@ def _object(branch: Branch, o: FinishedObject, batch: Any | None) -> Json:
     if batch is not None and batch.cause and batch.cause not in [f["cause"] for f in findings]:
         findings.insert(0, _of_batch(batch))
     also = _also_fits(o)
-    tone, words = _words(o, found, also is not None)
-    if batch is not None and batch.cause and o.is_wrong:
+    tone, words = _words(branch, o, found, also is not None)
+    if batch is not None and batch.cause and o.is_wrong and not branch.doubts():
         words = TITLES[Cause(batch.cause)]
     return {
         "obj": o.instance_id,
@@ -155,18 +157,27 @@ def _object(branch: Branch, o: FinishedObject, batch: Any | None) -> Json:
     }
 
 
-def _words(o: FinishedObject, found: Sequence[Finding], also_fits: bool) -> tuple[str, str]:
+def _words(branch: Branch, o: FinishedObject, found: Sequence[Finding], also_fits: bool) -> tuple[str, str]:
     """Return the tone and the words of an object's verdict."""
     tie = "another pose explains the depth equally well"
+    reason = f"{found[0].title}{found[0].detail}" if found else ""
+    if branch.doubts() and not (o.errors is not None and not o.is_wrong):
+        reason = DATA_DOUBTED
     if o.is_wrong:
-        return "wrong", f"{found[0].title}{found[0].detail}" if found else tie if also_fits else "no cause in sight"
+        steps = o.target.instance.recorded
+        if method_of(branch.settings.method.name).repeats and steps and all(s.name != ANSWER for s in steps):
+            reason = UNANSWERED  # As of a program that was killed.
+        return "wrong", reason or (tie if also_fits else "no cause in sight")
     lead = o.runner_up.in_words() if o.runner_up is not None else ""
-    if o.errors is not None:
+    if o.errors is not None and o.answer is not None:
+        add = add_where_add_s_is_below(o.target, o.answer.T_cam_obj, CORRECT)
+        if add is not None:
+            return "right", f"by ADD-S only: ADD over its symmetries is {add:.0%}"
         if o.score.score < BAD_FIT:
             return "doubt", f"right, but it fits badly: score {o.score.score:.2f}"
         return "right", f"{tie}, and this one is right" if also_fits else lead
-    if found:
-        return "doubt", f"{found[0].title}{found[0].detail}"
+    if reason:
+        return "doubt", reason
     if also_fits:
         return "doubt", tie
     alone = "one hypothesis alone: nothing to compare it with" if len(o.starts) < 2 else "no doubt in sight"

@@ -165,8 +165,14 @@ export function gainOf(a, b) {
       }
     }
   }
-  const sizes = gain.filter((x) => x === x).map(Math.abs).sort();
-  const most98 = sizes[Math.floor(0.98 * sizes.length)] ?? 1;
-  const largest = [0.05, 0.1, 0.2, 0.5].find((x) => most98 <= x) ?? 1;
+  const ends = [0.05, 0.1, 0.2, 0.5];
+  const above = [0, 0, 0, 0];
+  let all = 0;
+  for (const x of gain) {
+    if (x !== x) continue;
+    all++;
+    for (let i = 0; i < 4 && Math.abs(x) > ends[i]; i++) above[i]++;
+  }
+  const largest = ends.find((_, i) => above[i] <= 0.02 * all) ?? 1;
   return { region: [u0, v0, w, h], arrays: { gain }, score: b.score, scale: b.scale, largest };
 }

@@ -10,11 +10,14 @@ function scoredAt(branch, k) {
   return 1 + (scored.findLast((after) => after < Math.max(k, 1)) ?? 0);
 }
 
+const wanted = new WeakMap(); // pose → want
 export function wantOfMaps(moment, pose) {
+  if (wanted.has(pose)) return wanted.get(pose);
   const branch = pose.branch ?? moment.branch;
   const k = scoredAt(branch, pose.k ?? moment.k);
   const posed = pose.poses ? { obj: null, poses: pose.poses } : { obj: moment.obj, T: pose.T };
-  return { what: "maps", branch, k, ...posed };
+  wanted.set(pose, { what: "maps", branch, k, ...posed });
+  return wanted.get(pose);
 }
 
 // What is compared: poses of the object, or with `together` all objects as they stand and as they truly are.
@@ -47,6 +50,14 @@ function sideOf(moment, pose, letter) {
   return { ...before, pose, letter, stale: true, gone: answer?.gone ?? null };
 }
 
+const gains = new WeakMap(); // arrays of A → arrays of B → gain
+function gainBetween(a, b) {
+  if (!gains.has(a.arrays)) gains.set(a.arrays, new WeakMap());
+  const own = gains.get(a.arrays);
+  if (!own.has(b.arrays)) own.set(b.arrays, gainOf(a, b));
+  return own.get(b.arrays);
+}
+
 // { a, b, same, gain }: of equal poses a alone; sides without arrays have nothing to draw yet.
 const NO_SIDES = { a: null, b: null, same: false, gain: null };
 let last = { key: [] };
@@ -57,7 +68,7 @@ export function sidesOf(moment) {
   const b = pair.same ? null : sideOf(moment, pair.b, "b");
   const key = [a?.arrays, b?.arrays, a?.pose, b?.pose, a?.stale, b?.stale, a?.gone, b?.gone];
   if (key.length !== last.key.length || key.some((x, i) => x !== last.key[i])) {
-    const gain = a?.arrays && b?.arrays ? { ...gainOf(a, b), letter: "gain", stale: a.stale || b.stale } : null;
+    const gain = a?.arrays && b?.arrays ? { ...gainBetween(a, b), letter: "gain", stale: a.stale || b.stale } : null;
     last = { key, sides: { a, b, same: pair.same, gain } };
   }
   return last.sides;

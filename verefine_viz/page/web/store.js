@@ -115,6 +115,7 @@ const MOST_ANSWERS = 400;
 const known = new Map(); // what is asked, as JSON → { id, slot, answer }
 const asked = new Map(); // slot → what was asked for last, as JSON
 const waiting = new Map(); // id → what it asks for, as JSON: ids are short, poses are not
+const keys = new WeakMap(); // what is asked → as JSON
 let wants = 0;
 
 on("answer", (message) => {
@@ -131,7 +132,8 @@ export function forgetAnswers() {
 
 // The answer to a want, or undefined; asked for once. `slot`: of the wants of one slot the server answers the latest.
 export function want(of, slot = "") {
-  const key = JSON.stringify(of);
+  if (!keys.has(of)) keys.set(of, JSON.stringify(of));
+  const key = keys.get(of);
   let entry = known.get(key);
   if (!entry || (!entry.answer && entry.slot && asked.get(entry.slot) !== key)) {
     entry = { id: entry?.id ?? `want ${++wants}`, slot };

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import contextmanager
-from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgpack
 import viser
 from websockets.sync.client import ClientConnection, connect
-
-if TYPE_CHECKING:
-    from verefine_viz.viewer.app import App
 
 SUBPROTOCOL = f"viser-v{viser.__version__}"
 CAMERA = {
@@ -58,12 +53,3 @@ def client(url: str, origin: str | None = None):
     limits: dict[str, Any] = {"max_size": None, "max_queue": None}
     with connect(url.replace("http", "ws"), subprotocols=[SUBPROTOCOL], origin=origin, **limits) as socket:  # type: ignore[arg-type, list-item]
         yield FakeClient(socket)
-
-
-def until(app: App, condition: Callable[[], object]) -> None:
-    """Waits for the worker until ``condition()`` holds; the browser's message takes a moment to arrive."""
-    requests, end = app._requests, monotonic() + 20
-    with requests._wake:
-        while not (condition() and requests._idle):
-            assert monotonic() < end, "it never happened"
-            requests._wake.wait(0.02)  # Not everything that a browser changes is a request of the worker's.

@@ -1,0 +1,34 @@
+"""Recorded runs of fake parts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from tests.page.fake_tools import FakeTools
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.recording.recorder import Recorder
+from verefine_viz.run.record import Answer, RunEnd
+from verefine_viz.run.run_file import SUFFIX, RunFile
+
+SESSION = Session(method=MethodSettings(iterations=2))
+
+
+class Numbered(FakeTools):
+    """Frames whose number is in the problem as well, as in real data."""
+
+    def problem(self, frame: str) -> Problem:
+        return replace(super().problem(frame), im_id=int(frame[-1]))
+
+
+def record(path: Path, session: Session, frame: str = "0/2") -> Path:
+    """Write a recording of a run."""
+    tools = Numbered(session)
+    problem = tools.problem(frame)
+    recorder, file = Recorder(path, session, problem, None), RunFile(path.with_suffix(SUFFIX), session)
+    tools.run(problem, (recorder, file)).finish()
+    file.finish(RunEnd(answers=(Answer(frame=frame, status="ok"),)))
+    recorder.close(file.path.read_bytes())
+    file.path.unlink()
+    return path

@@ -1,1 +1,0 @@
-"""HTML, SVG and pictures about a snapshot."""

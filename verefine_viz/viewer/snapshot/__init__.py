@@ -1,1 +1,0 @@
-"""What is shown at one moment, computed from the state: frozen data, nothing of the GUI library."""

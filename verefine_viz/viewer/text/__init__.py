@@ -1,1 +1,0 @@
-"""Words about a snapshot: plain text without markup."""

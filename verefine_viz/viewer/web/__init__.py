@@ -1,1 +1,0 @@
-"""The web server, and what runs in the browser beside the GUI library's own page."""
