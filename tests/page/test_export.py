@@ -124,25 +124,29 @@ def test_what_was_written_can_be_downloaded_and_nothing_else(open_page, tmp_path
             urlopen(f"{app.url}/file/{name}")
 
 
-def test_the_log_carried_out_again_gives_the_same_records(debugger: Debugger, tmp_path: Path, posted: Posted):
+def test_the_log_carried_out_again_gives_the_same_records(debugger: Debugger, posted: Posted):
     session = debugger.space.tools.session
+
+    def check() -> None:
+        debugger.apply(None, p.Save("verbs"))
+        lines = Path(posted.of("written")[-1]["path"]).read_text().splitlines()
+        again = carry_out(session, lines, FakeTools)
+        assert [b.name for b in again.space.branches.values()] == [b.name for b in debugger.space.branches.values()]
+        assert records(again) == records(debugger)
+
     fork = p.Fork(2, changes={"method.exploration": 0.2}, run=True)
     debugger.carry_out([p.Step(), p.Seek(3), fork, p.Fork(3, 1, edit=EDIT, run=True)])
     debugger.carry_out([p.Compare(changes={"method.name": "sir"}), p.Branch(1, "mine"), p.Open(frame="0/2")])
-    debugger.carry_out([p.Run(4), p.Order(4, reset=True), p.Break({"arm_switched": True}), p.Step(5)])
-    debugger.carry_out([p.Open(frame="0/1")])
-    # A run that is stopped on the way is as long again.
-    index = debugger.space.work.first.index
-    for verb in (p.Run(index), p.Pause(), p.Run(index)):
+    check()
+    debugger.carry_out([p.Run(4), p.Open(frame="0/1"), p.Break({"arm_switched": True}), p.Fork(2)])
+    check()
+    debugger.carry_out([p.Break({"arm_switched": False})])
+    # A run that is stopped on the way, or that still goes on, is as long again.
+    for verb in (p.Run(5), p.Pause(), p.Run(5)):
         debugger.apply(None, verb)
         if debugger.is_running:
             debugger.tick()
-    debugger.apply(None, p.Save("verbs"))
-    lines = Path(posted.of("written")[-1]["path"]).read_text().splitlines()
-    again = carry_out(session, lines, FakeTools)
-    assert [b.name for b in again.space.branches.values()] == [b.name for b in debugger.space.branches.values()]
-    assert records(again) == records(debugger)
-    debugger.goal = None
-    for d in (again, debugger):
-        d.carry_out([p.Open(frame="0/2")])
-    assert records(again) == records(debugger)
+    assert debugger.is_running
+    check()
+    debugger.carry_out([p.Restart(5, {"method.iterations": 4}), p.Step(6), p.Order(6, reset=True), p.Step(7)])
+    check()

@@ -61,9 +61,7 @@ def test_an_answer_opens_from_its_run_file_at_the_iteration_that_the_gallery_nam
         assert branch.is_over
         assert branch.recording == gallery.records(entry.run)(d.space.frame)
         view = posted.of("view")[-1]
-        assert (view["at"], view["patch"]["k"], view["patch"]["obj"]) == (
-            entry.iteration, entry.iteration, entry.row.instance_id
-        )  # fmt: skip
+        assert (view["at"], view["patch"]["obj"]) == (entry.iteration, entry.row.instance_id)
         assert sum(len(message["rows"]) for message in posted.of("run")) == branch.run.length
         assert posted.of("verdict")
         assert posted.of("frame")[-1]["run"] == entry.run
@@ -96,7 +94,7 @@ def test_frames_with_other_settings_than_the_batch_are_run_again(tmp_path: Path,
     d.carry_out([p.Open(answer=0)])
     assert d.space.work.first.recording is None
     assert d.space.work.first.is_over
-    assert posted.of("view")[-1]["patch"]["k"] == own.entries[0].iteration
+    assert posted.of("view")[-1]["at"] == own.entries[0].iteration
 
 
 def test_run_files_of_any_names_are_a_gallery_too(tmp_path: Path, posted: Posted):
@@ -111,9 +109,9 @@ def test_run_files_of_any_names_are_a_gallery_too(tmp_path: Path, posted: Posted
 
 
 def test_a_recording_opens_at_its_end(tmp_path: Path, debugger: Debugger, posted: Posted):
-    run = solve(tmp_path / "run.vfrun", frame="0/2")
+    solve(tmp_path / "run.vfrun", frame="0/2")
     debugger.carry_out([p.Open(recording=str(tmp_path / "run.vfrun"))])
-    assert posted.of("view")[-1]["patch"]["k"] == run.length
+    assert posted.of("view")[-1]["at"] is None
     assert posted.of("verdict")
     written = read_run_file(tmp_path / "run.vfrun").iterations
     assert first_difference(written, debugger.space.work.first.run.iterations) is None
@@ -136,7 +134,7 @@ def test_links_name_a_frame_an_object_an_iteration_and_a_run(gallery: Gallery, p
     d = debugger_of(gallery, posted)
     d.carry_out([p.Open(link="frame=0/2&instance=1&iteration=2&run=sir")])
     assert (d.space.frame, d.batch_run) == ("0/2", "sir")
-    assert posted.of("view")[-1]["patch"] | {"k": 2, "obj": 1} == posted.of("view")[-1]["patch"]
+    assert (posted.of("view")[-1]["at"], posted.of("view")[-1]["patch"]["obj"]) == (2, 1)
     d.carry_out([p.Open(link="instance=7&iteration=99")])
     notes = [message["text"] for message in posted.of("note")]
     assert notes[-2:] == ["Frame 0/2 holds no instance 7.", "The run has no iteration 99: 6 is its last."]

@@ -47,14 +47,14 @@ def _open(d: Debugger, verb: Open, window: int | None) -> None:
         space.open_frame(verb.frame)
     elif verb.recording:
         space.open_recording(at_home(verb.recording))
-        d.batch_run = ""
+        d.enter_run("")
     elif verb.session:
         file = at_home(verb.session)
         space.open(load_session(file), file)
-        d.batch_run = ""
+        d.enter_run("")
     elif verb.demo:
         space.open(*_demo_session(d, verb.demo))
-        d.batch_run = ""
+        d.enter_run("")
     else:
         raise InputError("open what? Name a frame, a session, a recording, a demo, an answer or a link")
     d.send_frame()
@@ -83,7 +83,7 @@ def _open_link(d: Debugger, link: PageLink, window: int | None) -> None:
     if link.iteration is not None and link.iteration > total:
         d.say(f"The run has no iteration {link.iteration}: {total} is its last.", window)
     if link.iteration is None and frame == space.frame and obj is not None:
-        d.post({"t": "view", "patch": {"obj": obj, "arm": None}, "at": None}, window)
+        d.post({"t": "view", "patch": {"obj": obj, "arm": None}}, window)
     else:
         d.show(link.iteration, obj, window)
 
@@ -105,7 +105,7 @@ def _open_answer(d: Debugger, entry: Entry) -> None:
         _enter(d, entry.run, entry.row.frame)
         return
     d.space.open_recording(path)
-    d.batch_run = entry.run
+    d.enter_run(entry.run)
     d.send_frame()
 
 
@@ -120,8 +120,7 @@ def _enter(d: Debugger, run: str, frame: str) -> None:
         space.open_frame(frame)
     else:
         space.open(gallery.session(run), None, frame, gallery.records(run))
-    d.batch_run = run
-    space.batch = gallery.runs[run].folder if gallery is not None and run else None
+    d.enter_run(run)
     d.send_frame()
     d.repeat_recorded()
 

@@ -132,7 +132,7 @@ class PageServer:
     def stop(self) -> None:
         """Close all connections and free the port."""
         self._server.should_exit = True
-        if self._loop is not None:
+        if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(lambda: [window.put(None) for window in self._windows.values()])
         self._thread.join(timeout=10)
         self._socket.close()
@@ -210,8 +210,8 @@ class PageServer:
         except TimeoutError:
             return Response(status_code=503)
         # Its address names the answer too, so the browser need not ask again.
-        kept = {"cache-control": "private, max-age=3600"}
-        return Response(made, media_type="image/webp", headers=kept) if made else Response(status_code=404)
+        cached = {"cache-control": "private, max-age=3600"}
+        return Response(made, media_type="image/webp", headers=cached) if made else Response(status_code=404)
 
     async def _written(self, request: Request) -> Response:
         path = self._file(request.path_params["name"])

@@ -57,13 +57,10 @@ class Goal:
         branch: which.
         k: until it holds so many iterations, breakpoints or not; None = to its end, and breakpoints stop it.
         until: "end", or "event": the first mark stops it too.
-        then: called once it is reached.
     """
 
-    def __init__(
-        self, branch: Branch, k: int | None = None, until: str = "end", then: Callable[[], None] = lambda: None
-    ) -> None:
-        self.branch, self.k, self.until, self.then = branch, k, until, then
+    def __init__(self, branch: Branch, k: int | None = None, until: str = "end") -> None:
+        self.branch, self.k, self.until = branch, k, until
         self.seconds: deque[float] = deque(maxlen=_TIMED)
 
     @property
@@ -109,9 +106,9 @@ class Debugger:
         self.space, self.post, self.blobs = space, post, blobs or Blobs()
         self.gallery, self.demos, self.list_sessions = gallery, demos, sessions
         self._write, self.progress = write, progress
-        self.batch_run = gallery.worst.run if gallery is not None else ""
+        self.batch_run = ""
         """The batch run whose session is open; "" = none is."""
-        space.batch = gallery.runs[self.batch_run].folder if gallery is not None else None
+        self.enter_run(gallery.worst.run if gallery is not None else "")
         self.goals: dict[int, Goal] = {}
         """What is computed, by branch; in turns where there are several."""
         self.log: list[AnyVerb] = []
@@ -187,7 +184,6 @@ class Debugger:
                 return
         if goal.is_reached:
             self.pause(index)
-            goal.then()
             return
         self.goals[index] = self.goals.pop(index)  # The next one's turn.
         if monotonic() - self._sent_at > ROWS_S:
@@ -210,6 +206,11 @@ class Debugger:
         """Return verbs that compute as much as is there of what is being computed."""
         return [p.Seek(goal.branch.run.length, goal.branch.index) for goal in self.goals.values()]
 
+    def enter_run(self, run: str) -> None:
+        """Note which batch run the open session is of; "" = none."""
+        self.batch_run = run
+        self.space.batch = self.gallery.runs[run].folder if self.gallery is not None and run else None
+
     def repeat_recorded(self) -> None:
         """Take the steps that another program recorded: what is over already opens at its end."""
         branch = self.space.work.first
@@ -227,13 +228,10 @@ class Debugger:
         branch = self.space.work.first
         run = branch.run
         patch = {"branch": branch.index, "obj": obj, "stage": None, "arm": None, "moment": None}
+        at = None if iteration is None else min(iteration, run.n_iterations)
+        self.post({"t": "view", "patch": patch, "at": at}, window)
         if iteration is not None and not run.is_done:
-            self.post({"t": "view", "patch": patch, "at": None}, window)
-            seen = {"t": "view", "patch": {**patch, "k": iteration}, "at": iteration}
-            self.compute(Goal(branch, run.n_iterations, then=lambda: self.post(seen, window)))
-            return
-        k = run.length if iteration is None else min(iteration, run.length)
-        self.post({"t": "view", "patch": {**patch, "k": k}, "at": iteration}, window)
+            self.compute(Goal(branch, run.n_iterations))
 
     def refresh_gallery(self) -> None:
         """Take over what a watched folder has now."""

@@ -353,7 +353,8 @@ class Workspace:
     def _recorded(self, path: Path, record: RunRecord, tools: Toolbox, problem: Problem) -> Branch:
         ids = [one.instance_id for one in record.header.objects]
         run = Run.from_record(record, problem, again=lambda: tools.run(problem.only(ids)))
-        name = f"{path.parent.name}/{path.name}".removeprefix("/")
+        folder = path.parent.parent if path.parent.name == "runs" else path.parent
+        name = f"{folder.name}/{path.name}".removeprefix("/")
         return Branch(
             next(self._numbers), name, run, tools, tools.session, tools.session.changes, self._evaluators(tools),
             recording=path, missing=record.missing,

@@ -86,7 +86,7 @@ export function Failures() {
   const words = (one) => (one ? `${one.name}, frame ${one.frame}, ${errorWords(one)}` : "none");
   return html`<div class="group failures">
     <${IconButton} icon="back" disabled=${!before} title=${`Failure before: ${words(before)}`} onClick=${() => openAnswer(before)} />
-    <span class="dim">${at < 0 ? "failures" : `failure ${at + 1} of ${failures(state).length}`}</span>
+    <span class="dim" title="Failures of the batch, in the gallery's order">${at < 0 ? "–" : at + 1} / ${failures(state).length}</span>
     <${IconButton} icon="step" disabled=${!after} title=${`Next failure: ${words(after)}`} onClick=${() => openAnswer(after)} />
   </div>`;
 }
@@ -402,6 +402,6 @@ function Plot() {
     <div class="rings">${points.current.filter((p) => p.row.key === open || p.row.key === near?.row.key).map((p) => html`
       <i key=${p.row.key} style=${{ transform: `translate(${p.x}px, ${p.y}px)` }} />`)}</div>
     <canvas ref=${canvas} class=${near ? "near" : ""} onPointerMove=${(e) => setNear(find(e))} onPointerLeave=${() => setNear(null)} onClick=${(e) => openAnswer(find(e)?.row)} />
-    <p>${near ? html`<b>${near.row.name}</b> ${near.row.frame} · ${errorWords(near.row)} · score ${number(near.row.score, 2)}` : html`<span class="dim">${known.length} with ground truth; a click opens</span>`}</p>
+    <p>${near ? html`<b>${near.row.name}</b> ${near.row.frame} · ${errorWords(near.row)} · score ${number(near.row.score, 2)}` : html`<span class="dim">${known.length} with ground truth</span>`}</p>
   </section>`;
 }

@@ -1,0 +1,61 @@
+"""``show``: a page of the kernel's own, for what a notebook has at hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from urllib.error import URLError
+from urllib.request import urlopen
+
+import pytest
+
+import verefine_viz as vv
+from tests.page.conftest import SESSION
+from tests.page.fake_tools import FakeTools
+from tests.page.made_batch import make_batch, solve
+from verefine_viz.core.errors import InputError
+from verefine_viz.page import notebook
+from verefine_viz.page.app import App
+from verefine_viz.recording.verify import first_difference
+from verefine_viz.run.run_file import read_run_file
+from verefine_viz.run.session_file import save_session
+
+
+@pytest.fixture(autouse=True)
+def fake_parts(monkeypatch: pytest.MonkeyPatch, processes: None) -> None:
+    monkeypatch.setattr(notebook, "App", lambda **given: App(**given, make_tools=FakeTools))  # type: ignore[arg-type]
+
+
+def test_a_record_a_path_and_a_folder_are_shown_until_the_page_is_closed(tmp_path: Path):
+    run = solve(tmp_path / "run.vfrun")
+    record = read_run_file(tmp_path / "run.vfrun")
+    make_batch(tmp_path / "batch", frames=["0/1"])
+    save_session(SESSION, tmp_path / "session.toml")
+    shown = {
+        "record": record,
+        "run": SimpleNamespace(record=lambda: record),
+        "file": tmp_path / "run.vfrun",
+        "batch": str(tmp_path / "batch"),
+        "session": tmp_path / "session.toml",
+    }
+    for what, given in shown.items():
+        page = vv.show(given, height=500)
+        assert f'<iframe src="{page.url}"' in page._repr_html_()
+        assert "height: 500px" in page._repr_html_()
+        assert page.url.startswith("http://127.0.0.1:")
+        with urlopen(page.url) as answer:
+            assert "frame-ancestors 'self' http://localhost:*" in answer.headers["content-security-policy"]
+        first = page._app.debugger.space.work.first
+        assert first.run.length == (0 if what == "session" else run.length), what
+        if what in ("record", "file"):
+            assert first_difference(first.run.iterations, record.iterations) is None
+        page.close()
+        page.close()
+        with pytest.raises(URLError):
+            urlopen(page.url)
+
+
+def test_what_cannot_be_shown_is_said(tmp_path: Path):
+    for given, why in ((7, "int cannot be shown"), (tmp_path / "none.vfrun", "none.vfrun does not exist")):
+        with pytest.raises(InputError, match=why):
+            vv.show(given)
