@@ -120,6 +120,10 @@ def moment_of(branch: Branch, look: Look) -> Moment:
     answer = next(o.answer for o in objects if o.instance_id == focus)
     arm = _arm(look, (answer if is_answer else None) or iteration, own)
     poses = _poses(target, iteration, own, arm, look, iteration is at, answer if is_answer else None)
+    if look.edited is None and look.stage is None and not is_answer:
+        for edit in run.edits:
+            if (edit.after_iteration, edit.instance) == (k, focus):
+                poses["edited"] = pose_matrix(edit.T_cam_obj)
     if is_answer and answer is not None and own is not None and (rival := runner_up(branch, own, answer)) is not None:
         poses["runner-up"] = rival.T_cam_obj
     return Moment(branch, k, target, iteration, is_answer, poses, arm, own, objects)

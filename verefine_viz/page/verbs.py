@@ -332,6 +332,10 @@ class Debugger:
                     "total": max(b.run.n_iterations, b.run.length),
                     "over": b.run.is_done,
                     "method": b.settings.method.name,
+                    "edits": [
+                        {"k": e.after_iteration, "obj": e.instance, "arm": e.hypothesis, "T": e.T_cam_obj}
+                        for e in b.run.edits
+                    ],
                     "settings": {name: value for name, _, value in settings_between(first, b.settings)},
                 }
                 for b in self.space.branches.values()

@@ -190,7 +190,7 @@ class Scene3D:
                 outlines["B"] = T_beside
             color = STAGE_COLORS[name] if in_focus else one.color
             # While a pose is edited its body is the gizmo's.
-            T_drawn = None if in_focus and name == "edited" and not moved else T_body
+            T_drawn = None if in_focus and look.edited is not None and not moved else T_body
             # In a grasp all objects are where they really stand.
             body = self._body_look(one, in_focus or one.instance_id in moved, color, layers)
             drawing.show_body(T_drawn, (color, _OVERLAP_OPACITY) if one.instance_id in overlapping else body)
@@ -265,7 +265,8 @@ class Scene3D:
     # The gizmo
 
     def _draw_gizmo(self, moment: Moment, look: Look) -> None:
-        T_cam_obj, focus = moment.poses.get("edited"), moment.target.instance.instance_id
+        T_cam_obj = moment.poses["edited"] if look.edited is not None else None
+        focus = moment.target.instance.instance_id
         if self._gizmo is not None and (T_cam_obj is None or self._gizmo[0] != focus):
             self._gizmo[1].remove()
             self._gizmo = self._placed_by = None

@@ -227,7 +227,7 @@ export const depthAt = ([u, v]) => {
   const depth = observedDepth();
   return (depth && depth[v * state.frame.camera.w + u]) || null;
 };
-function rulerText([from, to]) {
+export function rulerText([from, to]) {
   const { K } = state.frame.camera;
   const [near, far] = [depthAt(from), depthAt(to)];
   if (!near || !far) return `${Math.hypot(to[0] - from[0], to[1] - from[1]).toFixed(0)} px, no depth`;

@@ -105,7 +105,7 @@ function fitOf(side, pixel) {
 
 // Editing a pose
 
-const editable = ({ poses }) => poses.accepted ?? poses.current ?? poses.best ?? poses.initial;
+const editable = ({ poses }) => (state.view.edited ? null : poses.edited) ?? poses.accepted ?? poses.current ?? poses.best ?? poses.initial;
 export function toggleEdit() {
   if (state.view.edited) return setView({ edited: null });
   const moment = momentOf(state);

@@ -137,12 +137,13 @@ export function worstOf(verdict) {
 
 // Everything about (branch, k, stage, obj) of the view, or null before a frame is open.
 export const momentOf = memoized(
-  (s) => [s.frame, s.runs.get(s.view.branch), s.verdicts.get(s.view.branch), s.view, s.compare, s.compare
-    && s.runs.get(other(s))],
+  (s) => [s.frame, s.branches, s.runs.get(s.view.branch), s.verdicts.get(s.view.branch), s.view, s.compare,
+    s.compare && s.runs.get(other(s))],
   (s) => {
     const moment = momentAt(s, s.view);
     if (!moment) return null;
-    const beside = s.compare && s.view.branch !== other(s) ? momentBeside(s, moment) : null;
+    const isCompared = s.compare && [s.compare.a, s.compare.b].includes(s.view.branch);
+    const beside = isCompared && s.view.branch !== other(s) ? momentBeside(s, moment) : null;
     return { ...moment, beside, ...pairOf(s, moment, beside) };
   },
 );
@@ -182,6 +183,9 @@ function momentAt(s, view) {
   const arms = before
     ? before.arms
     : starts.map((a) => ({ plays: a.plays ?? 0, mean: a.mean ?? a.score, score: a.score, err: a.err, T: a.T }));
+  // The pose that the branch goes on from, where it was edited after this iteration.
+  const moved = isAnswer || isPartial || view.edited ? null
+    : s.branches.find((b) => b.index === view.branch)?.edits.find((e) => e.k === k && e.obj === object.id);
   const arm = Math.min(view.arm ?? (isAnswer ? best?.arm : row?.arm ?? best?.arm) ?? 0, Math.max(arms.length - 1, 0));
 
   const poses = {};
@@ -196,10 +200,11 @@ function momentAt(s, view) {
     poses["runner-up"] = { T, arm: j, score: outcome.score - lead, err: outcome.runner_up.err ?? null };
   }
   if (view.edited && view.edited.obj === object.id) poses.edited = { T: view.edited.T, arm: view.edited.arm };
+  else if (moved) poses.edited = { ...arms[moved.arm], T: moved.T, arm: moved.arm };
   if (object.gt) poses["ground truth"] = { T: object.gt, err: 0, score: object.gt_score ?? null };
   for (const [name, pose] of Object.entries(poses)) pose.stage = name;
 
-  const stands = isPartial ? row.stages[cut - 1].T : row ? (poses.accepted ?? poses.best).T : best?.T;
+  const stands = isPartial ? row.stages[cut - 1].T : row ? (poses.edited ?? poses.accepted ?? poses.best).T : best?.T;
   return {
     branch: view.branch, run, k, total: run.total, over: run.over, at: at ?? null, row, isCurrent, isAnswer, isPartial,
     obj: object.id, object, arm, arms, best, poses, stages: names,
@@ -227,6 +232,7 @@ function pairOf(s, moment, beside) {
   const pairs = [
     [s.view.a, s.view.b],
     poses.edited && ["accepted", "edited"],
+    poses.edited && ["current", "edited"],
     poses.edited && ["best", "edited"],
     isAnswer && wrong && ["best", "ground truth"],
     isAnswer && !poses["ground truth"] && ["runner-up", "best"],

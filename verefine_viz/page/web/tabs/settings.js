@@ -22,19 +22,22 @@ listen(() => {
   draftOf = state.frame?.id;
   if (Object.keys(state.draft).length) update({ draft: {} });
 });
+const differs = (setting, value) => value !== setting.value && parsed(setting, String(value)) !== setting.value;
 const edit = (setting, value) => {
   const draft = { ...state.draft, [setting.name]: value };
-  if (value === setting.value || parsed(setting, String(value)) === setting.value) delete draft[setting.name];
+  if (!differs(setting, value)) delete draft[setting.name];
   update({ draft });
 };
 
 export function render() {
-  const [frame, branches, branch, draft] = useStore((s) => [s.frame, s.branches, s.view.branch, s.draft]);
+  const [frame, branches, branch, typed] = useStore((s) => [s.frame, s.branches, s.view.branch, s.draft]);
   const moment = useStore(momentOf);
   const [filter, setFilter] = useState("");
   const [more, setMore] = useState(false);
   const settings = settingsOf(state);
-  const changed = settings.filter((one) => one.name in draft);
+  // A branch may hold already what was typed.
+  const changed = settings.filter((one) => one.name in typed && differs(one, typed[one.name]));
+  const draft = Object.fromEntries(changed.map((one) => [one.name, typed[one.name]]));
   const changes = Object.fromEntries(changed.map((one) => [one.name, one.kind === "bool" || one.kind === "choice" ? draft[one.name] : parsed(one, String(draft[one.name]))]));
   const wrong = Object.values(changes).includes(undefined);
   const fixed = changed.filter((one) => !one.can_fork);
@@ -43,14 +46,18 @@ export function render() {
   const listed = settings.filter((one) => (words ? matches(one) : more || one.common || one.name in draft));
   const groups = Object.entries(Object.groupBy(listed, (one) => one.name.split(".")[0]));
   const none = changed.length === 0;
+  const isEnd = moment.over && moment.k === moment.run.rows.length;
+  const forked = isEnd ? "nothing is left to run after the last iteration: go to an earlier one"
+    : fixed.length ? `${fixed.map((one) => shortName(one.name)).join(", ")}: only from the start`
+      : `keeps the iterations up to ${moment.k}, goes on as a new branch and runs to its end`;
   const others = branches.length > 1 ? `; ${branches.length === 2 ? "the other branch is" : "the other branches are"} discarded` : "";
   return html`<div class="tab settings">
     <div class="apply">
       <div class="row">
         <${Button} disabled=${wrong} title=${`from before iteration 1${none ? "" : ` with ${listOf(changes)}`}${others}`}
           onClick=${() => send({ verb: "restart", branch, changes })}>${none ? "Restart" : "Restart with these"}<//>
-        <${Button} disabled=${wrong || fixed.length > 0} onClick=${() => send({ verb: "fork", branch, k: moment.k, changes, run: true })}
-          title=${fixed.length ? `${fixed.map((one) => shortName(one.name)).join(", ")}: only from the start` : `keeps the iterations up to ${moment.k}, goes on as a new branch and runs to its end`}>
+        <${Button} disabled=${wrong || isEnd || fixed.length > 0} onClick=${() => send({ verb: "fork", branch, k: moment.k, changes, run: true })}
+          title=${forked}>
           Fork at ${moment.k}<//>
         <${Button} disabled=${wrong || none} title="from the start, as B beside this run" onClick=${() => runBeside(branch, changes)}>Run as B beside<//>
         <span class="spring" />

@@ -1,0 +1,121 @@
+"""A pose that is moved by the mouse, in the image or in 3D, and a run that goes on from it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+OUTLINE = "(await import('/web/outlines.js')).outlineOf(state.view.edited.obj, state.view.edited.T) !== null"
+GIZMO = """(() => {
+  const { x, y, width, height } = document.querySelector('.pane.scene iframe').getBoundingClientRect();
+  return { x, y, width, height };
+})()"""
+
+
+def begin(show):
+    """Begin to edit after two iterations; give the screen, the mouse's place, and what T was."""
+    screen = show()
+    for k in (1, 2):
+        screen.key("ArrowRight")
+        screen.until("state.view.k === arg", k)
+    screen.key("p")
+    screen.until("state.view.edited")
+    box = screen.page.locator(".stage canvas").bounding_box()
+    return screen, (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2), edited(screen)
+
+
+def edited(screen):
+    return np.array(screen.state("state.view.edited.T")).reshape(4, 4)
+
+
+def drag(screen, start, by):
+    screen.page.mouse.move(*start)
+    screen.page.mouse.down()
+    screen.page.mouse.move(start[0] + by[0], start[1] + by[1], steps=6)
+    screen.page.mouse.up()
+
+
+def settled(screen, T):
+    """Check that what is shown of the edited pose is what the engine says of it."""
+    branch = screen.app.debugger.space.branch(screen.state("state.view.branch"))
+    target = branch.run.problem.targets[0]
+    score = branch.evaluator_of(screen.state("moment.k")).score(target, T).score
+    screen.page.locator(".editing b", has_text=f"{score:.3f}").wait_for(timeout=60_000)
+    screen.until(OUTLINE)
+
+
+def test_drag_wheel_and_shift_move_the_pose_and_a_run_continues_from_it(show):
+    screen, middle, start = begin(show)
+    drag(screen, middle, (40, -10))
+    moved = edited(screen)
+    assert moved[0, 3] > start[0, 3]
+    assert moved[1, 3] < start[1, 3]
+    assert moved[2, 3] == start[2, 3]
+    assert np.array_equal(moved[:3, :3], start[:3, :3])
+    settled(screen, moved)
+    screen.page.mouse.move(*middle)
+    screen.page.mouse.wheel(0, -100)
+    screen.page.mouse.wheel(0, -100)
+    screen.page.wait_for_timeout(200)
+    farther = edited(screen)
+    assert np.linalg.norm(farther[:3, 3]) - np.linalg.norm(moved[:3, 3]) == pytest.approx(0.002, abs=1e-6)
+    screen.page.keyboard.down("Shift")
+    drag(screen, middle, (30, 0))
+    screen.page.keyboard.up("Shift")
+    T = edited(screen)
+    assert np.array_equal(T[:3, 3], farther[:3, 3])
+    turn = np.degrees(np.arccos((np.trace(T[:3, :3].T @ farther[:3, :3]) - 1) / 2))
+    assert turn == pytest.approx(12, abs=0.1)
+    settled(screen, T)
+    assert "mm" in screen.page.locator(".editing").inner_text()
+    screen.shot("edit_image")
+    arm = screen.state("state.view.edited.arm")
+    screen.click("Continue from here")
+    screen.until("state.branches.length === 2 && state.view.branch === state.branches[1].index && !state.view.edited")
+    new = list(screen.app.debugger.space.branches.values())[1]
+    assert screen.state("[moment.b.name, moment.b.T]") == ["edited", T.ravel().tolist()]  # Shown at once.
+    screen.shot("edit_continued")
+    screen.key(" ")
+    screen.until("state.runs.get(state.view.branch).over")
+    again = next(i for i in new.run.iterations[2:] if i.arm == arm)
+    assert np.array_equal(again.stages[0].T_cam_obj, T)
+
+
+def test_arrows_and_escape(show):
+    screen, middle, start = begin(show)
+    screen.page.mouse.move(*middle)
+    screen.until("state.hoverIn === 'image'")
+    screen.key("ArrowRight")
+    screen.until("state.view.edited.T[3] !== arg", start[0, 3])
+    assert edited(screen)[0, 3] == pytest.approx(start[0, 3] + 0.001)
+    assert screen.state("state.view.k") == 2
+    screen.key("Escape")
+    screen.until("state.view.edited === null")
+    assert screen.state("state.branches.length") == 1
+    assert "edited" not in screen.state("Object.keys(moment.poses)")
+
+
+def test_gizmo_in_3d_moves_the_pose_and_keys_work_there(show):
+    screen, _, start = begin(show)
+    screen.state("(await import('/web/ui.js')).fillPane('scene')")
+    screen.page.locator(".pane.scene .loading").wait_for(state="detached", timeout=60_000)
+    screen.key("c")  # The camera goes to the object, so the gizmo is in the middle.
+    screen.page.wait_for_timeout(4000)
+    screen.shot("edit_gizmo")
+    box = screen.state(GIZMO)
+    middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    for dx, dy in ((0, 0), (0, 45), (40, -12), (-40, -12), (0, -50)):  # One of the handles is hit.
+        drag(screen, (middle[0] + dx, middle[1] + dy), (dx or 25, dy or 20))
+        screen.page.wait_for_timeout(1500)
+        if not np.array_equal(edited(screen), start):
+            break
+    screen.state("(await import('/web/ui.js')).fillPane('scene')")
+    moved = edited(screen)
+    assert not np.array_equal(moved, start)
+    assert np.linalg.norm(moved[:3, 3] - start[:3, 3]) < 0.5
+    settled(screen, moved)
+    assert screen.page.evaluate("document.activeElement.tagName") == "IFRAME"
+    screen.key("Escape")  # With the focus in the 3D view.
+    screen.until("state.view.edited === null")
+    screen.key("ArrowLeft")
+    screen.until("state.view.k === 1")
