@@ -41,6 +41,7 @@ class Screen:
         self.errors: list[str] = []
         self.foreign: list[str] = []
         page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on("console", lambda line: line.type == "error" and self.errors.append(line.text))
         page.on("request", self._requested)
         page.goto(f"{app.url}/{link}")
         self.until("state.frame !== null && state.connection === 'open'")
