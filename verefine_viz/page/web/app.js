@@ -60,7 +60,7 @@ class Guard extends Component {
   render({ children, name }, { error }) {
     if (!error) return children;
     const words = html`<div class="empty"><p>It cannot be drawn: ${String(error.message ?? error)}</p>
-      <${Button} onClick=${() => this.setState({ error: null })}>Draw it again<//></div>`;
+      <${Button} title="try once more" onClick=${() => this.setState({ error: null })}>Draw it again<//></div>`;
     return name ? html`<${Pane} name=${name} title=${name}>${words}<//>` : words;
   }
 }
@@ -136,7 +136,7 @@ function Toasts() {
   return html`<div class="toasts" aria-live="polite">${toasts.map((t) => html`
     <div key=${t.id} class=${`toast ${t.kind}`}><span>${t.text}</span>
       ${t.url && html`<a href=${t.url} download=${t.name}>download</a>`}
-      ${t.offer && html`<${Button} onClick=${() => { dismiss(t.id); send(t.offer.verb); }}>${t.offer.words}<//>`}
+      ${t.offer && html`<${Button} title="do this instead" onClick=${() => { dismiss(t.id); send(t.offer.verb); }}>${t.offer.words}<//>`}
       <${IconButton} icon="close" title="close" onClick=${() => dismiss(t.id)} />
     </div>`)}</div>`;
 }

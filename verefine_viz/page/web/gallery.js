@@ -237,7 +237,7 @@ function Cards() {
           current=${row.key === gallery.at} open=${row.key === open && frame} />`;
       })}
     </div>
-    ${rows.length === 0 && html`<p class="empty">No answer passes the filters. <button class="link" onClick=${() => choose({ only: {}, search: "" })}>Show all</button></p>`}
+    ${rows.length === 0 && html`<p class="empty">No answer passes the filters. <button class="link" title="without filters" onClick=${() => choose({ only: {}, search: "" })}>Show all</button></p>`}
   </div>`;
 }
 

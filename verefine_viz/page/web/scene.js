@@ -38,7 +38,7 @@ export function ScenePane() {
   return html`<${Pane} name="scene" title="3D" tools=${tools}>
     <iframe ref=${frame} src=${ADDRESS} title="3D view" onLoad=${loaded} />
     ${!drawn && html`<div class="loading">${connection === "lost" ? "The server does not answer." : "Loading the 3D view"}</div>`}
-    ${elsewhere && html`<button type="button" class="elsewhere" onClick=${() => look()}>3D follows another window: show this one</button>`}
+    ${elsewhere && html`<button type="button" class="elsewhere" title="let the 3D view follow this window" onClick=${() => look()}>3D follows another window: show this one</button>`}
   <//>`;
 }
 

@@ -174,7 +174,10 @@ export function Splitter({ axis, share, onShare, invert, area }) {
     down.preventDefault();
     const bar = down.currentTarget;
     const room = bar.parentElement.getBoundingClientRect();
-    const [from, size] = axis === "x" ? [down.clientX, room.width] : [down.clientY, room.height];
+    // Bars above and below have no share of the height.
+    const bars = [...bar.parentElement.querySelectorAll(":scope > .verdict, :scope > .status")];
+    const height = bars.reduce((rest, one) => rest - one.offsetHeight, room.height);
+    const [from, size] = axis === "x" ? [down.clientX, room.width] : [down.clientY, height];
     bar.setPointerCapture(down.pointerId);
     document.body.classList.add("dragging"); // the 3D pane would take the pointer
     const move = (e) => onShare(share + ((axis === "x" ? e.clientX : e.clientY) - from) / size * (invert ? -1 : 1));

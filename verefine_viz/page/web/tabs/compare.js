@@ -129,10 +129,10 @@ function NewB({ branch, branches, compare }) {
       <${Button} kind="primary" disabled=${same} title=${same ? "choose another value than A's" : `${listOf({ [name]: typed })}, from the start; A is run too where it is not`}
         onClick=${() => { runBeside(branch, { [name]: typed }); setValue(null); }}>Run B<//></div>
     ${others.length > 0 && html`<div class="form-row"><span class="dim">the branch</span>
-      ${others.map((b) => html`<${Button} onClick=${() => putBeside(branch, { b: b.index })}>${b.name}<//>`)}</div>`}
+      ${others.map((b) => html`<${Button} title="put this branch beside A" onClick=${() => putBeside(branch, { b: b.index })}>${b.name}<//>`)}</div>`}
     <div class="form-row"><span class="dim">a recording</span>
       <input type="text" placeholder="path of a .vfrun or .rrd of this frame" value=${path} onInput=${(e) => setPath(e.currentTarget.value)} />
-      <${Button} disabled=${!path.trim()} onClick=${() => putBeside(branch, { recording: path.trim() })}>Open as B<//></div>
+      <${Button} title="put the recorded run beside A" disabled=${!path.trim()} onClick=${() => putBeside(branch, { recording: path.trim() })}>Open as B<//></div>
   </section>`;
 }
 

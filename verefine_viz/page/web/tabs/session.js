@@ -41,7 +41,7 @@ export function render() {
     ${shown?.missing && html`<p class="doubt">${shown.missing}</p>`}
     <h3>Save the session</h3>
     <div class="row"><input type="text" class="name" value=${name} title="written to sessions/NAME.toml: settings, breakpoints, changes and edited poses" onInput=${(e) => setName(e.currentTarget.value)} />
-      <${Button} kind="primary" disabled=${!name.trim()} onClick=${() => save("session", { name: name.trim(), replace })}>Save<//>
+      <${Button} kind="primary" title="write the session file" disabled=${!name.trim()} onClick=${() => save("session", { name: name.trim(), replace })}>Save<//>
       <${Toggle} value=${replace} title="write over a file of that name" onChange=${setReplace}>replace<//></div>
     <h3>Export</h3>
     <div class="row">${FILES.map(([what, words, hint]) => html`<${Button} key=${what} title=${hint} onClick=${() => save(what)}>${words}<//>`)}</div>

@@ -71,7 +71,7 @@ export function render() {
         <label>${shortName(one.name)}</label><${Field} setting=${one} value=${draft[one.name] ?? one.value} onChange=${(value) => edit(one, value)} /></div>`)}
     </section>`)}
     ${!listed.length && html`<p class="dim">No setting is named so.</p>`}
-    ${!words && html`<${Button} onClick=${() => setMore(!more)}>${more ? "The common ones only" : `All ${settings.length} settings`}<//>`}
+    ${!words && html`<${Button} title=${more ? "list fewer" : "list all"} onClick=${() => setMore(!more)}>${more ? "The common ones only" : `All ${settings.length} settings`}<//>`}
     <${Estimate} moment=${moment} frame=${frame} branch=${branch} />
   </div>`;
 }

@@ -101,7 +101,7 @@ export function Tree({ tree, moment }) {
     .sort((a, b) => a.depth - b.depth || first(a, b)).slice(0, 40);
   return html`
     <p class="summary">${tree.nodes.length - 1} nodes. The best scene leaves ${px(tree.incumbent.cost)} px unexplained,${" "}
-      <button type="button" class="link" onClick=${() => seek(tree.incumbent.k)}>iteration ${tree.incumbent.k}</button>.</p>
+      <button type="button" class="link" title="go there" onClick=${() => seek(tree.incumbent.k)}>iteration ${tree.incumbent.k}</button>.</p>
     <svg class="tree" viewBox=${`${-STRIP} 0 ${WIDTH + STRIP} ${layers * (LAYER + GAP)}`}>
       ${[...Array(layers).keys()].map((d) => {
         const one = tree.nodes.find((n) => n?.depth === d + 1);
