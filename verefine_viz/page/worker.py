@@ -170,8 +170,7 @@ class Worker:
     def __init__(self, jobs: Jobs, post: Post, open_desk: Callable[[ProgressToken], Desk]) -> None:
         self._jobs, self._post, self._open_desk = jobs, post, open_desk
         self.progress = ProgressToken(self._report, jobs.is_wanted)
-        self._text, self._share, self._reported_at = "", None, 0.0
-        self._waiting: list[int] = []
+        self._text, self._reported_at = "", 0.0
         self.ready = threading.Event()
         self.failure: BaseException | None = None
         self.thread = threading.Thread(target=self._work, name="verefine-worker", daemon=True)
@@ -182,7 +181,7 @@ class Worker:
         now = monotonic()
         if (self._jobs.gives_way and text != COMPILING) or (not text and now - self._reported_at < BETWEEN_S):
             return
-        self._text, self._share, self._reported_at = text or self._text, share, now
+        self._text, self._reported_at = text or self._text, now
         self._post({"t": "busy", "text": self._text, "share": share, "cancel": self._jobs.can_cancel}, None)
 
     def _idle(self) -> None:
@@ -209,8 +208,6 @@ class Worker:
             finally:
                 self.ready.set()
             self._idle()
-            for window in self._waiting:
-                self.desk.welcome(window)
             has_more = True
             while not self._jobs.is_stopping:
                 job = self._jobs.take(wait=not (self.desk.is_running or has_more))
@@ -221,10 +218,6 @@ class Worker:
                     self._guarded(None, self.desk.tick)
                 elif job is None and has_more:
                     has_more = self._later()
-
-    def welcome_later(self, window: int) -> None:
-        """Note a window that connected before the desk is open."""
-        self._waiting.append(window)
 
     def _do(self, job: Job) -> None:
         window, verb = job
