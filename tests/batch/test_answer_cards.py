@@ -52,3 +52,11 @@ def test_a_folder_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> No
     (tmp_path / "run").write_text("a file")
     with pytest.raises(InputError, match=r"cannot write .*tags\.json: .*run is a file, not a folder"):
         save_tags(tmp_path / "run", TagFile())
+
+
+def test_tags_come_back_as_they_were_saved(tmp_path: Path) -> None:
+    assert read_tags(tmp_path) == TagFile()
+    content = TagFile(tags={answer_key(ROWS[0]): ("glänzend", "b")})
+    save_tags(tmp_path, content)
+    assert read_tags(tmp_path) == content
+    assert [path.name for path in tmp_path.iterdir()] == [TAGS_FILE]
