@@ -8,7 +8,7 @@ import pytest
 
 from tests.report.runs import row
 from verefine_viz.batch.answer_cards import choices_of, places_of, values_of
-from verefine_viz.batch.answer_tags import TAGS_FILE, TagFile, read_tags, save_tags
+from verefine_viz.batch.answer_tags import TAGS_FILE, TagFile, answer_key, read_tags, save_tags
 from verefine_viz.batch.index import ORDERS
 from verefine_viz.core.errors import InputError
 
