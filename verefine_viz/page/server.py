@@ -95,7 +95,7 @@ class PageServer:
         self.host, self.port = host, int(self._socket.getsockname()[1])
         if not is_loopback(host):
             _LOG.warning(
-                "%s is no loopback address: whoever reaches it can use the page; for remote use prefer 127.0.0.1 and "
+                "%s is no loopback address: all who reach it can use the page; for remote use prefer 127.0.0.1 and "
                 "ssh -L %d:127.0.0.1:%d", host, self.port, self.port,
             )  # fmt: skip
         app = Starlette(

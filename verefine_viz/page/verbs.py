@@ -1,4 +1,4 @@
-"""Carries out verbs: what is open, which runs go on, and what windows are told. Needs no screen."""
+"""Carries out verbs: what is open, which runs go on, and what windows get. Needs no screen."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from verefine_viz.page.marks import jumps
 from verefine_viz.page.moment import labels_of, pose_matrix
 from verefine_viz.page.opening import open_gallery, open_other, titled
 from verefine_viz.page.protocol import AnyVerb
-from verefine_viz.page.views.answers import answers_message
 from verefine_viz.page.views.frame import frame_message
+from verefine_viz.page.views.gallery_answers import answers_message
 from verefine_viz.page.views.rows import run_message
 from verefine_viz.page.views.verdict import finished_objects, verdict_message
 from verefine_viz.page.wants import ANSWERS
@@ -46,7 +46,7 @@ _NOT_LOGGED = (p.Look, p.Want, p.Run, p.Seek, p.Pause, p.Cancel, p.Evaluate, p.S
 """Verbs that change no record; how far a run came is logged where it stops."""
 
 
-_BEGINS_ANEW = (p.Restart, p.Open, p.Order, p.Estimate)
+_NEW_RUNS = (p.Restart, p.Open, p.Order, p.Estimate)
 """Verbs after which other runs are there: what is computed ends before them."""
 
 
@@ -135,7 +135,7 @@ class Debugger:
             VerefineError: it cannot be done; everything is as before.
             Cancelled: it is no longer wanted; everything is as before.
         """
-        if isinstance(verb, _BEGINS_ANEW):
+        if isinstance(verb, _NEW_RUNS):
             self.pause()
         is_logged = not isinstance(verb, _NOT_LOGGED)
         if is_logged:
@@ -252,7 +252,7 @@ class Debugger:
         branch.run.step()
         self.send_rows(branch)
 
-    # What windows are told
+    # What windows get
 
     def welcome(self, window: int) -> None:
         """Send a window that has just connected all that is known."""
@@ -274,7 +274,7 @@ class Debugger:
         self.post({"t": "note", "text": text}, window)
 
     def send_frame(self) -> None:
-        """Send everything anew: another frame, session or start."""
+        """Send everything again: another frame, session or start."""
         self._sent, self._judged, self._later = {}, {}, None
         self.post(self._frame(), None)
         self.send_branches()
@@ -355,7 +355,7 @@ class Debugger:
         rows = (row for row in gallery.runs[self.batch_run].rows if (row.frame, row.method) == (space.frame, made_by))
         return {row.instance_id: row for row in rows if row.instance_id is not None}
 
-    # What nobody waits for
+    # Work aside
 
     def later(self) -> bool:
         """Work out a piece of what the verdict may still say; return whether there is more."""
@@ -368,7 +368,7 @@ class Debugger:
         return self._later is not None
 
     def _warm_up(self) -> Iterator[None]:
-        """Make a first step and forget it: else whoever makes it waits until its kernels are loaded."""
+        """Make a first step and forget it: else the first real one waits until its kernels are loaded."""
         run = self.space.work.first.run
         yield
         with suppress(Exception):  # What is wrong is said when it is made in earnest.

@@ -15,8 +15,8 @@ from verefine_viz.methods.registry import ALL_METHOD_NAMES, method_of
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.moment import clusters_of, color_of, labels_of, state_of
+from verefine_viz.page.views.editable_settings import editable_settings
 from verefine_viz.page.views.rows import errors_of, pose_list
-from verefine_viz.page.views.settings import editable_settings
 from verefine_viz.page.words import source_of
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.pictures.contours import contour_lines
