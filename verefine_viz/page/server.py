@@ -22,6 +22,7 @@ from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from verefine_viz import __version__
 from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.page.admission import Admission, Guard, in_url, is_loopback, reached_at
 from verefine_viz.page.blobs import Blobs
@@ -166,7 +167,7 @@ class PageServer:
         await socket.accept()
         window = Window(next(self._numbers))
         self._windows[window.number] = window
-        await socket.send_text(msgspec.json.encode({"t": "hello", "window": window.number}).decode())
+        await socket.send_text(msgspec.json.encode({"t": "hello", "window": window.number, "version": __version__}).decode())
         self._receive(window.number, None)
         sending = asyncio.create_task(_send_all(socket, window))
         try:

@@ -19,9 +19,10 @@ export function toast(kind, text, more = {}) {
 }
 export const dismiss = (id) => update({ toasts: state.toasts.filter((t) => t.id !== id) });
 
-on("hello", ({ window }) => {
+on("hello", ({ window, version }) => {
+  if (state.version && state.version !== version) location.reload(); // the program was started again, and is another one
   lost = state.connection === "lost" ? written : null;
-  update({ connection: "open", window });
+  update({ connection: "open", window, version });
 });
 
 on("frame", (message) => {

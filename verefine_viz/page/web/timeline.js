@@ -103,9 +103,10 @@ function Breakpoints({ stops }) {
     <div class="form"><h3>A run stops when</h3>${STOPS.map(([name, w, offered, unit]) => {
       const value = values[name];
       const on = value != null && value !== false;
+      const threshold = on ? value : values.waiting?.[name] ?? offered; // of one that is off, what it had
       return html`<div class="row"><${Toggle} value=${on}
-        onChange=${(v) => change(name, offered == null ? v : v ? offered : null)}>${w}<//>
-        ${offered != null && html`<input type="number" step="any" disabled=${!on} value=${on ? value : offered}
+        onChange=${(v) => change(name, offered == null ? v : v ? threshold : null)}>${w}<//>
+        ${offered != null && html`<input type="number" step="any" disabled=${!on} value=${threshold}
           onChange=${(e) => e.currentTarget.value && change(name, Number(e.currentTarget.value))} /><span
             class="dim">${unit}</span>`}</div>`;
     })}</div>

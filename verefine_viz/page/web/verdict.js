@@ -4,7 +4,7 @@ import { state, useStore, setView, send, update } from "./store.js";
 import { momentOf, seek, worstOf } from "./moment.js";
 import { Button, Icon, IconButton, Menu, MenuItem, number } from "./ui.js";
 import { Failures } from "./gallery.js";
-import { titled } from "./keys.js";
+import { nameToOpen, titled } from "./keys.js";
 import { copyLink } from "./messages.js";
 import { PRESETS, setPreset, switchTheme } from "./layout.js";
 
@@ -44,11 +44,7 @@ function Opener({ frame }) {
     ["Demos", frame.demos ?? [], (d) => ({ demo: d }), (d) => frame.source === "demo" && d === frame.dataset],
     ["Sessions", frame.sessions ?? [], (s) => ({ session: s.path }), (s) => s.path === frame.session_file],
   ].filter(([, list]) => list.length > 1 || (list.length && list !== frame.frames));
-  // The file name of a session that shows a failure gives the diagnosis away.
-  const words = (one, i) => {
-    if (typeof one === "string") return one;
-    return /^failure/.test(one.title) ? `failure ${i + 1}` : one.title;
-  };
+  const words = (one, i) => nameToOpen(one.title ?? one, i);
   const fits = ([, w]) => w.toLowerCase().includes(text.toLowerCase());
   const detail = [frame.frame, frame.method_label, frame.refiner].filter(Boolean).join(" · ");
   return html`<div class="opener">
