@@ -259,7 +259,7 @@ class Debugger:
         self.post(self._frame(), window)
         self.post(self._branches(), window)
         for branch in self.space.branches.values():
-            self.post(run_message(branch, 0), window)
+            self.post(run_message(branch, 0, self.space.work.first), window)
             self._sent[branch.index] = branch.run.length
             if branch.is_over:
                 self.post(self._verdict(branch), window)
@@ -287,7 +287,7 @@ class Debugger:
 
     def send_rows(self, branch: Branch) -> None:
         """Send the iterations that windows do not have, and the verdict once the run is over."""
-        self.post(run_message(branch, self._sent.get(branch.index, 0)), None)
+        self.post(run_message(branch, self._sent.get(branch.index, 0), self.space.work.first), None)
         self._sent[branch.index], self._sent_at = branch.run.length, monotonic()
         if branch.is_over and self._judge(branch):
             self.post(self._verdict(branch), None)
