@@ -167,7 +167,9 @@ class PageServer:
         await socket.accept()
         window = Window(next(self._numbers))
         self._windows[window.number] = window
-        await socket.send_text(msgspec.json.encode({"t": "hello", "window": window.number, "version": __version__}).decode())
+        await socket.send_text(
+            msgspec.json.encode({"t": "hello", "window": window.number, "version": __version__}).decode()
+        )
         self._receive(window.number, None)
         sending = asyncio.create_task(_send_all(socket, window))
         try:

@@ -98,6 +98,7 @@ def _object(branch: Branch, target: Target, label: str, color: str, cluster: int
         "box": box,
         "mask": [[round(float(x), 1) for x in line.ravel()] for line in contour_lines(instance.mask)],
         "arms": initial_poses(branch, target),
+        "recorded": len(instance.recorded),
         "left_out": "",
     }
 

@@ -58,7 +58,7 @@ on("run", (message) => {
   if (lost && branch === 0 && rows.length < state.view.k) opening ??= lost;
   lost = null;
   state.runs.set(branch, {
-    rows, total: message.total, over: message.over, marks: message.marks, scene: message.scene ?? before?.scene ?? null,
+    rows, total: message.total, over: message.over, marks: message.marks,
     start: message.start ?? (from > 0 ? before?.start : null) ?? null,
   });
   followed(wasAtEnd, branch);
