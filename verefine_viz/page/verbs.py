@@ -25,6 +25,7 @@ from verefine_viz.page.marks import jumps
 from verefine_viz.page.moment import labels_of, pose_matrix
 from verefine_viz.page.opening import open_gallery, open_other, titled
 from verefine_viz.page.protocol import AnyVerb
+from verefine_viz.page.views.branch_list import branches_message
 from verefine_viz.page.views.frame import frame_message
 from verefine_viz.page.views.gallery_answers import answers_message
 from verefine_viz.page.views.rows import run_message
@@ -33,7 +34,6 @@ from verefine_viz.page.wants import ANSWERS
 from verefine_viz.page.worker import Post
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.run.breakpoints import hits, with_changes
-from verefine_viz.run.variants import settings_between
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
 
 ROWS_S = 0.1
@@ -257,7 +257,7 @@ class Debugger:
     def welcome(self, window: int) -> None:
         """Send a window that has just connected all that is known."""
         self.post(self._frame(), window)
-        self.post(self._branches(), window)
+        self.post(branches_message(self.space), window)
         for branch in self.space.branches.values():
             self.post(run_message(branch, 0, self.space.work.first), window)
             self._sent[branch.index] = branch.run.length
@@ -283,7 +283,7 @@ class Debugger:
 
     def send_branches(self) -> None:
         """Send which branches there are."""
-        self.post(self._branches(), None)
+        self.post(branches_message(self.space), None)
 
     def send_rows(self, branch: Branch) -> None:
         """Send the iterations that windows do not have, and the verdict once the run is over."""
@@ -313,30 +313,6 @@ class Debugger:
     def _frame(self) -> dict[str, Any]:
         message = frame_message(self.space, self.blobs, self.demos, titled(self.list_sessions()))
         return {**message, "run": self.batch_run}
-
-    def _branches(self) -> dict[str, Any]:
-        first = self.space.work.first.settings
-        return {
-            "t": "branches",
-            "compare": self.space.work.compare and dict(zip("ab", self.space.work.compare, strict=True)),
-            "list": [
-                {
-                    "index": b.index,
-                    "name": b.name,
-                    "parent": b.parent,
-                    "from": b.forked_at,
-                    "scored": [after for after, _ in b.evaluators],
-                    "recording": str(b.recording) if b.recording else None,
-                    "missing": b.missing,
-                    "done": b.run.length,
-                    "total": max(b.run.n_iterations, b.run.length),
-                    "over": b.run.is_done,
-                    "method": b.settings.method.name,
-                    "settings": {name: value for name, _, value in settings_between(first, b.settings)},
-                }
-                for b in self.space.branches.values()
-            ],
-        }
 
     def _verdict(self, branch: Branch) -> dict[str, Any]:
         return verdict_message(branch, self._batch_rows(branch))

@@ -10,6 +10,7 @@ from verefine_viz.core.records import Best, Iteration
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.moment import clusters_of, labels_of, state_of
 from verefine_viz.page.words import brief, sentence, source_of, stage_sentence
+from verefine_viz.run.edits import never_reached
 
 Json = dict[str, Any]
 
@@ -35,6 +36,7 @@ def run_message(branch: Branch, first: int, oldest: Branch) -> Json:
         "rows": rows(branch, first),
         "start": _other_start(branch, oldest) if first == 0 and branch is not oldest else None,
         "marks": branch.marks(),
+        "notes": _never_reached(branch),
     }
 
 
@@ -56,6 +58,14 @@ def initial_poses(branch: Branch, target: Target) -> list[Json]:
         }
         for arm, hypothesis in starts
     ]
+
+
+def _never_reached(branch: Branch) -> tuple[str, ...]:
+    """Note what lies behind the end of the run; nothing while a change on the way may still make it longer."""
+    run = branch.run
+    if any(run.length < change.after_iteration <= run.n_iterations for change in branch.changes):
+        return ()
+    return never_reached(run.edits, branch.changes, max(run.n_iterations, run.length))
 
 
 def _other_start(branch: Branch, oldest: Branch) -> dict[int, list[Json]] | None:

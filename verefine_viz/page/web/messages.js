@@ -58,7 +58,7 @@ on("run", (message) => {
   if (lost && branch === 0 && rows.length < state.view.k) opening ??= lost;
   lost = null;
   state.runs.set(branch, {
-    rows, total: message.total, over: message.over, marks: message.marks,
+    rows, total: message.total, over: message.over, marks: message.marks, notes: message.notes, missing: message.missing,
     start: message.start ?? (from > 0 ? before?.start : null) ?? null,
   });
   followed(wasAtEnd, branch);

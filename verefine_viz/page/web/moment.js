@@ -28,7 +28,7 @@ export const TONES = {
   switched: { words: "hypothesis switched", color: "#326eff", shape: "bar" },
   best: { words: "new best", color: "#28a860", shape: "up" },
 };
-const NO_RUN = { rows: [], marks: [], total: 0, over: false, start: null };
+const NO_RUN = { rows: [], marks: [], notes: [], total: 0, over: false, start: null };
 const NEAR = 0.005; // a smaller difference of score is a tie
 
 export const runOf = (s, branch = s.view.branch) => s.runs.get(branch) ?? NO_RUN;
@@ -123,6 +123,13 @@ function sceneAt(s, run, k, at, shown, isAnswer, verdict) {
     return { object, phase, best, T, score: best?.score ?? null, err: best?.err ?? null, spent: own?.own ?? 0,
       verdict: outcome ?? null };
   });
+}
+
+// Which hypothesis was edited, and how far.
+export function editWords({ obj, arm, mm, deg }, objects) {
+  const of = objects.length > 1 ? ` of ${objects.find((o) => o.id === obj)?.label ?? `object ${obj}`}` : "";
+  const far = mm == null ? "" : `, ${mm.toFixed(1)} mm and ${deg.toFixed(1)}° from its initial pose`;
+  return `Hypothesis ${arm + 1}${of} edited${far}`;
 }
 
 export const verdictOf = (s, obj, branch = s.view.branch) =>
