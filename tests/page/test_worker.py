@@ -16,8 +16,8 @@ from verefine_viz.page import protocol as p
 from verefine_viz.page.worker import Job, Jobs, Worker
 
 
-class SlowDesk:
-    """A desk whose verbs take until they are let go."""
+class SlowHandler:
+    """A handler whose verbs take until they are let go."""
 
     is_running = False
 
@@ -49,16 +49,16 @@ class SlowDesk:
 
 @pytest.fixture
 def work():
-    jobs, messages, desks = Jobs(), [], []
+    jobs, messages, handlers = Jobs(), [], []
 
-    def open_desk(progress: ProgressToken) -> SlowDesk:
-        desks.append(SlowDesk(progress))
-        return desks[0]
+    def open_handler(progress: ProgressToken) -> SlowHandler:
+        handlers.append(SlowHandler(progress))
+        return handlers[0]
 
-    worker = Worker(jobs, lambda message, window: messages.append((window, message)), open_desk)
+    worker = Worker(jobs, lambda message, window: messages.append((window, message)), open_handler)
     worker.thread.start()
     worker.ready.wait(10)
-    yield jobs, messages, desks[0]
+    yield jobs, messages, handlers[0]
     jobs.stop()
     worker.thread.join(10)
     assert not worker.thread.is_alive()
@@ -73,7 +73,7 @@ def _until(done: Callable[[], bool]) -> None:
 
 
 def test_cancel_overtakes_and_takes_waiting_verbs_with_it(work):
-    jobs, messages, desk = work
+    jobs, messages, handler = work
     jobs.put(Job(1, p.Open(frame="0/2")))
     _until(lambda: any(m.get("text") == "Opening it." for _, m in messages))
     jobs.put(Job(1, p.Fork(1)))
@@ -81,24 +81,24 @@ def test_cancel_overtakes_and_takes_waiting_verbs_with_it(work):
     _until(lambda: any(m["t"] == "note" for _, m in messages))
     jobs.put(Job(1, p.Pause()))
     jobs.wait_until_idle(10)
-    assert [type(verb) for verb in desk.done] == [p.Pause]
+    assert [type(verb) for verb in handler.done] == [p.Pause]
     assert ("Opening it.", True) in [(m["text"], m["cancel"]) for _, m in messages if m["t"] == "busy"]
     assert [m["text"] for _, m in messages if m["t"] == "busy"][-1] == ""
 
 
 def test_of_the_wants_of_a_slot_the_latest_wins_for_each_window(work):
-    jobs, _, desk = work
+    jobs, _, handler = work
     jobs.put(Job(1, p.Open(frame="0/2")))
-    desk.begun.wait(10)
+    handler.begun.wait(10)
     for k in range(50):
         jobs.put(Job(1 + k % 2, p.Want(str(k), p.Physics(k=k), "physics")))
     jobs.put(Job(1, p.Want("other", p.Physics(k=99))))
     jobs.put(Job(1, p.Look(k=1)))
     jobs.put(Job(1, p.Look(k=2)))
-    desk.go.set()
+    handler.go.set()
     jobs.wait_until_idle(10)
-    assert [verb.id for verb in desk.done if isinstance(verb, p.Want)] == ["48", "49", "other"]
-    assert [verb.k for verb in desk.done if isinstance(verb, p.Look)] == [2]
+    assert [verb.id for verb in handler.done if isinstance(verb, p.Want)] == ["48", "49", "other"]
+    assert [verb.k for verb in handler.done if isinstance(verb, p.Look)] == [2]
 
 
 def test_faults_become_one_message_to_the_window_that_asked(work):
@@ -121,7 +121,7 @@ def test_two_windows_see_one_run(open_page):
         if message["t"] == "run":
             rows.setdefault(window or 0, []).extend(row["k"] for row in message["rows"])
 
-    app.worker.desk.post = post
+    app.worker.handler.post = post
     app._receive(1, None)
     app._receive(1, p.Step())
     app._receive(2, None)

@@ -114,8 +114,8 @@ class App:
     @property
     def debugger(self) -> Debugger:
         """What is open, once it is; its thread is the worker's."""
-        assert isinstance(self.worker.desk, Debugger)
-        return self.worker.desk
+        assert isinstance(self.worker.handler, Debugger)
+        return self.worker.handler
 
     def wait_until_ready(self, timeout_s: float | None = None) -> None:
         """Wait until the session is open.

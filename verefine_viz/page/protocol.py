@@ -255,11 +255,20 @@ class Track(Wanted):
     """Whether the open frame is solved: a browser asks again when it is."""
 
 
+class Recorded(Wanted):
+    """What another program recorded of an object's poses, beside our scores."""
+
+    obj: int
+    branch: Index = 0
+    done: Index = 0
+    """Iterations that are there: a browser asks again when there are more."""
+
+
 class Want(Verb):
     """Ask for what is needed to show something; of one slot the latest wins."""
 
     id: Text
-    of: Maps | Outlines | Shaded | Physics | Landscape | Comparison | Crops | Track
+    of: Maps | Outlines | Shaded | Physics | Landscape | Comparison | Crops | Track | Recorded
     slot: Annotated[str, Meta(max_length=40)] = ""
 
 

@@ -42,8 +42,8 @@ def edits_of_all(shown: Branch, others: Sequence[Branch], is_only_frame: bool) -
     """
     made = [*_at_first(shown, is_only_frame), *(edit for other in others for edit in _at_first(other) if edit.frame)]
     elsewhere = (edit for edit in shown.start.edits if edit not in made)
-    there = (edit for other in others for edit in _edits(other) if edit.frame)
-    return (*_edits(shown, is_only_frame), *elsewhere, *there)
+    there = (edit for other in others for edit in edits_made(other) if edit.frame)
+    return (*edits_made(shown, is_only_frame), *elsewhere, *there)
 
 
 def savable(session: Session, shown: Branch, others: Sequence[Branch], n_frames: int) -> tuple[Session, str]:
@@ -92,11 +92,11 @@ def _lacks(frames: Sequence[str]) -> str:
 def _goes_with(branch: Branch, shown: Branch) -> bool:
     """Whether one session can say what was done in a branch and in the shown one: poses of named frames were moved."""
     start, other = (b.start.model_copy(update={"edits": (), "tracked": ()}) for b in (branch, shown))
-    dropped = any(not edit.frame and edit not in _edits(branch) for edit in _at_first(branch))
+    dropped = any(not edit.frame and edit not in edits_made(branch) for edit in _at_first(branch))
     return start == other and branch.changes == branch.start.changes and not dropped
 
 
-def _edits(branch: Branch, is_only_frame: bool = False) -> tuple[Edit, ...]:
+def edits_made(branch: Branch, is_only_frame: bool = False) -> tuple[Edit, ...]:
     """The poses that a branch moves; one that was read moves none again."""
     return _at_first(branch, is_only_frame) if branch.recording else branch.run.edits
 

@@ -22,6 +22,7 @@ from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from verefine_viz import __version__
 from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.page.admission import Admission, Guard, in_url, is_loopback, reached_at
 from verefine_viz.page.blobs import Blobs
@@ -95,7 +96,7 @@ class PageServer:
         self.host, self.port = host, int(self._socket.getsockname()[1])
         if not is_loopback(host):
             _LOG.warning(
-                "%s is no loopback address: whoever reaches it can use the page; for remote use prefer 127.0.0.1 and "
+                "%s is no loopback address: all who reach it can use the page; for remote use prefer 127.0.0.1 and "
                 "ssh -L %d:127.0.0.1:%d", host, self.port, self.port,
             )  # fmt: skip
         app = Starlette(
@@ -143,11 +144,6 @@ class PageServer:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._put, text, window)
 
-    @property
-    def n_windows(self) -> int:
-        """How many windows are connected."""
-        return len(self._windows)
-
     # The server's thread
 
     def _serve(self) -> None:
@@ -166,7 +162,9 @@ class PageServer:
         await socket.accept()
         window = Window(next(self._numbers))
         self._windows[window.number] = window
-        await socket.send_text(msgspec.json.encode({"t": "hello", "window": window.number}).decode())
+        await socket.send_text(
+            msgspec.json.encode({"t": "hello", "window": window.number, "version": __version__}).decode()
+        )
         self._receive(window.number, None)
         sending = asyncio.create_task(_send_all(socket, window))
         try:

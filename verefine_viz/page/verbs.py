@@ -1,4 +1,4 @@
-"""Carries out verbs: what is open, which runs go on, and what windows are told. Needs no screen."""
+"""Carries out verbs: what is open, which runs go on, and what windows get. Needs no screen."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from verefine_viz.page.marks import jumps
 from verefine_viz.page.moment import labels_of, pose_matrix
 from verefine_viz.page.opening import open_gallery, open_other, titled
 from verefine_viz.page.protocol import AnyVerb
-from verefine_viz.page.views.answers import answers_message
+from verefine_viz.page.views.branch_list import branches_message
 from verefine_viz.page.views.frame import frame_message
+from verefine_viz.page.views.gallery_answers import answers_message
 from verefine_viz.page.views.rows import run_message
 from verefine_viz.page.views.verdict import finished_objects, verdict_message
 from verefine_viz.page.wants import ANSWERS
 from verefine_viz.page.worker import Post
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.run.breakpoints import hits, with_changes
-from verefine_viz.run.variants import settings_between
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
 
 ROWS_S = 0.1
@@ -46,7 +46,7 @@ _NOT_LOGGED = (p.Look, p.Want, p.Run, p.Seek, p.Pause, p.Cancel, p.Evaluate, p.S
 """Verbs that change no record; how far a run came is logged where it stops."""
 
 
-_BEGINS_ANEW = (p.Restart, p.Open, p.Order, p.Estimate)
+_NEW_RUNS = (p.Restart, p.Open, p.Order, p.Estimate)
 """Verbs after which other runs are there: what is computed ends before them."""
 
 
@@ -135,7 +135,7 @@ class Debugger:
             VerefineError: it cannot be done; everything is as before.
             Cancelled: it is no longer wanted; everything is as before.
         """
-        if isinstance(verb, _BEGINS_ANEW):
+        if isinstance(verb, _NEW_RUNS):
             self.pause()
         is_logged = not isinstance(verb, _NOT_LOGGED)
         if is_logged:
@@ -252,14 +252,14 @@ class Debugger:
         branch.run.step()
         self.send_rows(branch)
 
-    # What windows are told
+    # What windows get
 
     def welcome(self, window: int) -> None:
         """Send a window that has just connected all that is known."""
         self.post(self._frame(), window)
-        self.post(self._branches(), window)
+        self.post(branches_message(self.space), window)
         for branch in self.space.branches.values():
-            self.post(run_message(branch, 0), window)
+            self.post(run_message(branch, 0, self.space.work.first), window)
             self._sent[branch.index] = branch.run.length
             if branch.is_over:
                 self.post(self._verdict(branch), window)
@@ -274,7 +274,7 @@ class Debugger:
         self.post({"t": "note", "text": text}, window)
 
     def send_frame(self) -> None:
-        """Send everything anew: another frame, session or start."""
+        """Send everything again: another frame, session or start."""
         self._sent, self._judged, self._later = {}, {}, None
         self.post(self._frame(), None)
         self.send_branches()
@@ -283,11 +283,11 @@ class Debugger:
 
     def send_branches(self) -> None:
         """Send which branches there are."""
-        self.post(self._branches(), None)
+        self.post(branches_message(self.space), None)
 
     def send_rows(self, branch: Branch) -> None:
         """Send the iterations that windows do not have, and the verdict once the run is over."""
-        self.post(run_message(branch, self._sent.get(branch.index, 0)), None)
+        self.post(run_message(branch, self._sent.get(branch.index, 0), self.space.work.first), None)
         self._sent[branch.index], self._sent_at = branch.run.length, monotonic()
         if branch.is_over and self._judge(branch):
             self.post(self._verdict(branch), None)
@@ -314,34 +314,6 @@ class Debugger:
         message = frame_message(self.space, self.blobs, self.demos, titled(self.list_sessions()))
         return {**message, "run": self.batch_run}
 
-    def _branches(self) -> dict[str, Any]:
-        first = self.space.work.first.settings
-        return {
-            "t": "branches",
-            "compare": self.space.work.compare and dict(zip("ab", self.space.work.compare, strict=True)),
-            "list": [
-                {
-                    "index": b.index,
-                    "name": b.name,
-                    "parent": b.parent,
-                    "from": b.forked_at,
-                    "scored": [after for after, _ in b.evaluators],
-                    "recording": str(b.recording) if b.recording else None,
-                    "missing": b.missing,
-                    "done": b.run.length,
-                    "total": max(b.run.n_iterations, b.run.length),
-                    "over": b.run.is_done,
-                    "method": b.settings.method.name,
-                    "edits": [
-                        {"k": e.after_iteration, "obj": e.instance, "arm": e.hypothesis, "T": e.T_cam_obj}
-                        for e in b.run.edits
-                    ],
-                    "settings": {name: value for name, _, value in settings_between(first, b.settings)},
-                }
-                for b in self.space.branches.values()
-            ],
-        }
-
     def _verdict(self, branch: Branch) -> dict[str, Any]:
         return verdict_message(branch, self._batch_rows(branch))
 
@@ -359,7 +331,7 @@ class Debugger:
         rows = (row for row in gallery.runs[self.batch_run].rows if (row.frame, row.method) == (space.frame, made_by))
         return {row.instance_id: row for row in rows if row.instance_id is not None}
 
-    # What nobody waits for
+    # Work aside
 
     def later(self) -> bool:
         """Work out a piece of what the verdict may still say; return whether there is more."""
@@ -372,7 +344,7 @@ class Debugger:
         return self._later is not None
 
     def _warm_up(self) -> Iterator[None]:
-        """Make a first step and forget it: else whoever makes it waits until its kernels are loaded."""
+        """Make a first step and forget it: else the first real one waits until its kernels are loaded."""
         run = self.space.work.first.run
         yield
         with suppress(Exception):  # What is wrong is said when it is made in earnest.

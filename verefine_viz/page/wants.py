@@ -12,6 +12,7 @@ from verefine_viz.page.views.object_track import track
 from verefine_viz.page.views.physics import physics
 from verefine_viz.page.views.pixel_maps import maps
 from verefine_viz.page.views.pose_outlines import outlines
+from verefine_viz.page.views.recorded_poses import recorded
 from verefine_viz.page.views.score_landscape import landscape
 from verefine_viz.page.views.shaded_model import shaded
 
@@ -24,4 +25,5 @@ ANSWERS: dict[type, Callable[..., dict[str, Any]]] = {
     p.Shaded: shaded,
     p.Crops: crops,
     p.Track: track,
+    p.Recorded: recorded,
 }

@@ -125,8 +125,8 @@ class Jobs:
             self._wake.notify_all()
 
 
-class Desk(Protocol):
-    """What the worker works at; ``verbs.Debugger`` is the page's."""
+class Handler(Protocol):
+    """What carries out verbs; ``verbs.Debugger`` is the page's."""
 
     @property
     def is_running(self) -> bool:
@@ -150,7 +150,7 @@ class Desk(Protocol):
         ...
 
     def later(self) -> bool:
-        """Work out a piece of what nobody waits for; return whether there is more."""
+        """Work out a piece of what no window waits for; return whether there is more."""
         ...
 
 
@@ -159,19 +159,18 @@ Post = Callable[[dict, int | None], None]
 
 
 class Worker:
-    """Opens the desk, then works until it is stopped.
+    """Opens the handler, then works until it is stopped.
 
     Args:
         jobs: what windows ask for.
         post: sends messages.
-        open_desk: opens what is shown; gets the token with which long work reports and is cancelled.
+        open_handler: opens what is shown; gets the token with which long work reports and is cancelled.
     """
 
-    def __init__(self, jobs: Jobs, post: Post, open_desk: Callable[[ProgressToken], Desk]) -> None:
-        self._jobs, self._post, self._open_desk = jobs, post, open_desk
+    def __init__(self, jobs: Jobs, post: Post, open_handler: Callable[[ProgressToken], Handler]) -> None:
+        self._jobs, self._post, self._open_handler = jobs, post, open_handler
         self.progress = ProgressToken(self._report, jobs.is_wanted)
-        self._text, self._share, self._reported_at = "", None, 0.0
-        self._waiting: list[int] = []
+        self._text, self._reported_at = "", 0.0
         self.ready = threading.Event()
         self.failure: BaseException | None = None
         self.thread = threading.Thread(target=self._work, name="verefine-worker", daemon=True)
@@ -182,7 +181,7 @@ class Worker:
         now = monotonic()
         if (self._jobs.gives_way and text != COMPILING) or (not text and now - self._reported_at < BETWEEN_S):
             return
-        self._text, self._share, self._reported_at = text or self._text, share, now
+        self._text, self._reported_at = text or self._text, now
         self._post({"t": "busy", "text": self._text, "share": share, "cancel": self._jobs.can_cancel}, None)
 
     def _idle(self) -> None:
@@ -197,7 +196,7 @@ class Worker:
             try:
                 with self._jobs.cancellable():
                     self._report("Opening.")
-                    self.desk = self._open_desk(self.progress)
+                    self.handler = self._open_handler(self.progress)
             except (Exception, Cancelled) as error:
                 self.failure = error
                 if not isinstance(error, VerefineError | Cancelled):
@@ -209,31 +208,25 @@ class Worker:
             finally:
                 self.ready.set()
             self._idle()
-            for window in self._waiting:
-                self.desk.welcome(window)
             has_more = True
             while not self._jobs.is_stopping:
-                job = self._jobs.take(wait=not (self.desk.is_running or has_more))
+                job = self._jobs.take(wait=not (self.handler.is_running or has_more))
                 if job is not None:
                     self._do(job)
                     has_more = True
-                if self.desk.is_running:
-                    self._guarded(None, self.desk.tick)
+                if self.handler.is_running:
+                    self._guarded(None, self.handler.tick)
                 elif job is None and has_more:
                     has_more = self._later()
-
-    def welcome_later(self, window: int) -> None:
-        """Note a window that connected before the desk is open."""
-        self._waiting.append(window)
 
     def _do(self, job: Job) -> None:
         window, verb = job
         if verb is None:
-            self._guarded(window, lambda: self.desk.welcome(window))
+            self._guarded(window, lambda: self.handler.welcome(window))
         elif callable(verb):
             self._guarded(None, verb)
         else:
-            self._guarded(window, lambda: self.desk.apply(window, verb), verb)
+            self._guarded(window, lambda: self.handler.apply(window, verb), verb)
 
     def _guarded(self, window: int | None, do: Callable[[], None], verb: AnyVerb | None = None) -> None:
         """Do something; what goes wrong becomes one message and leaves everything as it was."""
@@ -241,7 +234,7 @@ class Worker:
             with self._jobs.cancellable():
                 do()
         except Cancelled:
-            self.desk.pause()
+            self.handler.pause()
             self._post({"t": "note", "text": "Cancelled: everything is as it was before."}, window)
         except Exception as error:
             text = str(error)
@@ -251,15 +244,15 @@ class Worker:
             if isinstance(verb, Want):
                 self._post({"t": "answer", "id": verb.id, "gone": text}, window)
             else:
-                self.desk.pause()
+                self.handler.pause()
                 self._post({"t": "error", "text": text, "offer": getattr(error, "offer", None)}, window)
         self._idle()
 
     def _later(self) -> bool:
-        """Do a piece of what nobody waits for; give it up once somebody does."""
+        """Do a piece of what no window waits for; give it up once one does."""
         self._jobs.gives_way = True
         try:
-            return self.desk.later()
+            return self.handler.later()
         except Cancelled:
             return True
         except Exception:

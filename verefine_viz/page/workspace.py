@@ -60,7 +60,7 @@ class FrameWork:
     @property
     def shown(self) -> Branch:
         """The branch that was looked at last, else the first."""
-        return self.first if self.looked_at not in self.branches else self.branches[self.looked_at]
+        return self.branches.get(self.looked_at if self.looked_at is not None else -1, self.first)
 
 
 Records = Callable[[str], Path | None]

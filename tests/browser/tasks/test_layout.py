@@ -34,6 +34,15 @@ FILLED = """(() => {
     .reduce((sum, r) => sum + r.width * r.height, 0);
   return area / innerWidth / innerHeight;
 })()"""
+CHOICES = """(() => {
+  const context = document.createElement('canvas').getContext('2d');
+  return [...document.querySelectorAll('select')].filter(e => e.offsetParent && e.selectedOptions[0]).filter((e) => {
+    const css = getComputedStyle(e);
+    context.font = css.font;
+    const room = e.clientWidth - parseFloat(css.paddingLeft) - parseFloat(css.paddingRight) - 14; // and its arrow
+    return context.measureText(e.selectedOptions[0].text).width > room;
+  }).map(e => `${e.title || e.className}: ${e.selectedOptions[0].text}`);
+})()"""
 SIDEWAYS = """[document.documentElement, ...document.querySelectorAll('.tab-content, .objects .scroll, .timeline, .inspector')]
   .filter(e => e.scrollWidth > e.clientWidth + 1).map(e => `${e.className}: ${e.scrollWidth} > ${e.clientWidth}`)"""
 UNTITLED = "[...document.querySelectorAll('button')].filter(b => b.offsetParent && !b.title).map(b => b.outerHTML.slice(0, 120))"
@@ -58,7 +67,7 @@ def test_nothing_is_cut_or_overlaps_or_scrolls_sideways(show, size, session):
         faults = []
         for tab in screen.state(TABS) if theme == "dark" else ("score",):
             screen.tab(tab)
-            codes = {"cut": CUT, "overlap": OVERLAPS, "scrolls": SIDEWAYS, "no title": UNTITLED}
+            codes = {"cut": CUT, "overlap": OVERLAPS, "scrolls": SIDEWAYS, "choice": CHOICES, "no title": UNTITLED}
             faults += [(tab, what, found) for what, code in codes.items() for found in screen.page.evaluate(code)]
             tops = screen.page.locator(".tabs > .tab").evaluate_all("all => all.map(e => e.offsetTop)")
             faults += [(tab, "tabs in rows", tops)] if len(set(tops)) > 1 else []
@@ -94,7 +103,7 @@ def test_presets_fill_the_window_and_so_does_a_pane(show, size):
 def test_keys_in_titles_are_in_the_help(show):
     screen = finished(show)
     titles = screen.page.locator("button[title], header[title]").evaluate_all("all => all.map(b => b.title)")
-    keys = {key for title in titles for key in re.findall(r"\((?:hold )?([A-Z?0-9←→]|Space|Esc|Shift\+E|Ctrl\+K)[,)]", title)}
+    keys = {key for title in titles for key in re.findall(r"\((?:hold )?([A-Z?0-9←→]|Space|Esc|Shift\+[A-Z]|Ctrl\+K)[,)]", title)}
     assert {"S", "→", "←", "Space", "G", "T"} <= keys
     screen.key("?")
     shown = set(screen.page.locator(".keys kbd").all_inner_texts())

@@ -14,10 +14,9 @@ from verefine_viz.core.problem import LeftOut, Problem, Target
 from verefine_viz.methods.registry import ALL_METHOD_NAMES, method_of
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.branch import Branch
-from verefine_viz.page.moment import clusters_of, color_of, labels_of, state_of
-from verefine_viz.page.views.rows import errors_of, pose_list
-from verefine_viz.page.views.settings import editable_settings
-from verefine_viz.page.words import source_of
+from verefine_viz.page.moment import clusters_of, color_of, labels_of
+from verefine_viz.page.views.editable_settings import editable_settings
+from verefine_viz.page.views.rows import initial_poses, pose_list
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.pictures.contours import contour_lines
 from verefine_viz.refiners.registry import REFINERS
@@ -98,28 +97,10 @@ def _object(branch: Branch, target: Target, label: str, color: str, cluster: int
         "visible": instance.visib_fract,
         "box": box,
         "mask": [[round(float(x), 1) for x in line.ravel()] for line in contour_lines(instance.mask)],
-        "arms": _initial(branch, target),
+        "arms": initial_poses(branch, target),
+        "recorded": len(instance.recorded),
         "left_out": "",
     }
-
-
-def _initial(branch: Branch, target: Target) -> list[Json]:
-    own = state_of(branch.run.state_at(0), target)
-    if own is None:
-        return []
-    starts = zip(own.arms, target.instance.hypotheses, strict=False)
-    return [
-        {
-            "T": pose_list(arm.current.T_cam_obj),
-            "score": arm.current.score.score,
-            **errors_of(branch, target, arm.current.T_cam_obj, 0),
-            "plays": float(arm.plays),
-            "mean": float(arm.mean),
-            "source": source_of(hypothesis),
-            "confidence": hypothesis.confidence,
-        }
-        for arm, hypothesis in starts
-    ]
 
 
 def _left_out(one: LeftOut) -> Json:

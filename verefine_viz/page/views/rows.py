@@ -9,7 +9,8 @@ from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.moment import clusters_of, labels_of, state_of
-from verefine_viz.page.words import brief, sentence, stage_sentence
+from verefine_viz.page.words import brief, sentence, source_of, stage_sentence
+from verefine_viz.run.edits import never_reached
 
 Json = dict[str, Any]
 
@@ -19,8 +20,11 @@ def pose_list(T_cam_obj: Float) -> list[float]:
     return [float(x) for x in T_cam_obj.ravel()]
 
 
-def run_message(branch: Branch, first: int) -> Json:
-    """Return the iterations after the ``first``, and what holds of the whole run so far."""
+def run_message(branch: Branch, first: int, oldest: Branch) -> Json:
+    """Return the iterations after the ``first``, and what holds of the whole run so far.
+
+    Where another branch than the ``oldest`` begins with other poses than that, message ``frame`` does not have them.
+    """
     run = branch.run
     return {
         "t": "run",
@@ -30,8 +34,45 @@ def run_message(branch: Branch, first: int) -> Json:
         "over": run.is_done,
         "missing": branch.missing,
         "rows": rows(branch, first),
+        "start": _other_start(branch, oldest) if first == 0 and branch is not oldest else None,
         "marks": branch.marks(),
+        "notes": _never_reached(branch),
     }
+
+
+def initial_poses(branch: Branch, target: Target) -> list[Json]:
+    """Return the poses with which the hypotheses of an object begin."""
+    own = state_of(branch.run.state_at(0), target)
+    if own is None:
+        return []
+    starts = zip(own.arms, target.instance.hypotheses, strict=False)
+    return [
+        {
+            "T": pose_list(arm.current.T_cam_obj),
+            "score": arm.current.score.score,
+            **errors_of(branch, target, arm.current.T_cam_obj, 0),
+            "plays": float(arm.plays),
+            "mean": float(arm.mean),
+            "source": source_of(hypothesis),
+            "confidence": hypothesis.confidence,
+        }
+        for arm, hypothesis in starts
+    ]
+
+
+def _never_reached(branch: Branch) -> tuple[str, ...]:
+    """Note what lies behind the end of the run; nothing while a change on the way may still make it longer."""
+    run = branch.run
+    if any(run.length < change.after_iteration <= run.n_iterations for change in branch.changes):
+        return ()
+    return never_reached(run.edits, branch.changes, max(run.n_iterations, run.length))
+
+
+def _other_start(branch: Branch, oldest: Branch) -> dict[int, list[Json]] | None:
+    """Return by instance what hypotheses begin with, where the oldest branch has others, or scores them otherwise."""
+    begun = {t.instance.instance_id: initial_poses(oldest, t) for t in oldest.run.problem.targets}
+    start = {t.instance.instance_id: initial_poses(branch, t) for t in branch.run.problem.targets}
+    return {own: poses for own, poses in start.items() if poses != begun.get(own)} or None
 
 
 def rows(branch: Branch, first: int) -> list[Json]:

@@ -122,12 +122,12 @@ def _object(branch: Branch, o: FinishedObject, batch: Any | None) -> Json:
         title = TITLES[Cause.NO_HYPOTHESIS]
         return {"obj": o.instance_id, "label": o.label, "tone": "none", "words": title, "limit": limit, "findings": []}
     refiner = branch.run.method_of(branch.run.length).refiner
-    found = list(signs(o, branch.settings, refiner))
-    findings = [_finding(sign, branch) for sign in found]
+    named = list(signs(o, branch.settings, refiner))
+    findings = [_finding(sign, branch) for sign in named]
     if batch is not None and batch.cause and batch.cause not in [f["cause"] for f in findings]:
         findings.insert(0, _of_batch(batch))
     also = _also_fits(o)
-    tone, words = _words(branch, o, found, also is not None)
+    tone, words = _words(branch, o, named, also is not None)
     if batch is not None and batch.cause and o.is_wrong and not branch.doubts():
         words = TITLES[Cause(batch.cause)]
     return {
@@ -157,10 +157,10 @@ def _object(branch: Branch, o: FinishedObject, batch: Any | None) -> Json:
     }
 
 
-def _words(branch: Branch, o: FinishedObject, found: Sequence[Finding], also_fits: bool) -> tuple[str, str]:
+def _words(branch: Branch, o: FinishedObject, named: Sequence[Finding], also_fits: bool) -> tuple[str, str]:
     """Return the tone and the words of an object's verdict."""
     tie = "another pose explains the depth equally well"
-    reason = f"{found[0].title}{found[0].detail}" if found else ""
+    reason = f"{named[0].title}{named[0].detail}" if named else ""
     if branch.doubts() and not (o.errors is not None and not o.is_wrong):
         reason = DATA_DOUBTED
     if o.is_wrong:

@@ -4,7 +4,7 @@ import { html, useEffect, useLayoutEffect, useRef, useState } from "./vendor/htm
 import { state, setView, update, send, listen, useStore } from "./store.js";
 import { momentOf } from "./moment.js";
 import { Pane, Button, Select, Swatch } from "./ui.js";
-import { ACTIONS } from "./keys.js";
+import { addKeys } from "./keys.js";
 import { MAPS, CLASSES, valueText } from "./colours.js";
 import { sidesOf, readAt, photo, colourAt, observedDepth, hasColour } from "./sides.js";
 import { prepareAhead } from "./outlines.js";
@@ -114,8 +114,8 @@ export function toggleEdit() {
   return setView({ edited: { obj: moment.obj, arm: pose.arm ?? moment.arm, T: pose.T, from: pose.T } });
 }
 const moveTo = (T) => setView({ edited: { from: editable(momentOf(state)).T, ...state.view.edited, T } });
-function nudge(x, y) {
-  const m = (NOTCH_MM / 1000) * (window.event?.shiftKey ? FINE : 1);
+function nudge(event, x, y) {
+  const m = (NOTCH_MM / 1000) * (event?.shiftKey ? FINE : 1);
   moveTo(shifted(state.view.edited.T, [x * m, y * m, 0]));
 }
 function proceed(moment) {
@@ -239,17 +239,12 @@ const KEYS = [
 ];
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 const ARROWS = Object.entries(WAYS).map(([key, way]) =>
-  ({ id: key, keys: [key], title: "Move the edited pose by 1 mm", group: "Image", action: () => nudge(...way) }));
-// Keys of a pane go before those of the page; returns what takes them away again.
-function takeKeys(actions) {
-  ACTIONS.unshift(...actions);
-  return () => actions.forEach((a) => ACTIONS.includes(a) && ACTIONS.splice(ACTIONS.indexOf(a), 1));
-}
+  ({ id: key, keys: [key], title: "Move the edited pose by 1 mm", group: "Image", action: (event) => nudge(event, ...way) }));
 function useKeys() {
   const [edits, blinks, isOver] = useStore((s) =>
     [Boolean(s.view.edited), layersOf(s).blink != null, s.hoverIn === "image"]);
-  useEffect(() => takeKeys(KEYS), []);
-  useEffect(() => (edits && isOver ? takeKeys(ARROWS) : undefined), [edits, isOver]);
+  useEffect(() => addKeys(KEYS), []);
+  useEffect(() => (edits && isOver ? addKeys(ARROWS) : undefined), [edits, isOver]);
   useEffect(() => {
     if (!blinks) return undefined;
     const timer = setInterval(() => setLayers({ blink: !layersOf(state).blink }), BLINK_MS);
@@ -365,7 +360,7 @@ function Legend() {
   const entry = ({ key, color, dashed, label }) => html`
     <button type="button" key=${key} class=${hidden.includes(key) ? "off" : ""} title="show or hide this outline"
       onClick=${(e) => { e.currentTarget.blur(); toggle(key); }}>
-      <${Swatch} color=${color} hollow=${dashed} />${label}</button>`;
+      <${Swatch} color=${color} hollow=${dashed} /><span>${label}</span></button>`;
   return html`<div class="legend">${contoursOf(moment).map(entry)}</div>`;
 }
 

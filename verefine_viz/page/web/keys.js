@@ -18,6 +18,9 @@ export const ACTIONS = [
   { id: "event-back", keys: ["E"], title: "To the event before", group: "Move", action: () => toNextEvent(-1) },
   { id: "start", keys: ["Home"], title: "To the start", group: "Move", action: () => seek(0) },
   { id: "end", keys: ["End"], title: "To the end", group: "Move", action: () => seek(runOf(state).rows.length) },
+  { id: "frame", keys: ["]"], title: "Next frame", group: "Move", when: () => frameBeside(1), action: () => openBeside(1) },
+  { id: "frame-back", keys: ["["], title: "Frame before", group: "Move", when: () => frameBeside(-1),
+    action: () => openBeside(-1) },
   { id: "gallery", keys: ["g"], title: "Gallery", group: "Show", action: toggleGallery },
   { id: "fill", keys: ["f"], title: "Fill the middle with a pane, or all panes", group: "Show", action: toggleFull },
   { id: "theme", keys: ["t"], title: "Light or dark", group: "Show", action: switchTheme },
@@ -27,20 +30,29 @@ export const ACTIONS = [
   { id: "escape", keys: ["Escape"], title: "Close, unmark, cancel", group: "Show", action: escape },
 ];
 
-const NAMES = { ArrowLeft: "←", ArrowRight: "→", " ": "Space", Escape: "Esc", E: "Shift+E", "Ctrl+k": "Ctrl+K" };
-export const keyName = (key) => NAMES[key] ?? (key.length === 1 ? key.toUpperCase() : key);
+const NAMES = { ArrowLeft: "←", ArrowRight: "→", " ": "Space", Escape: "Esc", "Ctrl+k": "Ctrl+K" };
+export const keyName = (key) => NAMES[key] ?? (/^[A-Z]$/.test(key) ? `Shift+${key}` : key.length === 1 ? key.toUpperCase() : key);
 // A button's title: what it does and its key.
 export function titled(id, words) {
   const action = ACTIONS.find((a) => a.id === id);
   return `${words ?? action.title}${action.keys.length ? ` (${keyName(action.keys[0])})` : ""}`;
 }
 
-// More actions, of panes: returns what takes them away again. { id, keys, title, group, action, when }. They go before
-// others of their keys while they can be done.
+// More actions, of panes: returns what takes them away again. { id, keys, title, group, action, when }; `action` gets the
+// key's event. They go before others of their keys while they can be done.
 export function addKeys(actions) {
   ACTIONS.unshift(...actions);
   return () => actions.forEach((a) => ACTIONS.includes(a) && ACTIONS.splice(ACTIONS.indexOf(a), 1));
 }
+
+const frameBeside = (by) => {
+  const frames = state.frame?.frames ?? [];
+  return frames[frames.indexOf(state.frame?.frame) + by];
+};
+const openBeside = (by) => send({ verb: "open", frame: frameBeside(by) });
+
+// The name of a scene that shows a failure gives the diagnosis away.
+export const nameToOpen = (name, i) => (/^failure_/.test(name) ? `What went wrong? ${i + 1}` : name);
 
 function toggleGallery() {
   setPreset(state.view.preset === "gallery" ? "inspect" : "gallery");
@@ -85,7 +97,7 @@ function pressed(event) {
   event.preventDefault(); // also what a focused button or the page would do with it
   event.stopPropagation();
   if (event.key === "Escape") event.target.blur?.();
-  if (!action.when || action.when()) action.action();
+  if (!action.when || action.when()) action.action(event);
 }
 
 // Listens in a window: this one, and that of the 3D pane.
@@ -128,7 +140,7 @@ function everything() {
     add("Branch", name, () => setView({ branch: index, k: runOf(state, index).rows.length, stage: null }));
   }
   for (const f of state.frame?.frames ?? []) add("Frame", f, () => send({ verb: "open", frame: f }));
-  for (const d of state.frame?.demos ?? []) add("Demo", d, () => send({ verb: "open", demo: d }));
+  (state.frame?.demos ?? []).forEach((d, i) => add("Demo", nameToOpen(d, i), () => send({ verb: "open", demo: d })));
   return items;
 }
 

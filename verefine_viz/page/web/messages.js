@@ -19,9 +19,10 @@ export function toast(kind, text, more = {}) {
 }
 export const dismiss = (id) => update({ toasts: state.toasts.filter((t) => t.id !== id) });
 
-on("hello", ({ window }) => {
+on("hello", ({ window, version }) => {
+  if (state.version && state.version !== version) location.reload(); // the program was started again, and is another one
   lost = state.connection === "lost" ? written : null;
-  update({ connection: "open", window });
+  update({ connection: "open", window, version });
 });
 
 on("frame", (message) => {
@@ -57,7 +58,7 @@ on("run", (message) => {
   if (lost && branch === 0 && rows.length < state.view.k) opening ??= lost;
   lost = null;
   state.runs.set(branch, {
-    rows, total: message.total, over: message.over, marks: message.marks, scene: message.scene ?? before?.scene ?? null,
+    rows, total: message.total, over: message.over, marks: message.marks, notes: message.notes, missing: message.missing,
     start: message.start ?? (from > 0 ? before?.start : null) ?? null,
   });
   followed(wasAtEnd, branch);

@@ -28,7 +28,7 @@ export const TONES = {
   switched: { words: "hypothesis switched", color: "#326eff", shape: "bar" },
   best: { words: "new best", color: "#28a860", shape: "up" },
 };
-const NO_RUN = { rows: [], marks: [], total: 0, over: false, start: null };
+const NO_RUN = { rows: [], marks: [], notes: [], total: 0, over: false, start: null };
 const NEAR = 0.005; // a smaller difference of score is a tie
 
 export const runOf = (s, branch = s.view.branch) => s.runs.get(branch) ?? NO_RUN;
@@ -76,9 +76,9 @@ export function latest(rows, k) {
 export const startsOf = (run, object) => run.start?.[object.id] ?? object.arms;
 
 // Where a hypothesis comes from; "" where all come from the same.
-export function sourceOf(object, arm) {
+export function sourceOf({ starts }, arm) {
   const stem = (a) => (a.source ?? "").replace(/ #\d+$/, "");
-  return object.arms[arm] && new Set(object.arms.map(stem)).size > 1 ? stem(object.arms[arm]) : "";
+  return starts[arm] && new Set(starts.map(stem)).size > 1 ? stem(starts[arm]) : "";
 }
 
 function bestStart(run, object) {
@@ -125,6 +125,13 @@ function sceneAt(s, run, k, at, shown, isAnswer, verdict) {
   });
 }
 
+// Which hypothesis was edited, and how far.
+export function editWords({ obj, arm, mm, deg }, objects) {
+  const of = objects.length > 1 ? ` of ${objects.find((o) => o.id === obj)?.label ?? `object ${obj}`}` : "";
+  const far = mm == null ? "" : `, ${mm.toFixed(1)} mm and ${deg.toFixed(1)}° from its initial pose`;
+  return `Hypothesis ${arm + 1}${of} edited${far}`;
+}
+
 export const verdictOf = (s, obj, branch = s.view.branch) =>
   s.verdicts.get(branch)?.objects.find((o) => o.obj === obj) ?? null;
 
@@ -165,7 +172,7 @@ function momentAt(s, view) {
   const isAnswer = run.over && k > 0 && k === run.rows.length && view.stage == null && view.moment == null
     && !view.edited;
   const verdict = s.verdicts.get(view.branch);
-  const first = s.frame.objects.find((o) => o.arms.length) ?? s.frame.objects[0];
+  const first = s.frame.objects.find((o) => startsOf(run, o).length) ?? s.frame.objects[0];
   const obj = view.obj ?? (isAnswer ? verdict?.scene?.worst ?? worstOf(verdict)?.obj : null) ?? at?.obj ?? first?.id
     ?? null;
   const object = s.frame.objects.find((o) => o.id === obj) ?? first;
@@ -200,14 +207,17 @@ function momentAt(s, view) {
     poses["runner-up"] = { T, arm: j, score: outcome.score - lead, err: outcome.runner_up.err ?? null };
   }
   if (view.edited && view.edited.obj === object.id) poses.edited = { T: view.edited.T, arm: view.edited.arm };
-  else if (moved) poses.edited = { ...arms[moved.arm], T: moved.T, arm: moved.arm };
+  else if (moved) {
+    const one = arms[moved.arm];
+    poses.edited = { ...(samePose(one?.T, moved.T) ? one : {}), T: moved.T, arm: moved.arm };
+  }
   if (object.gt) poses["ground truth"] = { T: object.gt, err: 0, score: object.gt_score ?? null };
   for (const [name, pose] of Object.entries(poses)) pose.stage = name;
 
   const stands = isPartial ? row.stages[cut - 1].T : row ? (poses.edited ?? poses.accepted ?? poses.best).T : best?.T;
   return {
     branch: view.branch, run, k, total: run.total, over: run.over, at: at ?? null, row, isCurrent, isAnswer, isPartial,
-    obj: object.id, object, arm, arms, best, poses, stages: names,
+    obj: object.id, object, starts, arm, arms, best, poses, stages: names,
     stage: isPartial ? view.stage : null, verdict: outcome,
     scene: sceneAt(s, run, k, at, stands, isAnswer, verdict),
   };

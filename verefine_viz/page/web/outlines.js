@@ -70,7 +70,7 @@ function ahead() {
   if (!moment || state.connection !== "open" || under.length || state.view.edited) return;
   const poses = new Map();
   const add = (T) => T && !outlines.has(keyOf(moment.obj, T)) && poses.set(T.join(), T);
-  for (const arm of moment.object.arms) add(arm.T);
+  for (const arm of moment.starts) add(arm.T);
   for (const row of rowsOf(runOf(state), moment.obj)) {
     for (const stage of row.stages) add(stage.T);
     add(row.best?.T);

@@ -2,7 +2,7 @@
 import { html, useEffect, useRef, useState, useMemo } from "./vendor/htm-preact.js";
 import { state, useStore, setView, update, send } from "./store.js";
 import { armColor, back, isBusy, momentOf, pause, ranksOf, rampColor, rowsOf, run, runOf, seek, sourceOf,
-  STAGE_COLORS, step, stepStage, toNextEvent, TONES } from "./moment.js";
+  STAGE_COLORS, startsOf, step, stepStage, toNextEvent, TONES } from "./moment.js";
 import { Button, IconButton, Menu, number, Select, Swatch, Toggle } from "./ui.js";
 import { titled } from "./keys.js";
 import { remember } from "./layout.js";
@@ -103,9 +103,10 @@ function Breakpoints({ stops }) {
     <div class="form"><h3>A run stops when</h3>${STOPS.map(([name, w, offered, unit]) => {
       const value = values[name];
       const on = value != null && value !== false;
+      const threshold = on ? value : values.waiting?.[name] ?? offered; // of one that is off, what it had
       return html`<div class="row"><${Toggle} value=${on}
-        onChange=${(v) => change(name, offered == null ? v : v ? offered : null)}>${w}<//>
-        ${offered != null && html`<input type="number" step="any" disabled=${!on} value=${on ? value : offered}
+        onChange=${(v) => change(name, offered == null ? v : v ? threshold : null)}>${w}<//>
+        ${offered != null && html`<input type="number" step="any" disabled=${!on} value=${threshold}
           onChange=${(e) => e.currentTarget.value && change(name, Number(e.currentTarget.value))} /><span
             class="dim">${unit}</span>`}</div>`;
     })}</div>
@@ -154,7 +155,7 @@ function Legend() {
   if (!moment) return null;
   const order = ranksOf(moment, by);
   const scale = scaleOf(moment.run, by);
-  const list = moment.arms.map((a, j) => ({ ...a, j, source: sourceOf(moment.object, j) }))
+  const list = moment.arms.map((a, j) => ({ ...a, j, source: sourceOf(moment, j) }))
     .filter((a) => `hypothesis ${a.j + 1} ${a.source}`.includes(text.toLowerCase()))
     .sort((a, b) => order[a.j] - order[b.j]);
   return html`<${Menu} icon="list" align="right" title="Hypotheses: what colours say, scores, filter"
@@ -196,7 +197,7 @@ function scaleOf({ rows }, by) {
 
 function modelOf(frame, runData, obj, by, hidden, arm) {
   const { rows, total } = runData;
-  const objects = frame.objects.filter((o) => o.arms.length);
+  const objects = frame.objects.filter((o) => startsOf(runData, o).length);
   const several = objects.length > 1;
   const focus = obj ?? (several ? null : objects[0]?.id);
   const last = new Map();
@@ -220,13 +221,13 @@ function modelOf(frame, runData, obj, by, hidden, arm) {
   const chosen = objects.find((o) => o.id === focus);
   const lanes = !chosen
     ? objects.map((o) => ({ name: o.label, color: o.color, has: (c) => c.obj === o.id, id: o.id }))
-    : chosen.arms.map((a, j) => ({ name: `hyp. ${j + 1}`, has: (c) => c.obj === chosen.id && c.arm === j, arm: j }));
+    : startsOf(runData, chosen).map((a, j) => ({ name: `hyp. ${j + 1}`, has: (c) => c.obj === chosen.id && c.arm === j, arm: j }));
   const band = several && chosen ? new Map(objects.map((o) => [o.id, o.color])) : null;
   const marks = runData.marks.filter((m) => !hidden.has(m.tone));
   const curves = objects.filter((o) => focus == null || o.id === focus).map((o) => ({
     color: several ? o.color : STAGE_COLORS.best,
     points: rowsOf(runData, o.id).map((r) => [r.k, r.best.score]),
-    first: Math.max(...(runData.start?.[o.id] ?? o.arms).map((a) => a.score ?? 0)),
+    first: Math.max(...startsOf(runData, o).map((a) => a.score ?? 0)),
   }));
   const dots = focus == null ? [] : cells.filter((c) => c.obj === focus && c.score != null);
   const answers = runData.over ? [...last.values()].map(({ obj: id, best }) => ({ obj: id, ...best }))
@@ -346,6 +347,13 @@ function placeOf(model, [w, h, rem, ratio]) {
   };
 }
 
+// A text with its end left out where it is wider than there is room.
+function shortened(ctx, text, room) {
+  let n = text.length;
+  while (n > 1 && ctx.measureText(n < text.length ? `${text.slice(0, n)}…` : text).width > room) n -= 1;
+  return n < text.length ? `${text.slice(0, n)}…` : text;
+}
+
 function draw(canvas, model, p) {
   const { w, h, rem, ratio, left, cell } = p;
   canvas.width = Math.round(w * ratio);
@@ -381,12 +389,7 @@ function draw(canvas, model, p) {
       ctx.fillStyle = text;
     }
     if (lane.color || p.lane >= rem * 0.8 || i % 2 === 0) {
-      ctx.save();
-      ctx.beginPath();
-      ctx.rect(0, top - p.lane, left - rem * 0.5, 3 * p.lane);
-      ctx.clip();
-      ctx.fillText(lane.name, from, top + p.lane / 2);
-      ctx.restore();
+      ctx.fillText(shortened(ctx, lane.name, left - rem * 0.5 - from), from, top + p.lane / 2);
     }
     return undefined;
   });

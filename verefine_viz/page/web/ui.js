@@ -115,11 +115,19 @@ export function Menu({ label, title, icon, kind = "", align = "left", children }
       removeEventListener("keydown", escape, true);
     };
   }, [open]);
+  const popup = useRef();
+  // One that would leave the window is moved back into it.
+  useEffect(() => {
+    if (!open) return;
+    const { left, right } = popup.current.getBoundingClientRect();
+    const by = Math.min(0, innerWidth - 8 - right) + Math.max(0, 8 - left);
+    if (by) popup.current.style.transform = `translateX(${by}px)`;
+  }, [open]);
   const close = () => setOpen(false);
   return html`<div class="menu" ref=${root}>
     <${Button} kind=${kind} title=${title} icon=${icon} on=${open || undefined}
       onClick=${() => setOpen(!open)}>${label}<//>
-    ${open && html`<div class=${`popup ${align}`}>${typeof children === "function" ? children(close) : children}</div>`}
+    ${open && html`<div class=${`popup ${align}`} ref=${popup}>${typeof children === "function" ? children(close) : children}</div>`}
   </div>`;
 }
 

@@ -1,10 +1,10 @@
 // The verdict bar: what is open, what came of it and why; what is shown, and the link to it.
 import { html, useState } from "./vendor/htm-preact.js";
 import { state, useStore, setView, send, update } from "./store.js";
-import { momentOf, seek, worstOf } from "./moment.js";
+import { editWords, momentOf, seek, worstOf } from "./moment.js";
 import { Button, Icon, IconButton, Menu, MenuItem, number } from "./ui.js";
 import { Failures } from "./gallery.js";
-import { titled } from "./keys.js";
+import { nameToOpen, titled } from "./keys.js";
 import { copyLink } from "./messages.js";
 import { PRESETS, setPreset, switchTheme } from "./layout.js";
 
@@ -44,11 +44,7 @@ function Opener({ frame }) {
     ["Demos", frame.demos ?? [], (d) => ({ demo: d }), (d) => frame.source === "demo" && d === frame.dataset],
     ["Sessions", frame.sessions ?? [], (s) => ({ session: s.path }), (s) => s.path === frame.session_file],
   ].filter(([, list]) => list.length > 1 || (list.length && list !== frame.frames));
-  // The file name of a session that shows a failure gives the diagnosis away.
-  const words = (one, i) => {
-    if (typeof one === "string") return one;
-    return /^failure/.test(one.title) ? `failure ${i + 1}` : one.title;
-  };
+  const words = (one, i) => nameToOpen(one.title ?? one, i);
   const fits = ([, w]) => w.toLowerCase().includes(text.toLowerCase());
   const detail = [frame.frame, frame.method_label, frame.refiner].filter(Boolean).join(" · ");
   return html`<div class="opener">
@@ -97,6 +93,8 @@ function Words({ moment }) {
 // What happened at the cursor, while nothing is decided.
 function Going({ moment }) {
   const { k, row, isCurrent, stage, stages, arms, object, best } = moment;
+  const edits = useStore((s) => s.branches.find((b) => b.index === moment.branch)?.edits) ?? [];
+  const first = k ? [] : edits.filter((e) => e.k === 0).map((e) => editWords(e, state.frame.objects));
   const text = stage ? row.stages.find((s) => s.name === stage)?.text : row?.text;
   const place = stage && `stage ${stages.indexOf(stage) + 1} of ${stages.length}: ${stage}`;
   let words = `works on another object; ${object.label} is shown as it is by now`;
@@ -107,7 +105,7 @@ function Going({ moment }) {
   } else if (isCurrent) words = stage ? `hypothesis ${row.arm + 1} of ${arms.length} · ${place}` : row.brief;
   return html`<div class="words going" title=${text}>
     <div class="first"><b>${k ? `Iteration ${k}` : "Ready"}</b> <span>${words}</span></div>
-    <div class="second">${(moment.over && moment.run.missing) || text || object.left_out || ""}</div>
+    <div class="second">${(moment.over && moment.run.missing) || text || first.join("; ") || object.left_out || ""}</div>
   </div>`;
 }
 

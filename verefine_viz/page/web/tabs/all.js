@@ -10,9 +10,11 @@ import * as settings from "./settings.js";
 import * as order from "./order.js";
 import * as grasp from "./grasp.js";
 import * as track from "./track.js";
+import * as trace from "./trace.js";
 import * as refiner from "./refiner.js";
 import * as session from "./session.js";
 
-export const tabs = [score, errors, bandit, physics, landscape, compare, settings, order, grasp, track, refiner, session];
+export const tabs = [score, errors, bandit, physics, landscape, compare, settings, order, grasp, track, trace, refiner,
+  session];
 
 export const idOf = (tab) => tab.title.toLowerCase();

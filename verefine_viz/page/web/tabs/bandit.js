@@ -1,7 +1,7 @@
 // The bandit as it was when it chose: mean and bonus of every hypothesis; passes of a scene; the tree of a tree search.
 import { html, useMemo, useState } from "../vendor/htm-preact.js";
 import { send, setView, useStore } from "../store.js";
-import { armColor, momentOf, rampColor, rowsOf, seek, STAGE_COLORS, startsOf } from "../moment.js";
+import { armColor, momentOf, rampColor, rowsOf, seek, STAGE_COLORS } from "../moment.js";
 import { Button, number, Select, Swatch } from "../ui.js";
 import { Chart } from "../charts.js";
 import { Tree, treeAt } from "./tree.js";
@@ -31,7 +31,7 @@ function choiceOf(moment) {
 }
 
 function armsOf(moment, choice, shown) {
-  const starts = startsOf(moment.run, moment.object);
+  const { starts } = moment;
   return moment.arms.map((arm, j) => ({
     j,
     plays: choice ? choice.plays[j] : arm.plays,

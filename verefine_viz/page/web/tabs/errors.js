@@ -1,7 +1,7 @@
 // Errors against ground truth: over the run, by stage, and of every hypothesis.
 import { html, useMemo } from "../vendor/htm-preact.js";
 import { useStore, setView } from "../store.js";
-import { labelOf, momentOf, rowsOf, seek, sourceOf, STAGE_COLORS, startsOf } from "../moment.js";
+import { labelOf, momentOf, rowsOf, seek, sourceOf, STAGE_COLORS } from "../moment.js";
 import { number, Swatch, Table } from "../ui.js";
 import { Chart } from "../charts.js";
 
@@ -15,7 +15,7 @@ const error = (limit) => (p) => html`<span
 
 export function render() {
   const moment = useStore(momentOf);
-  const { object, poses, run, obj, best } = moment;
+  const { object, poses, obj, best } = moment;
   const limit = object.diameter_mm / 10;
   const stages = Object.entries(poses).filter(([name, p]) => p.err != null && name !== "ground truth")
     .map(([name, p]) => ({ ...p, name }));
@@ -28,12 +28,12 @@ export function render() {
     { title: "score", of: (p) => number(p.score) },
     { title: "ms", of: (p) => (p.ms ? number(p.ms, 0) : "") },
   ].filter((c) => c.title !== "ms" || stages.some((p) => p.ms));
-  const starts = startsOf(run, object);
+  const { starts } = moment;
   const arms = moment.arms.map((a, j) => ({ ...a, j, start: starts[j] ?? {} }));
   const of_arm = [
     { title: "hypothesis", left: true, of: (a) => html`<${Swatch}
       color=${a.j === best?.arm ? STAGE_COLORS.best : "transparent"} hollow />${a.j + 1} <span
-        class="dim">${sourceOf(object, a.j)}</span>` },
+        class="dim">${sourceOf(moment, a.j)}</span>` },
     { title: "initial mm", hint: "ADD(-S) of its initial pose", of: (a) => error(limit)(a.start) },
     { title: "now mm", hint: "ADD(-S) of its current pose", of: error(limit) },
     { title: "score", of: (a) => number(a.score) },

@@ -93,7 +93,7 @@ function Starts({ moment }) {
   const { object, isAnswer, arms } = moment;
   const columns = [
     { title: "hypothesis", left: true, of: (a) => html`<${Swatch} color=${armColor(moment, a.j)} />${a.j + 1} <span
-      class="dim">${sourceOf(object, a.j)}</span>` },
+      class="dim">${sourceOf(moment, a.j)}</span>` },
     { title: "score", of: (a) => html`<${Bar} share=${a.score}
       color=${armColor(moment, a.j)} />${number(a.score, 3)}` },
     ...(object.has_gt ? [{ title: "mm", hint: "ADD(-S)", of: (a) => number(a.err, 1) }] : []),

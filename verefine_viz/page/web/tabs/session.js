@@ -1,7 +1,7 @@
 // What is open and where it came from; saving it and what was worked out.
 import { html, useState } from "../vendor/htm-preact.js";
-import { send, useStore } from "../store.js";
-import { momentOf } from "../moment.js";
+import { send, setView, useStore } from "../store.js";
+import { editWords, momentOf, seek } from "../moment.js";
 import { Button, Toggle } from "../ui.js";
 import { listOf } from "./setting.js";
 
@@ -26,7 +26,7 @@ export function render() {
   const shown = branches.find((b) => b.index === branch);
   const save = (what, more = {}) => send({ verb: "save", what, branch, k: moment.k, obj: moment.obj, ...more });
   const facts = [
-    ["scene", frame.dataset ? `${frame.source}: ${frame.dataset}` : frame.source],
+    ["scene", frame.dataset && !/^failure_/.test(frame.dataset) ? `${frame.source}: ${frame.dataset}` : frame.source],
     ["frame", `${frame.frame}${frame.frames.length > 1 ? `, one of ${frame.frames.length}` : ""}`],
     ["method", `${frame.method_label}, refiner ${frame.refiner}`],
     ["session file", frame.session_file ?? "none: it was not read from a file"],
@@ -39,6 +39,8 @@ export function render() {
     ${frame.doubts.length > 0 && html`<h3>The data are in doubt</h3>${frame.doubts.map((d) => html`<p class="doubt">${d}</p>`)}`}
     ${frame.notes.length > 0 && html`<h3>Notes on this frame</h3>${frame.notes.map((n) => html`<p>${n}</p>`)}`}
     ${shown?.missing && html`<p class="doubt">${shown.missing}</p>`}
+    ${moment.run.notes.map((n) => html`<p class="doubt">${n[0].toUpperCase() + n.slice(1)}.</p>`)}
+    ${shown && html`<${Beside} branch=${shown} objects=${frame.objects} />`}
     <h3>Save the session</h3>
     <div class="row"><input type="text" class="name" value=${name} title="written to sessions/NAME.toml: settings, breakpoints, changes and edited poses" onInput=${(e) => setName(e.currentTarget.value)} />
       <${Button} kind="primary" title="write the session file" disabled=${!name.trim()} onClick=${() => save("session", { name: name.trim(), replace })}>Save<//>
@@ -47,4 +49,15 @@ export function render() {
     <div class="row">${FILES.map(([what, words, hint]) => html`<${Button} key=${what} title=${hint} onClick=${() => save(what)}>${words}<//>`)}</div>
     ${written.length > 0 && html`<h3>Written</h3>${written.map((file) => html`<p class="path" key=${file.path}>${file.url ? html`<a href=${file.url} download=${file.name}>${file.name}</a> ` : ""}<span class="dim">${file.path}</span></p>`)}`}
   </div>`;
+}
+
+// What the branch does beside its method: poses that were edited, settings that change on the way.
+function Beside({ branch, objects }) {
+  const when = (k) => (k ? `after iteration ${k}` : "before iteration 1");
+  return html`${branch.edits.length > 0 && html`<h3>Edited poses</h3>
+      ${branch.edits.map((edit) => html`<p><button type="button" class="link" title="show it" onClick=${() => { setView({ obj: edit.obj, arm: edit.arm }); seek(edit.k); }}>${
+        editWords(edit, objects)}</button> ${when(edit.k)}</p>`)}`}
+    ${branch.changes.length > 0 && html`<h3>Settings that change on the way</h3>
+      ${branch.changes.map((change) => html`<p>${when(change.k)}: ${listOf(change.settings)}</p>`)}`}
+    ${branch.elsewhere.length > 0 && html`<p class="dim">The session also edits ${branch.elsewhere.join("; ")}.</p>`}`;
 }
