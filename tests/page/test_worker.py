@@ -15,7 +15,6 @@ from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.page import protocol as p
 from verefine_viz.page.worker import Job, Jobs, Worker
 
-
 OPENING = "Preparing the convex parts of a mug for physics"
 
 
