@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from tests.report.runs import row
-from verefine_viz.batch.answer_cards import RIGHT, WRONG, choices_of, matches, places_of, values_of, words_of
-from verefine_viz.batch.answer_tags import TAGS_FILE, Arrangement, TagFile, answer_key, read_tags, save_tags
+from verefine_viz.batch.answer_cards import choices_of, places_of, values_of
+from verefine_viz.batch.answer_tags import TAGS_FILE, TagFile, answer_key, read_tags, save_tags
 from verefine_viz.batch.index import ORDERS
 from verefine_viz.core.errors import InputError
 
@@ -19,30 +19,6 @@ ROWS = (
     row(4, 1, has_truth=False, add_s_mm=None, undetermined_deg=40.0),
 )
 CAUSE = "no good hypothesis in the pool"
-
-
-@pytest.mark.parametrize(
-    ("arrangement", "expected"),
-    [
-        (Arrangement(), [1, 2, 3, 4]),
-        (Arrangement(only={"result": WRONG}), [1, 3]),
-        (Arrangement(only={"result": RIGHT}), [2]),
-        (Arrangement(only={"result": "unknown"}), [4]),
-        (Arrangement(only={"cause": CAUSE, "object": ""}), [1]),
-        (Arrangement(only={"object": "object 2", "method": "rir"}), [2, 4]),
-        (Arrangement(only={"tag": "seen"}), [3]),
-        (Arrangement(search="80° Pool"), [1]),
-        (Arrangement(search="object 1 hypothesis"), [1, 3]),
-        (Arrangement(search="SEEN"), [3]),
-        (Arrangement(search="80° 1/2"), []),
-    ],
-)
-def test_filters_and_words_all_count(arrangement: Arrangement, expected: list[int]) -> None:
-    tags = {3: ("Seen", "seen")}
-    found = [
-        r.im_id for r in ROWS if matches(arrangement, values_of(r), words_of(r, values_of(r)), tags.get(r.im_id, ()))
-    ]
-    assert found == expected
 
 
 def test_every_order_has_a_place_for_every_answer() -> None:
@@ -62,14 +38,6 @@ def test_a_filter_is_there_where_it_leaves_a_choice() -> None:
     assert choices_of([values_of(ROWS[1])]) == []
 
 
-def test_tags_come_back_as_they_were_saved(tmp_path: Path) -> None:
-    assert read_tags(tmp_path) == TagFile()
-    content = TagFile(tags={answer_key(ROWS[0]): ("glänzend", "b")}, filters={"mine": Arrangement(search="mug")})
-    save_tags(tmp_path, content)
-    assert read_tags(tmp_path) == content
-    assert [path.name for path in tmp_path.iterdir()] == [TAGS_FILE]
-
-
 @pytest.mark.parametrize(
     "damaged", ["", "{", "[]", '{"tags": 3}', '{"labels": {}}', '{"filters": {"a": {"order": "x"}}}']
 )
@@ -84,3 +52,11 @@ def test_a_folder_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> No
     (tmp_path / "run").write_text("a file")
     with pytest.raises(InputError, match=r"cannot write .*tags\.json: .*run is a file, not a folder"):
         save_tags(tmp_path / "run", TagFile())
+
+
+def test_tags_come_back_as_they_were_saved(tmp_path: Path) -> None:
+    assert read_tags(tmp_path) == TagFile()
+    content = TagFile(tags={answer_key(ROWS[0]): ("glänzend", "b")})
+    save_tags(tmp_path, content)
+    assert read_tags(tmp_path) == content
+    assert [path.name for path in tmp_path.iterdir()] == [TAGS_FILE]

@@ -43,8 +43,10 @@ def shown(d: Debugger) -> tuple[list[dict], list[str]]:
     return branch["edits"], branch["elsewhere"]
 
 
-def moved_in(d: Debugger) -> p.Fork:
-    return p.Fork(0, max(d.space.branches), edit=p.Edit(0, 0, T_MOVED))
+def move(d: Debugger) -> None:
+    """Edit a pose of the open frame, and look at the branch that goes on from it."""
+    d.carry_out([p.Fork(0, max(d.space.branches), edit=p.Edit(0, 0, T_MOVED))])
+    d.carry_out([p.Look(max(d.space.branches))])
 
 
 def saved(path: Path) -> list[tuple[int, str]]:
@@ -90,13 +92,15 @@ def test_what_lies_behind_the_end_of_the_run_is_noted():
 
 def test_poses_moved_in_each_frame_are_saved_together(tmp_path: Path):
     d = opened(session(), folder=tmp_path)
-    d.carry_out([moved_in(d), p.Open(frame="0/2")])
-    d.carry_out([moved_in(d)])
-    first = d.space.branches
-    d.carry_out([p.Save("session", max(first), name="two")])
-    assert ("0/2" in [frame for _, frame in saved(tmp_path / "two.toml")]) is True
+    move(d)
+    d.carry_out([p.Open(frame="0/2")])
+    move(d)
+    d.carry_out([p.Save("session", max(d.space.branches), name="two")])
+    assert sorted(frame for _, frame in saved(tmp_path / "two.toml")) == ["0/1", "0/2"]
     again = opened(load_session(tmp_path / "two.toml"))
     assert again.space.frame == "0/2", "the one that was shown"
+    assert len(again.space.work.first.run.edits) == 1
+    again.carry_out([p.Open(frame="0/1")])
     assert len(again.space.work.first.run.edits) == 1
 
 
@@ -104,8 +108,8 @@ def test_what_was_done_in_another_frame_is_named_where_it_is_not_saved(tmp_path:
     posted = Posted()
     d = opened(session(), posted, tmp_path)
     d.carry_out([p.Fork(0, changes={"method.exploration": 0.4})])
-    d.carry_out([p.Branch(0, remove=True), p.Open(frame="0/2")])
-    d.carry_out([moved_in(d)])
+    d.carry_out([p.Look(1), p.Open(frame="0/2")])
+    move(d)
     d.carry_out([p.Save("session", max(d.space.branches), name="here")])
     assert "it does not hold what was done in frame 0/1" in posted.of("written")[-1]["note"]
     assert saved(tmp_path / "here.toml") == [(0, "0/2")]

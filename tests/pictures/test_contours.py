@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from tests.fakes import box_problem
-from verefine_viz.core.geometry import transform
-from verefine_viz.pictures.contours import contour_lines, draw_contours, model_contours, svg_path
+from verefine_viz.pictures.contours import contour_lines, draw_contours
 
 PROBLEM = box_problem()
 TARGET = PROBLEM.targets[0]
@@ -40,22 +39,6 @@ def test_a_hole_has_a_contour_of_its_own_and_the_border_of_the_image_closes_one(
     mask[8:12, 10:14] = False
     assert len(contour_lines(mask)) == 2
     assert contour_lines(np.zeros((20, 30), bool)) == []
-
-
-def test_a_model_has_its_contour_around_the_pixels_that_it_covers() -> None:
-    T_gt = np.asarray(TARGET.instance.T_cam_obj_gt)
-    rows, columns = np.nonzero(TARGET.instance.mask)
-    line = np.concatenate(model_contours(TARGET.model, T_gt, CAMERA))
-    assert line.min(axis=0) == pytest.approx((columns.min() - 0.5, rows.min() - 0.5), abs=1.2)
-    assert line.max(axis=0) == pytest.approx((columns.max() + 0.5, rows.max() + 0.5), abs=1.2)
-    # In the SVG pixel u covers u … u + 1.
-    assert points_of(svg_path([line])).min(axis=0) == pytest.approx(line.min(axis=0) + 0.5, abs=0.06)
-
-
-@pytest.mark.parametrize("xyz", [(0.0, 0.0, -0.5), (9.0, 0.0, 0.5), (0.0, -9.0, 0.5)])
-def test_a_model_that_is_not_in_the_image_has_none(xyz: tuple[float, float, float]) -> None:
-    assert model_contours(TARGET.model, transform(np.eye(3), xyz), CAMERA) == []
-    assert svg_path([]) == ""
 
 
 def test_what_is_drawn_is_the_line_and_its_dark_rim() -> None:

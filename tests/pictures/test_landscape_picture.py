@@ -7,8 +7,8 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
-from verefine_viz.evaluation.landscape import Axis, Curve, Landscape, Slice
-from verefine_viz.pictures.landscape_picture import curve_svg, slice_svg, worst_curves
+from verefine_viz.evaluation.landscape import Axis, Curve, Landscape
+from verefine_viz.pictures.landscape_picture import curve_svg, worst_curves
 
 OFFSETS = np.array([-4.0, -1, 0, 1, 4])
 
@@ -38,17 +38,6 @@ def test_any_curve_can_be_drawn(scores: tuple[float, ...]) -> None:
     svg = curve_svg(curve(-4, 4, scores))
     assert "nan" not in svg
     assert ElementTree.fromstring(svg).find("polyline") is not None
-
-
-def test_the_map_has_the_answer_in_its_middle_and_up_is_up() -> None:
-    scores = np.zeros((3, 3))
-    scores[2, 0] = 1.0
-    svg = ElementTree.fromstring(slice_svg(Slice(axis(), axis("shift"), OFFSETS[1:4], OFFSETS[1:4], scores), 90))
-    cells = [r for r in svg.iter("rect")]
-    assert len(cells) == 9
-    brightest = next(r for r in cells if r.get("fill") == "#fde725")
-    assert (brightest.get("x"), brightest.get("y")) == ("0.0", "0.0")
-    assert {c.get("cx") for c in svg.iter("circle")} == {"45.0"}
 
 
 def test_the_worst_shift_and_the_worst_turn_are_chosen() -> None:

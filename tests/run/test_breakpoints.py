@@ -12,7 +12,7 @@ from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.settings import MethodSettings
 from verefine_viz.methods.registry import make_method
-from verefine_viz.run.breakpoints import LABELS, UNITS, hits, is_number, number_of, with_changes
+from verefine_viz.run.breakpoints import LABELS, UNITS, hits, number_of, with_changes
 from verefine_viz.run.engine import Run
 
 
@@ -50,16 +50,6 @@ def test_no_threshold_is_refused_in_one_line(name: str) -> None:
         with pytest.raises(SettingsError) as refused:
             with_changes(BreakpointSettings(), ((where + name, value),))
         assert str(refused.value) == f"“{LABELS[name]}” cannot be {given}: {bounds}"
-
-
-@pytest.mark.parametrize("name", UNITS)
-def test_the_largest_number_is_taken(name: str) -> None:
-    most = float(MOST[name])
-    assert is_number(name, most)
-    assert not is_number(name, most * 1.001)
-    assert getattr(with_changes(BreakpointSettings(), ((name, most),)), name) == most
-    with pytest.raises(SettingsError):
-        with_changes(BreakpointSettings(), ((name, most * 1.001),))
 
 
 def test_what_is_no_breakpoint_or_neither_on_nor_off_is_refused() -> None:

@@ -9,7 +9,7 @@ import pytest
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.settings import PUBLISHED, Change, Edit, MethodSettings, ScoreSettings, Session
 from verefine_viz.run.session_file import resolve
-from verefine_viz.run.variants import parsed, scores_alike, settings_between, variant
+from verefine_viz.run.variants import scores_alike, settings_between, variant
 
 SESSION = Session(title="mug", method=MethodSettings(name="rir", iterations=3, exploration=0.2))
 
@@ -69,23 +69,3 @@ def test_nonsense_is_refused_in_one_line() -> None:
         ("method.iterations", 0, "method.iterations = 0: input should be greater than or equal to 1"),
     ):
         assert words in refused(((name, value),))
-
-
-def test_settings_can_be_written_as_a_line() -> None:
-    line = "score.tau_m = 0.01; physics.collider = hull;\nphysics.enabled=false ; method.name = 'sir'"
-    assert parsed(line) == (
-        ("score.tau_m", 0.01), ("physics.collider", "hull"), ("physics.enabled", False), ("method.name", "sir")
-    )  # fmt: skip
-    assert parsed("") == parsed(" ; ") == ()
-    for bad in ("score.tau_m", "= 3", "score.tau_m =", "a b = 3"):
-        with pytest.raises(SettingsError, match="is no setting; expected a name and a value"):
-            parsed(bad)
-
-
-def test_a_line_of_absurd_values_is_refused_in_one_line() -> None:
-    for line, words in (
-        (f"method.iterations = {'9' * 5000}", "unable to parse input string as an integer"),
-        (f"dependency.order = {'[' * 3000}{']' * 3000}", "expected a list"),
-        (f"dependency.order = [[0x{'f' * 5000}]]", "dependency.order.0.0 = a number of thousands of digits: "),
-    ):
-        assert words in refused(parsed(line))

@@ -12,7 +12,6 @@ from functools import lru_cache
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-from verefine_viz.batch.answer_tags import Arrangement
 from verefine_viz.batch.index import ORDERS, Order, sort_key
 from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.run.record import WAITING, Answer
@@ -42,15 +41,6 @@ def words_of(row: Answer, values: Values) -> str:
     """What is searched, in small letters; tags come to it."""
     known = [row.frame, row.name, row.message, row.evidence, *(word for some in values.values() for word in some)]
     return " ".join(dict.fromkeys(filter(None, known))).lower()
-
-
-def matches(arrangement: Arrangement, values: Values, words: str, tags: Sequence[str]) -> bool:
-    """Whether a gallery shows an answer."""
-    have = {**values, "tag": tags}
-    if any(value and value not in have.get(by, ()) for by, value in arrangement.only.items()):
-        return False
-    searched = f"{words} {' '.join(tags)}".lower()
-    return all(word in searched for word in arrangement.search.lower().split())
 
 
 def places_of(rows: Sequence[Answer]) -> list[dict[Order, int]]:

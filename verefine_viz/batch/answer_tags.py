@@ -1,4 +1,4 @@
-"""Tags of a batch's answers and saved filters of its gallery: ``tags.json`` in the folder of the run."""
+"""Tags of a batch's answers: ``tags.json`` in the folder of the run."""
 
 from __future__ import annotations
 
@@ -7,25 +7,13 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from verefine_viz.batch.index import Order
 from verefine_viz.core.errors import InputError, first_fault
 from verefine_viz.core.paths import atomic, read_input
 from verefine_viz.run.record import Answer
 
 TAGS_FILE = "tags.json"
 MOST_LETTERS = 40
-"""Of a tag, and of the name of a saved filter."""
-
-
-class Arrangement(BaseModel):
-    """Which answers a gallery shows, in which order."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    order: Order = "error"
-    only: Mapping[str, str] = Field(default_factory=dict)
-    """Chosen values by filter: result, cause (its title), object, method, run, tag."""
-    search: str = ""
-    """Words that all stand in an answer's name, frame, method, cause, evidence or tags."""
+"""Of a tag."""
 
 
 class TagFile(BaseModel):
@@ -34,8 +22,6 @@ class TagFile(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
     tags: Mapping[str, tuple[str, ...]] = Field(default_factory=dict)
     """By answer: :func:`answer_key`."""
-    filters: Mapping[str, Arrangement] = Field(default_factory=dict)
-    """Saved filters by name."""
 
 
 def answer_key(row: Answer) -> str:
@@ -72,12 +58,12 @@ def save_tags(folder: Path, content: TagFile) -> None:
 
 
 def checked_name(text: str) -> str:
-    """A tag, or the name of a saved filter, without spaces around it.
+    """A tag without spaces around it.
 
     Raises:
         InputError: it is empty or too long.
     """
     name = " ".join(text.split())
     if not 0 < len(name) <= MOST_LETTERS:
-        raise InputError(f"{len(name)} letters are no tag and no name; expected 1 to {MOST_LETTERS}")
+        raise InputError(f"{len(name)} letters are no tag; expected 1 to {MOST_LETTERS}")
     return name

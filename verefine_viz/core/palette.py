@@ -159,11 +159,6 @@ def difference_scale(tau_m: float) -> Scale:
     return Scale(-2000.0 * tau_m, 2000.0 * tau_m, "mm", _BLUE_RED)
 
 
-def distance_scale(tau_m: float) -> Scale:
-    """Distance from the posed model up to twice the depth tolerance of the score [mm]."""
-    return Scale(0.0, 2000.0 * tau_m, "mm", _VIRIDIS)
-
-
 ANGLE = Scale(0.0, 90.0, "°", _INFERNO)
 FIT = Scale(0.0, 1.0, "", _VIRIDIS)
 

@@ -64,9 +64,6 @@ class PoseScore(Struct, frozen=True, eq=False):
         return {name: count / total for name, count in zip(PIXEL_CLASSES, self.counts, strict=True)}
 
 
-ZERO_SCORE = PoseScore(0.0, 0.0, 0.0, 0, 0, (0, 0, 0, 0, 0))
-
-
 @dataclass(frozen=True, eq=False)
 class Scores:
     """The scores of N poses, as columns."""

@@ -84,14 +84,6 @@ class Branch:
         """The settings that it ends up with: a session that was read may change them on the way."""
         return changed(self.tools.session, merged([c.settings for c in in_order(self.changes)]))
 
-    def exploration_after(self, k: int) -> float:
-        """Return the weight c of UCB's bonus in the choice that follows iteration ``k``."""
-        c = self.start.method.exploration
-        for change in in_order(self.changes):
-            if change.after_iteration <= k:
-                c = change.settings.get("method", {}).get("exploration", c)
-        return c
-
     def evaluator_of(self, k: int) -> CachedEvaluator:
         """Return what evaluates by the settings of iteration ``k``; of the first where ``k`` is 0."""
         return next(evaluator for after, evaluator in reversed(self.evaluators) if after < max(k, 1))

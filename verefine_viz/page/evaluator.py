@@ -124,10 +124,6 @@ class CachedEvaluator:
         key = (*_key("slice", target, T_cam_obj), axes)
         return self._remember(key, lambda: score_slice(self.verifier, target, around, *axes))
 
-    def known_slice(self, target: Target, T_cam_obj: Float, axes: tuple[int, int]) -> Slice | None:
-        """What :meth:`score_slice` returned if it was called before, else None."""
-        return self._numbers.get((*_key("slice", target, T_cam_obj), axes))
-
     def other_pose(self, target: Target, T_cam_obj: Float, iterations: Sequence[Iteration]) -> OtherPose | None:
         """A pose of a run, or of the landscape, that the observation cannot tell from an answer; None = none is."""
         around = self.landscape(target, T_cam_obj)
@@ -147,10 +143,6 @@ class CachedEvaluator:
         if model not in _near_symmetries:
             _near_symmetries[model] = near_symmetries(model)
         return _near_symmetries[model]
-
-    def known_near_symmetries(self, model: ObjectModel) -> tuple[NearSymmetry, ...] | None:
-        """What :meth:`near_symmetries` returned if it was called before, else None."""
-        return _near_symmetries.get(model)
 
     def plausibility(self, target: Target, T_cam_obj: Float, others: Sequence[Placed] = ()) -> Any | None:
         """Gap, penetration, support polygon and stability among ``others``; None where no support is known."""

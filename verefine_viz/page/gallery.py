@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from verefine_viz.batch.answer_cards import WRONG
-from verefine_viz.batch.answer_tags import Arrangement, TagFile, answer_key, checked_name, read_tags, save_tags
+from verefine_viz.batch.answer_tags import TagFile, answer_key, checked_name, read_tags, save_tags
 from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.index import BatchIndex, Order, find_runs, has_finished_frame, read_batch, sort_key
 from verefine_viz.batch.runs import RUN_FILE, Runs
@@ -151,10 +151,9 @@ class Gallery:
         return tuple(sorted(self.entries, key=lambda entry: place(entry.row)))
 
     @cached_property
-    def first_arrangement(self) -> Arrangement:
-        """What is shown until the user chooses: wrong answers, if any are known to be, the worst first."""
-        has_wrong = any(entry.is_wrong for entry in self.entries)
-        return Arrangement(only={"result": WRONG} if has_wrong else {})
+    def first_filter(self) -> dict[str, str]:
+        """What is shown until the user chooses: wrong answers, if any are known to be."""
+        return {"result": WRONG} if any(entry.is_wrong for entry in self.entries) else {}
 
     # Tags
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from verefine_viz.batch.answer_tags import Arrangement
 from verefine_viz.core.settings import Session
 from verefine_viz.page.gallery import Gallery
 from verefine_viz.scenes.frames import parse_frame
@@ -36,9 +35,9 @@ class LiveGallery(Gallery):
         return tuple(sorted(frames, key=parse_frame))
 
     @cached_property
-    def first_arrangement(self) -> Arrangement:
-        """All answers are shown until the user chooses."""
-        return Arrangement()
+    def first_filter(self) -> dict[str, str]:
+        """Nothing: all answers are shown until the user chooses."""
+        return {}
 
     @cached_property
     def outcome(self) -> str:

@@ -144,11 +144,6 @@ class PageServer:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._put, text, window)
 
-    @property
-    def n_windows(self) -> int:
-        """How many windows are connected."""
-        return len(self._windows)
-
     # The server's thread
 
     def _serve(self) -> None:

@@ -389,7 +389,7 @@ def _look(d: Debugger, verb: p.Look, window: int | None) -> None:
     if window != d.look_window:
         d.look_window = window
         d.post({"t": "scene3d", "window": window}, None)
-    d.look = verb
+    d.look, d.space.work.looked_at = verb, verb.branch
     d.on_look()
 
 

@@ -189,8 +189,7 @@ class Worker:
     def __init__(self, jobs: Jobs, post: Post, open_handler: Callable[[ProgressToken], Handler]) -> None:
         self._jobs, self._post, self._open_handler = jobs, post, open_handler
         self.progress = ProgressToken(self._report, jobs.is_wanted)
-        self._text, self._share, self._reported_at = "", None, 0.0
-        self._waiting: list[int] = []
+        self._text, self._reported_at = "", 0.0
         self.ready = threading.Event()
         self.failure: BaseException | None = None
         self.thread = threading.Thread(target=self._work, name="verefine-worker", daemon=True)
@@ -201,7 +200,7 @@ class Worker:
         now = monotonic()
         if (self._jobs.gives_way and text != COMPILING) or (not text and now - self._reported_at < BETWEEN_S):
             return
-        self._text, self._share, self._reported_at = text or self._text, share, now
+        self._text, self._reported_at = text or self._text, now
         jobs, hulls = self._jobs, self._jobs.offers_hulls and PARTS_OF in self._text
         busy = {"text": self._text, "share": share, "cancel": jobs.can_cancel, "hulls": hulls}
         self._post({"t": "busy", **busy}, None)
@@ -230,8 +229,6 @@ class Worker:
             finally:
                 self.ready.set()
             self._idle()
-            for window in self._waiting:
-                self.handler.welcome(window)
             has_more = True
             while not self._jobs.is_stopping:
                 job = self._jobs.take(wait=not (self.handler.is_running or has_more))
@@ -242,10 +239,6 @@ class Worker:
                     self._guarded(None, self.handler.tick)
                 elif job is None and has_more:
                     has_more = self._later()
-
-    def welcome_later(self, window: int) -> None:
-        """Note a window that connected before the handler is open."""
-        self._waiting.append(window)
 
     def _do(self, job: Job) -> None:
         window, verb = job

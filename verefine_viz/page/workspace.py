@@ -49,11 +49,18 @@ class FrameWork:
     branches: dict[int, Branch]
     compare: tuple[int, int] | None = None
     """A and B."""
+    looked_at: int | None = None
+    """The branch that was looked at last."""
 
     @property
     def first(self) -> Branch:
         """The branch that the others left, or the oldest that is still there."""
         return next(iter(self.branches.values()))
+
+    @property
+    def shown(self) -> Branch:
+        """The branch that was looked at last, else the first."""
+        return self.branches.get(self.looked_at if self.looked_at is not None else -1, self.first)
 
 
 Records = Callable[[str], Path | None]
@@ -198,8 +205,8 @@ class Workspace:
         return self.branches[index]
 
     def others_of(self, branch: Branch) -> tuple[Branch, ...]:
-        """Return the first branches of the other frames that were opened."""
-        return tuple(work.first for work in self._works.values() if branch.index not in work.branches)
+        """Return the branches of the other frames that were looked at last."""
+        return tuple(work.shown for work in self._works.values() if branch.index not in work.branches)
 
     def solved(self, obj_id: int) -> dict[str, tuple[Target, Best]]:
         """Return by frame the answer for an object, where a run was finished; of several of the object the first."""

@@ -11,8 +11,8 @@ from html import escape
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.palette import EVENT_COLORS, FIT, STAGE_COLORS
-from verefine_viz.evaluation.landscape import CANNOT_TELL, Curve, Landscape, Slice
+from verefine_viz.core.palette import EVENT_COLORS, STAGE_COLORS
+from verefine_viz.evaluation.landscape import CANNOT_TELL, Curve, Landscape
 
 LINE, FREE = STAGE_COLORS["best"], EVENT_COLORS["edited"]
 """Colours of a curve, and of what is undetermined."""
@@ -66,30 +66,6 @@ def curve_svg(curve: Curve, width: int = 168, height: int = 74, click: str = "")
         f'<text x="{width - 2}" y="9" text-anchor="end">{curve.width_text}</text>'
         f'<g opacity="0.7">{ticks}<text x="{middle:.1f}" y="{height - 1}" text-anchor="middle">0 {curve.axis.unit}'
         "</text></g></g></svg>"
-    )
-
-
-def slice_svg(two: Slice, size: int = 200, click: str = "") -> str:
-    """The score over two axes: bright is high, the circle is the answer; ``click`` as in :func:`curve_svg`."""
-    n = len(two.scores)
-    cell = size / n
-    side = f"{cell + 0.3:.1f}"
-    low, high = float(two.scores.min()), float(two.scores.max())
-    colors = FIT.colors((two.scores - low) / max(high - low, LEAST_SPAN))
-    cells = "".join(
-        f'<rect x="{column * cell:.1f}" y="{(n - 1 - row) * cell:.1f}" width="{side}" height="{side}" '
-        f'fill="#{bytes(colors[row, column]).hex()}"/>'
-        for row in range(n)
-        for column in range(n)
-    )
-    across, up = (f"{axis.words} ±{offsets[-1]:.3g} {axis.unit}"
-                  for axis, offsets in ((two.across, two.across_offsets), (two.up, two.up_offsets)))  # fmt: skip
-    title = f"score {low:.3f} (dark) to {high:.3f} (bright); across: {across}; up: {up}"
-    return (
-        f'<svg viewBox="0 0 {size} {size}" width="{size}" height="{size}" {click} role="img" '
-        f'aria-label="score over two axes"><title>{escape(title)}</title>{cells}'
-        f'<circle cx="{size / 2}" cy="{size / 2}" r="5" fill="none" stroke="black" stroke-width="3"/>'
-        f'<circle cx="{size / 2}" cy="{size / 2}" r="5" fill="none" stroke="white" stroke-width="1.5"/></svg>'
     )
 
 

@@ -5,10 +5,10 @@ Their pictures are different: the page folds it into layers of boxes, a recordin
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from verefine_viz.core.records import Iteration, TreeStep
+from verefine_viz.core.records import TreeStep
 
 ROOT = -1
 """``instance_id`` of the root, which places nothing."""
@@ -99,22 +99,3 @@ class GrowingTree:
         """As it is now."""
         nodes, costs = tuple(self._nodes), tuple(self._costs)
         return Tree(self._cluster, nodes, self._branch, *self._incumbent, costs, self._choices)
-
-
-def tree_of(iterations: Sequence[Iteration], cluster: int | None = None) -> Tree | None:
-    """The tree after these iterations; None where none of them searched.
-
-    Args:
-        iterations: of a run, in order; others than those of a tree search are passed over.
-        cluster: whose tree; None = the one that was searched last.
-    """
-    steps = [(i.index, i.tree) for i in iterations if i.tree is not None]
-    if cluster is None and steps:
-        cluster = steps[-1][1].cluster
-    own = [(index, step) for index, step in steps if step.cluster == cluster]
-    if not own:
-        return None
-    growing = GrowingTree(own[-1][1].cluster)
-    for index, step in own:
-        growing.add(index, step)
-    return growing.tree

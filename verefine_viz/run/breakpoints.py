@@ -29,11 +29,6 @@ def number_of(settings: BreakpointSettings, name: str) -> float | None:
     return getattr(settings.waiting, name) if value is None else value
 
 
-def is_number(name: str, value: float) -> bool:
-    """Whether ``value`` can be the threshold of a breakpoint."""
-    return 0 <= value <= MOST[name]
-
-
 def with_changes(settings: BreakpointSettings, changes: Iterable[tuple[str, Any]]) -> BreakpointSettings:
     """``settings`` with some fields replaced.
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import Any
 
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.settings import PUBLISHED, Session
-from verefine_viz.run.session_file import parsed_toml, resolve
+from verefine_viz.run.session_file import resolve
 
 SAME_FRAME = ("scene", "breakpoints", "recording", "edits", "changes", "title")
 """What cannot be changed for a comparison, since both sides show the same frame, or has no effect on it."""
@@ -48,26 +47,6 @@ def _set_preset(raw: dict[str, Any], preset: Any) -> None:
         values = fields if preset == "published" else {name: defaults[section][name] for name in fields}
         raw[section] = {**raw[section], **values}
     raw["preset"] = preset
-
-
-def parsed(text: str) -> tuple[tuple[str, Any], ...]:
-    """Changes as the user writes them: "score.tau_m = 0.01; physics.collider = hull".
-
-    Raises:
-        SettingsError: a part is not a name and a value.
-    """
-    changes: list[tuple[str, Any]] = []
-    for part in filter(str.strip, re.split(r"[;\n]", text)):
-        name, equals, value = map(str.strip, part.partition("="))
-        if not equals or not re.fullmatch(r"[\w.]+", name) or not value:
-            raise SettingsError(
-                f"{part.strip()!r} is no setting; expected a name and a value, as in score.tau_m = 0.01"
-            )
-        try:
-            changes.append((name, parsed_toml(f"value = {value}")["value"]))
-        except ValueError:
-            changes.append((name, value))  # A word needs no quotation marks here.
-    return tuple(changes)
 
 
 def settings_between(a: Session, b: Session) -> tuple[tuple[str, Any, Any], ...]:

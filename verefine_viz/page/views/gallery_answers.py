@@ -22,7 +22,7 @@ def answers_message(gallery: Gallery) -> Json:
         "runs": list(gallery.runs),
         "unfinished": gallery.n_unfinished,
         "faults": list(gallery.tag_faults.values()),
-        "first": dict(gallery.first_arrangement.only),
+        "first": gallery.first_filter,
         "orders": [{"id": order, "words": ORDERS[order], "keys": _in_order(gallery, order)} for order in ORDERS],
         "rows": [_row(gallery, key, entry) for key, entry in enumerate(gallery.entries)],
     }
