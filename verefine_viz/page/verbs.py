@@ -312,7 +312,10 @@ class Debugger:
         self.post({"t": "running", **running}, window)
 
     def _frame(self) -> dict[str, Any]:
-        message = frame_message(self.space, self.blobs, self.demos, titled(self.list_sessions()))
+        sessions = self.list_sessions()
+        shown = {path.stem for path in sessions if path.stem.startswith("failure_")}  # By titles that say less.
+        demos = [name for name in self.demos if name not in shown]
+        message = frame_message(self.space, self.blobs, demos, titled(sessions))
         return {**message, "run": self.batch_run}
 
     def _verdict(self, branch: Branch) -> dict[str, Any]:

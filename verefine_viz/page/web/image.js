@@ -139,7 +139,7 @@ listen(() => {
 });
 
 // The edited pose in numbers, to read and to type: how far it was moved and turned from where the editing began.
-function Numbers({ from, T }) {
+function Displacement({ from, T }) {
   const [axes, setAxes] = useState("camera");
   const [shift, turn] = displacement(from, T, axes);
   const field = (value, i, list, type) => html`<input key=${i} type="text" inputmode="decimal" aria-label=${`${type} ${"xyz"[i]}`}
@@ -166,7 +166,7 @@ function EditLine() {
     <span>hypothesis ${arm + 1} moved <b>${mm.toFixed(1)} mm</b> <b>${deg.toFixed(1)}°</b></span>
     <span>score <b>${now && !now.stale ? now.score.score.toFixed(3) : "…"}</b>
       ${before != null && html` <i>from ${before.toFixed(3)}</i>`}</span>
-    <${Numbers} from=${from} T=${T} />
+    <${Displacement} from=${from} T=${T} />
     <${Button} kind="primary" title="a new branch from this pose"
       onClick=${() => proceed(moment)}>Continue from here<//>
     <${Button} title="back to where it began" disabled=${mm + deg === 0} onClick=${() => moveTo(from)}>Reset<//>

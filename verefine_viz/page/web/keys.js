@@ -52,7 +52,9 @@ const frameBeside = (by) => {
 const openBeside = (by) => send({ verb: "open", frame: frameBeside(by) });
 
 // The name of a scene that shows a failure gives the diagnosis away.
-export const nameToOpen = (name, i) => (/^failure_/.test(name) ? `What went wrong? ${i + 1}` : name);
+const isFailure = (name) => /^failure_/.test(name);
+export const nameToOpen = (name, names) => (isFailure(name)
+  ? `What went wrong? ${names.filter(isFailure).indexOf(name) + 1}` : name);
 
 function toggleGallery() {
   setPreset(state.view.preset === "gallery" ? "inspect" : "gallery");
@@ -140,7 +142,8 @@ function everything() {
     add("Branch", name, () => setView({ branch: index, k: runOf(state, index).rows.length, stage: null }));
   }
   for (const f of state.frame?.frames ?? []) add("Frame", f, () => send({ verb: "open", frame: f }));
-  (state.frame?.demos ?? []).forEach((d, i) => add("Demo", nameToOpen(d, i), () => send({ verb: "open", demo: d })));
+  const demos = state.frame?.demos ?? [];
+  for (const d of demos) add("Demo", nameToOpen(d, demos), () => send({ verb: "open", demo: d }));
   return items;
 }
 

@@ -44,7 +44,7 @@ function Opener({ frame }) {
     ["Demos", frame.demos ?? [], (d) => ({ demo: d }), (d) => frame.source === "demo" && d === frame.dataset],
     ["Sessions", frame.sessions ?? [], (s) => ({ session: s.path }), (s) => s.path === frame.session_file],
   ].filter(([, list]) => list.length > 1 || (list.length && list !== frame.frames));
-  const words = (one, i) => nameToOpen(one.title ?? one, i);
+  const words = (one, list) => nameToOpen(one.title ?? one, list.map((other) => other.title ?? other));
   const fits = ([, w]) => w.toLowerCase().includes(text.toLowerCase());
   const file = /\.(toml|vfrun|rrd)$/i.exec(text.trim())?.[1].toLowerCase();
   const detail = [frame.frame, frame.method_label, frame.refiner].filter(Boolean).join(" · ");
@@ -57,7 +57,7 @@ function Opener({ frame }) {
         <div class="scroll">${file && html`<${MenuItem} onClick=${() => { close(); send({ verb: "open", [file === "toml" ? "session" : "recording"]: text.trim() }); }}>
           Open the ${file === "toml" ? "session" : "recording"} ${text.trim()}<//>`}
         ${lists.map(([title, list, verb, on]) => html`<h3>${title}</h3>
-          ${list.map((one, i) => [one, words(one, i)]).filter(fits).map(([one, w]) => html`
+          ${list.map((one) => [one, words(one, list)]).filter(fits).map(([one, w]) => html`
             <${MenuItem} on=${on(one)} detail=${one.detail}
               onClick=${() => { close(); send({ verb: "open", ...verb(one) }); }}>${w}<//>`)}`)}
         </div></div>`}
