@@ -263,10 +263,18 @@ function handlers(canvas, here) {
 
 // Keys
 
+function toggleOutline(key) {
+  const { hidden } = layersOf(state);
+  setLayers({ hidden: hidden.includes(key) ? hidden.filter((k) => k !== key) : [...hidden, key] });
+}
 const blink = () => layersOf(state).blink == null && setLayers({ blink: true });
 const KEYS = [
   { id: "edit", keys: ["p"], title: "Edit the pose in the image", group: "Image", action: toggleEdit },
   { id: "blink", keys: ["v"], title: "Hold: photo and shaded model in turn", group: "Image", action: blink },
+  { id: "hypotheses", keys: ["h"], title: "Outlines of the hypotheses on or off", group: "Image",
+    action: () => toggleOutline("hypotheses") },
+  { id: "truth", keys: ["u"], title: "Outline of the ground truth on or off", group: "Image",
+    action: () => toggleOutline("ground truth") },
   { id: "fit", keys: ["o"], title: "Fit the object, or the whole image", group: "Image", action: fitNext },
 ];
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -387,11 +395,9 @@ function Legend() {
   const [moment] = useStore((s) => [momentOf(s), s.view.layers]);
   if (!moment) return null;
   const { hidden } = layersOf(state);
-  const toggle = (key) =>
-    setLayers({ hidden: hidden.includes(key) ? hidden.filter((k) => k !== key) : [...hidden, key] });
   const entry = ({ key, color, dashed, label }) => html`
     <button type="button" key=${key} class=${hidden.includes(key) ? "off" : ""} title="show or hide this outline"
-      onClick=${(e) => { e.currentTarget.blur(); toggle(key); }}>
+      onClick=${(e) => { e.currentTarget.blur(); toggleOutline(key); }}>
       <${Swatch} color=${color} hollow=${dashed} />${label}</button>`;
   return html`<div class="legend">${contoursOf(moment).map(entry)}</div>`;
 }

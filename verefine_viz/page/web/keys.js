@@ -30,8 +30,9 @@ export const ACTIONS = [
   { id: "escape", keys: ["Escape"], title: "Close, unmark, cancel", group: "Show", action: escape },
 ];
 
-const NAMES = { ArrowLeft: "←", ArrowRight: "→", " ": "Space", Escape: "Esc", E: "Shift+E", "Ctrl+k": "Ctrl+K" };
-export const keyName = (key) => NAMES[key] ?? (key.length === 1 ? key.toUpperCase() : key);
+const NAMES = { ArrowLeft: "←", ArrowRight: "→", " ": "Space", Escape: "Esc", "Ctrl+k": "Ctrl+K" };
+export const keyName = (key) => NAMES[key]
+  ?? (/^[A-Z]$/.test(key) ? `Shift+${key}` : key.length === 1 ? key.toUpperCase() : key);
 // A button's title: what it does and its key.
 export function titled(id, words) {
   const action = ACTIONS.find((a) => a.id === id);

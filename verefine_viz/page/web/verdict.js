@@ -3,10 +3,18 @@ import { html, useState } from "./vendor/htm-preact.js";
 import { state, useStore, setView, send, update } from "./store.js";
 import { editWords, momentOf, seek, worstOf } from "./moment.js";
 import { Button, Icon, IconButton, Menu, MenuItem, number } from "./ui.js";
-import { Failures } from "./gallery.js";
-import { nameToOpen, titled } from "./keys.js";
+import { Failures, neighbour, openAnswer } from "./gallery.js";
+import { addKeys, nameToOpen, titled } from "./keys.js";
 import { copyLink } from "./messages.js";
 import { PRESETS, setPreset, switchTheme } from "./layout.js";
+
+const failureBeside = (by) => (state.answers ? neighbour(state, by) : null);
+addKeys([
+  { id: "failure", keys: ["j"], title: "Next failure of the batch", group: "Move", when: () => failureBeside(1) != null,
+    action: () => openAnswer(failureBeside(1)) },
+  { id: "failure-back", keys: ["k"], title: "Failure before", group: "Move", when: () => failureBeside(-1) != null,
+    action: () => openAnswer(failureBeside(-1)) },
+]);
 
 const TONES = {
   right: ["check", "Right"], wrong: ["cross", "Wrong"], doubt: ["warn", "Doubtful"],

@@ -13,6 +13,7 @@ export const hint = "two runs side by side, and all branches";
 export const needs = (s) => s.branches.length > 0;
 export const empty = "No run is open.";
 
+const MOST_LISTED = 4;
 export const SIDES = { a: "#00becd", b: "#9fc400" };
 const Letter = ({ side }) => html`<b class="side" style=${{ color: `var(--side-${side})` }}>${side.toUpperCase()}</b>`;
 
@@ -137,6 +138,13 @@ function NewB({ branch, branches, compare }) {
   </section>`;
 }
 
+// Settings in a few words: a preset stands for all that it sets.
+function fewOf({ preset, ...others }) {
+  if (preset) return listOf({ preset });
+  const names = Object.keys(others);
+  return `${listOf(Object.fromEntries(names.slice(0, MOST_LISTED).map((name) => [name, others[name]])))}${names.length > MOST_LISTED ? `, ${names.length - MOST_LISTED} more` : ""}`;
+}
+
 function Branches({ branches, moment, compare }) {
   const [renamed, setRenamed] = useState(null);
   const nameOf = (index) => branches.find((b) => b.index === index)?.name ?? "–";
@@ -148,7 +156,7 @@ function Branches({ branches, moment, compare }) {
   const here = branches.find((b) => b.index === moment.branch);
   const scoreOf = (b) => JSON.stringify(Object.entries(b?.settings ?? {}).filter(([name]) => name.startsWith("score.")));
   const sideOf = (b) => (b.index === compare?.a ? html`<${Letter} side="a" /> ` : b.index === compare?.b ? html`<${Letter} side="b" /> ` : "");
-  const origin = (b) => [b.recording ? "recording" : b.parent != null ? `left ${nameOf(b.parent)} after ${b.from}` : "", listOf(b.settings)].filter(Boolean).join(", ");
+  const origin = (b) => [b.recording ? "recording" : b.parent != null ? `left ${nameOf(b.parent)} after ${b.from}` : "", fewOf(b.settings)].filter(Boolean).join(", ");
   const columns = [
     { title: "branch", left: true, of: (b) => (renamed === b.index
       ? html`<input type="text" value=${b.name} maxlength="80" ref=${(e) => e && document.activeElement !== e && e.focus()} onClick=${(e) => e.stopPropagation()}
