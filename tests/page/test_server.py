@@ -14,6 +14,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from verefine_viz import __version__
 from verefine_viz.core.errors import SettingsError, UnavailableError
 from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs
@@ -76,7 +77,8 @@ def test_foreign_pages_are_refused_on_http_and_websocket(server: PageServer):
     for origin in (ORIGIN, server.url):
         assert asked(server, Origin=origin)[0] == 200
         with connect(address(server), origin=origin) as window:  # type: ignore[arg-type]
-            assert json.loads(window.recv())["t"] == "hello"
+            hello = json.loads(window.recv())
+            assert (hello["t"], hello["version"]) == ("hello", __version__)
 
 
 def test_every_answer_has_a_policy_without_inline_scripts(server: PageServer):

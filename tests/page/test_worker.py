@@ -15,6 +15,8 @@ from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.page import protocol as p
 from verefine_viz.page.worker import Job, Jobs, Worker
 
+OPENING = "Preparing the convex parts of a mug for physics"
+
 
 class SlowHandler:
     """A handler whose verbs take until they are let go."""
@@ -31,8 +33,8 @@ class SlowHandler:
     def apply(self, window: int, verb: p.AnyVerb) -> None:
         self.begun.set()
         if isinstance(verb, p.Open):
-            while not self.go.wait(0.01):
-                self.progress.checkpoint("Opening it.")
+            while not verb.hulls and not self.go.wait(0.01):
+                self.progress.checkpoint(OPENING)
         if isinstance(verb, p.Restart):
             raise InputError("no restart here")
         if isinstance(verb, p.Step):
@@ -75,15 +77,29 @@ def _until(done: Callable[[], bool]) -> None:
 def test_cancel_overtakes_and_takes_waiting_verbs_with_it(work):
     jobs, messages, handler = work
     jobs.put(Job(1, p.Open(frame="0/2")))
-    _until(lambda: any(m.get("text") == "Opening it." for _, m in messages))
+    _until(lambda: any(m.get("text") == OPENING for _, m in messages))
     jobs.put(Job(1, p.Fork(1)))
     jobs.put(Job(1, p.Cancel()))
     _until(lambda: any(m["t"] == "note" for _, m in messages))
     jobs.put(Job(1, p.Pause()))
     jobs.wait_until_idle(10)
     assert [type(verb) for verb in handler.done] == [p.Pause]
-    assert ("Opening it.", True) in [(m["text"], m["cancel"]) for _, m in messages if m["t"] == "busy"]
+    assert (OPENING, True) in [(m["text"], m["cancel"]) for _, m in messages if m["t"] == "busy"]
     assert [m["text"] for _, m in messages if m["t"] == "busy"][-1] == ""
+
+
+def test_opening_begins_again_with_hulls_once_they_are_asked_for(work):
+    jobs, messages, handler = work
+    jobs.put(Job(1, p.Open(frame="0/1")))
+    handler.begun.wait(10)
+    _until(lambda: any(message.get("hulls") for _, message in messages))
+    jobs.put(Job(1, p.Open(hulls=True)))
+    jobs.wait_until_idle(10)
+    assert handler.done == [p.Open(frame="0/1", hulls=True)]
+    assert not [message for _, message in messages if message["t"] in ("note", "error")]
+    jobs.put(Job(1, p.Open(hulls=True)))
+    jobs.wait_until_idle(10)
+    assert len(handler.done) == 1, "nothing is being opened"
 
 
 def test_of_the_wants_of_a_slot_the_latest_wins_for_each_window(work):

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from verefine_viz.core.errors import SettingsError, VerefineError, unknown
+from verefine_viz.core.errors import Cancelled, SettingsError, VerefineError, unknown
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import METHODS
@@ -30,9 +30,10 @@ from verefine_viz.page.server import PageServer
 from verefine_viz.page.thumbnails import Painter, Thumbnails
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.worker import Job, Jobs, Worker
-from verefine_viz.page.workspace import Checks, Workspace, no_records
+from verefine_viz.page.workspace import HULLS, Checks, Workspace, no_records
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.run.edits import edits_elsewhere
+from verefine_viz.run.session_file import changed
 
 if TYPE_CHECKING:
     from verefine_viz.batch.watch import Watch
@@ -212,9 +213,8 @@ class App:
             gallery, recording, records = self._gallery, self._recording, no_records
             if gallery is not None:
                 recording, records = gallery.loose_record(gallery.worst), gallery.records(gallery.worst.run)
-            space = Workspace(
-                self._session, self._path, make_tools, checks, progress, records=records, recording=recording
-            )
+            given = {"records": records, "recording": recording}
+            space = self._open_space(self._session, self._path, make_tools, checks, progress, **given)
         if self._gallery is not None:
             self._thumbnails = Thumbnails(Painter(self._gallery))
         debugger = Debugger(
@@ -236,6 +236,20 @@ class App:
             self._watching.start()
         return debugger.carry_out(self._first)
 
+    def _open_space(
+        self, session: Session, path: Path | None, make_tools: Callable[[Session], Toolbox], *given: Any, **named: Any
+    ) -> Workspace:
+        """Open a workspace; it begins again with hulls once those are asked for."""
+        try:
+            with self.jobs.offering_hulls():
+                return Workspace(session, path, make_tools, *given, **named)
+        except Cancelled:
+            if not self.jobs.wants_hulls:
+                raise
+        space = Workspace(session, path, lambda one: make_tools(changed(one, HULLS)), *given, **named)
+        space.make_tools = make_tools
+        return space
+
     def _open_watched(
         self, watch: Watch, make_tools: Callable[[Session], Toolbox], checks: Checks, progress: ProgressToken
     ) -> Workspace:
@@ -249,7 +263,7 @@ class App:
                 assert gallery is not None
                 session, records = gallery.session(entry.run), gallery.records(entry.run)
                 try:
-                    space = Workspace(session, None, make_tools, checks, progress, entry.row.frame, records)
+                    space = self._open_space(session, None, make_tools, checks, progress, entry.row.frame, records)
                 except VerefineError as error:
                     fault = str(error)
                 else:

@@ -11,6 +11,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.paths import at_home
 from verefine_viz.core.problem import Placed, Problem
@@ -22,7 +23,7 @@ from verefine_viz.page.branch import Branch
 from verefine_viz.page.gallery import Gallery
 from verefine_viz.page.live_gallery import LiveGallery
 from verefine_viz.page.marks import jumps
-from verefine_viz.page.moment import labels_of, pose_matrix
+from verefine_viz.page.moment import labels_of, pose_matrix, state_of
 from verefine_viz.page.opening import open_gallery, open_other, titled
 from verefine_viz.page.protocol import AnyVerb
 from verefine_viz.page.views.branch_list import branches_message
@@ -311,7 +312,10 @@ class Debugger:
         self.post({"t": "running", **running}, window)
 
     def _frame(self) -> dict[str, Any]:
-        message = frame_message(self.space, self.blobs, self.demos, titled(self.list_sessions()))
+        sessions = self.list_sessions()
+        shown = {path.stem for path in sessions if path.stem.startswith("failure_")}  # By titles that say less.
+        demos = [name for name in self.demos if name not in shown]
+        message = frame_message(self.space, self.blobs, demos, titled(sessions))
         return {**message, "run": self.batch_run}
 
     def _verdict(self, branch: Branch) -> dict[str, Any]:
@@ -427,6 +431,8 @@ def _restart(d: Debugger, verb: p.Restart, window: int | None) -> None:
     d.space.restart(branch, verb.changes)
     d.send_frame()
     lost = sum(edit not in d.space.session_of(d.space.work.first).edits for edit in before.edits)
+    if any(change.after_iteration > 0 for change in before.changes):
+        d.say("The settings changed on the way now hold from iteration 1 on.")
     if lost:
         d.say(f"{lost} edited pose{'s are' if lost > 1 else ' is'} not moved again.")
 
@@ -434,7 +440,10 @@ def _restart(d: Debugger, verb: p.Restart, window: int | None) -> None:
 def _fork(d: Debugger, verb: p.Fork, window: int | None) -> None:
     old, edit = d.space.branch(verb.branch), verb.edit
     moved = None if edit is None else (edit.obj, edit.arm, pose_matrix(edit.T))
-    branch = d.space.fork(old, min(verb.k, old.run.length), verb.changes, moved)
+    k = min(verb.k, old.run.length)
+    if moved is not None and old.recording is None:  # Of a recording it would be computed again.
+        _check_goes_on(old, k, moved)
+    branch = d.space.fork(old, k, verb.changes, moved)
     d.send_branches()
     d.send_rows(branch)
     d.post({"t": "view", "patch": {"branch": branch.index, "k": branch.run.length, "edited": None}}, window)
@@ -442,6 +451,21 @@ def _fork(d: Debugger, verb: p.Fork, window: int | None) -> None:
         d.compute(Goal(branch))
     elif branch.run.is_done:
         d.say("Nothing is left to run after the last iteration. Fork at an earlier one.", window)
+
+
+def _check_goes_on(old: Branch, k: int, edit: tuple[int, int, Float]) -> None:
+    """Check that a branch would go on from an edited pose.
+
+    Raises:
+        InputError: no iteration is left for the object.
+    """
+    tried, own = old.run.fork(k, edit=edit), edit[0]
+    if not state_of(tried.state, old.run.problem.target(own)).edited_arms:
+        label = labels_of(old.run.problem)[own]
+        raise InputError(
+            f"no iteration is left for {label} at iteration {k}, so nothing can go on from the edited pose; "
+            "go back on the timeline, then edit"
+        )
 
 
 def _branch(d: Debugger, verb: p.Branch, window: int | None) -> None:

@@ -23,6 +23,7 @@ _REFINERS = {
     "depth_net": "depth net",
     "depth_net_icp": "depth net + ICP",
     "densefusion": "DenseFusion",
+    "recorded": "the program",
 }
 
 

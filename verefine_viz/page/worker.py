@@ -10,15 +10,22 @@ from contextlib import contextmanager
 from time import monotonic
 from typing import NamedTuple, Protocol
 
+from msgspec.structs import replace
+
 from verefine_viz.core.errors import Cancelled, VerefineError
 from verefine_viz.core.progress_token import ProgressToken
-from verefine_viz.page.protocol import AnyVerb, Cancel, Look, Want
+from verefine_viz.page.protocol import AnyVerb, Cancel, Look, Open, Want
+from verefine_viz.physics.decomposition import PARTS_OF
 from verefine_viz.refiners.registry import raised_by_refiner
 from verefine_viz.run.kernel_compilation import COMPILING, compiling_reported
 
 _LOG = logging.getLogger(__name__)
 BETWEEN_S = 0.1
 """Time between two words on how much is done [s]."""
+
+
+USE_HULLS = Open(hulls=True)
+"""Open what is being opened with hulls: no waiting until models are decomposed."""
 
 
 class Job(NamedTuple):
@@ -41,8 +48,8 @@ class Jobs:
         """Whether what the worker does may be given up."""
         self.gives_way = False
         """Whether what the worker does is given up once anything waits."""
-        self.wants_hulls = False
-        """Whether what is being opened is to be opened with hulls in place of convex parts."""
+        self.offers_hulls = self.wants_hulls = False
+        """Whether what is being opened may be opened with hulls in place of convex parts, and whether it is to be."""
 
     def put(self, job: Job) -> None:
         """Add a job; a want takes the place of the one in its slot, and ``Cancel`` does not wait."""
@@ -52,6 +59,8 @@ class Jobs:
                 self._is_cancelled = self.can_cancel
                 if self._is_cancelled:
                     self._verbs = deque(waiting for waiting in self._verbs if callable(waiting.verb))
+            elif verb == USE_HULLS:
+                self.wants_hulls = self.offers_hulls
             elif isinstance(verb, Want):
                 slot = (job.window, verb.slot or verb.id)
                 self._wants.pop(slot, None)
@@ -60,7 +69,7 @@ class Jobs:
                 self._look = job
             else:
                 self._verbs.append(job)
-            self._is_idle = False
+            self._is_idle = self._is_idle and not self._waits
             self._wake.notify_all()
 
     def take(self, wait: bool) -> Job | None:
@@ -91,7 +100,8 @@ class Jobs:
 
     def is_wanted(self) -> bool:
         """Whether what the worker does is still wanted."""
-        return not (self._is_cancelled or self._is_stopping or self.wants_hulls or (self.gives_way and self._waits))
+        gives_way = (self.offers_hulls and self.wants_hulls) or (self.gives_way and self._waits)
+        return not (self._is_cancelled or self._is_stopping or gives_way)
 
     @contextmanager
     def cancellable(self) -> Iterator[None]:
@@ -102,7 +112,16 @@ class Jobs:
             yield
         finally:
             with self._wake:
-                self.can_cancel = self._is_cancelled = self.wants_hulls = False
+                self.can_cancel = self._is_cancelled = False
+
+    @contextmanager
+    def offering_hulls(self) -> Iterator[None]:
+        """Let ``USE_HULLS`` end what is opened inside; ``wants_hulls`` says afterwards whether it did."""
+        self.offers_hulls, self.wants_hulls = True, False
+        try:
+            yield
+        finally:
+            self.offers_hulls = False
 
     def wait_until_idle(self, timeout_s: float) -> None:
         """Wait until everything so far is done.
@@ -182,7 +201,9 @@ class Worker:
         if (self._jobs.gives_way and text != COMPILING) or (not text and now - self._reported_at < BETWEEN_S):
             return
         self._text, self._reported_at = text or self._text, now
-        self._post({"t": "busy", "text": self._text, "share": share, "cancel": self._jobs.can_cancel}, None)
+        jobs, hulls = self._jobs, self._jobs.offers_hulls and PARTS_OF in self._text
+        busy = {"text": self._text, "share": share, "cancel": jobs.can_cancel, "hulls": hulls}
+        self._post({"t": "busy", **busy}, None)
 
     def _idle(self) -> None:
         if self._text:
@@ -226,7 +247,20 @@ class Worker:
         elif callable(verb):
             self._guarded(None, verb)
         else:
-            self._guarded(window, lambda: self.handler.apply(window, verb), verb)
+            self._guarded(window, lambda: self._apply(window, verb), verb)
+
+    def _apply(self, window: int, verb: AnyVerb) -> None:
+        """Carry out a verb; what opens something begins again with hulls once those are asked for."""
+        if not isinstance(verb, Open) or verb.hulls:
+            self.handler.apply(window, verb)
+            return
+        try:
+            with self._jobs.offering_hulls():
+                self.handler.apply(window, verb)
+        except Cancelled:
+            if not self._jobs.wants_hulls:
+                raise
+            self.handler.apply(window, replace(verb, hulls=True))
 
     def _guarded(self, window: int | None, do: Callable[[], None], verb: AnyVerb | None = None) -> None:
         """Do something; what goes wrong becomes one message and leaves everything as it was."""

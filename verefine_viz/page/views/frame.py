@@ -39,6 +39,7 @@ def frame_message(space: Workspace, blobs: Blobs, demos: Sequence[str], sessions
         "frames": space.frames,
         "source": session.scene.source,
         "dataset": session.scene.dataset or session.scene.demo,
+        "preset": session.preset,
         "method": session.method.name,
         "method_label": method_of(session.method.name).label,
         "refiner": session.method.refiner,

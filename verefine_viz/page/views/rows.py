@@ -9,6 +9,7 @@ from verefine_viz.core.problem import Target
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.moment import clusters_of, labels_of, state_of
+from verefine_viz.page.views.recorded_poses import step_of
 from verefine_viz.page.words import brief, sentence, source_of, stage_sentence
 from verefine_viz.run.edits import never_reached
 
@@ -84,7 +85,8 @@ def rows(branch: Branch, first: int) -> list[Json]:
 def _row(branch: Branch, iteration: Iteration, cluster_of: dict[int, int]) -> Json:
     run, k = branch.run, iteration.index
     target = run.problem.target(iteration.instance_id)
-    refiner, labels = branch.settings.method.refiner, labels_of(run.problem)
+    refiner = branch.settings.method.refiner if step_of(target, iteration) is None else "recorded"
+    labels = labels_of(run.problem)
     own = sum(i.instance_id == iteration.instance_id for i in run.iterations[:k])
     choice = iteration.choice
     return {

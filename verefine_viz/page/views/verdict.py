@@ -14,7 +14,7 @@ from verefine_viz.diagnosis.impossible import impossible
 from verefine_viz.diagnosis.lost_poses import lost
 from verefine_viz.diagnosis.signs import FinishedObject, RunnerUp, signs
 from verefine_viz.evaluation.matched_estimates import CORRECT
-from verefine_viz.evaluation.pose_errors import add_s_mm, add_where_add_s_is_below
+from verefine_viz.evaluation.pose_errors import add_s_mm, add_where_add_s_is_below, turning_on
 from verefine_viz.methods.registry import method_of
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.evaluator import CachedEvaluator
@@ -140,6 +140,7 @@ def _object(branch: Branch, o: FinishedObject, batch: Any | None) -> Json:
         "err": None if o.errors is None else o.errors.add_s_mm,
         "deg": None if o.errors is None else o.errors.rotation_deg,
         "mm": None if o.errors is None else o.errors.translation_mm,
+        "way": None if o.errors is None else _turning(o.target, best.T_cam_obj),
         "limit": limit,
         "k": best.iteration,
         "arm": best.arm,
@@ -155,6 +156,12 @@ def _object(branch: Branch, o: FinishedObject, batch: Any | None) -> Json:
         "also_fits": also,
         "findings": findings,
     }
+
+
+def _turning(target: Target, T_cam_obj: Float) -> str | None:
+    """Describe an error of rotation: how much of it is tilt against the table, and how much turn on it."""
+    way = turning_on(target, T_cam_obj)
+    return None if way is None else way.in_words()
 
 
 def _words(branch: Branch, o: FinishedObject, named: Sequence[Finding], also_fits: bool) -> tuple[str, str]:

@@ -136,7 +136,8 @@ function Toasts() {
   return html`<div class="toasts" aria-live="polite">${toasts.map((t) => html`
     <div key=${t.id} class=${`toast ${t.kind}`}><span>${t.text}</span>
       ${t.url && html`<a href=${t.url} download=${t.name}>download</a>`}
-      ${t.offer && html`<${Button} title="do this instead" onClick=${() => { dismiss(t.id); send(t.offer.verb); }}>${t.offer.words}<//>`}
+      ${t.offer && html`<${Button} title="do this instead"
+        onClick=${() => { dismiss(t.id); t.offer.action ? t.offer.action() : send(t.offer.verb); }}>${t.offer.words}<//>`}
       <${IconButton} icon="close" title="close" onClick=${() => dismiss(t.id)} />
     </div>`)}</div>`;
 }

@@ -5,11 +5,12 @@ import { state, setView, update, send, listen, useStore } from "./store.js";
 import { momentOf } from "./moment.js";
 import { Pane, Button, Select, Swatch } from "./ui.js";
 import { addKeys } from "./keys.js";
+import { toast } from "./messages.js";
 import { MAPS, CLASSES, valueText } from "./colours.js";
 import { sidesOf, readAt, photo, colourAt, observedDepth, hasColour } from "./sides.js";
 import { prepareAhead } from "./outlines.js";
 import { contoursOf, depthAt, draw } from "./drawing.js";
-import { between, dragged, origin, project, receded, shifted, turned } from "./pose.js";
+import { between, dragged, origin, project, displaced, displacement, receded, shifted, turned } from "./pose.js";
 
 const MARGIN = 0.25; // shown around the object, as a share of its size
 const NEAR_PX = 7; // how near the divider is taken
@@ -120,8 +121,38 @@ function nudge(event, x, y) {
 }
 function proceed(moment) {
   const { obj, arm, T } = state.view.edited;
-  const fork = { verb: "fork", branch: moment.branch, k: moment.k, changes: {}, edit: { obj, arm, T } };
-  if (send(fork)) setView({ edited: null });
+  // The server takes the edited pose from the view once it is in a branch.
+  send({ verb: "fork", branch: moment.branch, k: moment.k, changes: {}, edit: { obj, arm, T } });
+}
+
+// A moved pose that goes because another moment is shown can be taken back.
+let last = state.view;
+listen(() => {
+  const [before, now] = [last, state.view];
+  last = now;
+  const { edited, branch, k } = before;
+  const isLost = edited?.from && !now.edited && now.branch === branch && now.k !== k && state.frame;
+  if (!isLost || edited.T.every((x, i) => Math.abs(x - edited.from[i]) < 1e-5)) return;
+  const { id } = state.frame;
+  const back = () => state.frame?.id === id && setView({ branch, k, obj: edited.obj, stage: null, moment: null, edited });
+  toast("note", "The edited pose was left.", { offer: { words: "Take it back", action: back } });
+});
+
+// The edited pose in numbers, to read and to type: how far it was moved and turned from where the editing began.
+function Displacement({ from, T }) {
+  const [axes, setAxes] = useState("camera");
+  const [shift, turn] = displacement(from, T, axes);
+  const field = (value, i, list, type) => html`<input key=${i} type="text" inputmode="decimal" aria-label=${`${type} ${"xyz"[i]}`}
+    title=${`${type} ${"xyz"[i]}`} value=${(Math.round(value * 100) / 100 + 0).toString()} onChange=${(e) => {
+      const typed = Number(e.currentTarget.value.replace("−", "-"));
+      const next = list.map((x, j) => (j === i ? typed : x)); // what is not typed keeps its hidden decimals
+      const most = type === "moved" ? 10000 : 180;
+      if (Number.isFinite(typed) && Math.abs(typed) <= most) moveTo(displaced(from, ...(list === shift ? [next, turn] : [shift, next]), axes));
+      e.currentTarget.value = value.toFixed(2);
+    }} />`;
+  return html`<span class="numbers"><${Select} value=${axes} options=${[["camera", "camera axes"], ["object", "object axes"]]} onChange=${setAxes}
+      title="camera: x to the right, y down, z away. object: those of its model, as it was" />
+    mm ${shift.map((v, i) => field(v, i, shift, "moved"))} ° ${turn.map((v, i) => field(v, i, turn, "turned"))}</span>`;
 }
 
 function EditLine() {
@@ -135,6 +166,7 @@ function EditLine() {
     <span>hypothesis ${arm + 1} moved <b>${mm.toFixed(1)} mm</b> <b>${deg.toFixed(1)}°</b></span>
     <span>score <b>${now && !now.stale ? now.score.score.toFixed(3) : "…"}</b>
       ${before != null && html` <i>from ${before.toFixed(3)}</i>`}</span>
+    <${Displacement} from=${from} T=${T} />
     <${Button} kind="primary" title="a new branch from this pose"
       onClick=${() => proceed(moment)}>Continue from here<//>
     <${Button} title="back to where it began" disabled=${mm + deg === 0} onClick=${() => moveTo(from)}>Reset<//>
@@ -231,10 +263,18 @@ function handlers(canvas, here) {
 
 // Keys
 
+function toggleOutline(key) {
+  const { hidden } = layersOf(state);
+  setLayers({ hidden: hidden.includes(key) ? hidden.filter((k) => k !== key) : [...hidden, key] });
+}
 const blink = () => layersOf(state).blink == null && setLayers({ blink: true });
 const KEYS = [
   { id: "edit", keys: ["p"], title: "Edit the pose in the image", group: "Image", action: toggleEdit },
   { id: "blink", keys: ["v"], title: "Hold: photo and shaded model in turn", group: "Image", action: blink },
+  { id: "hypotheses", keys: ["h"], title: "Outlines of the hypotheses on or off", group: "Image",
+    action: () => toggleOutline("hypotheses") },
+  { id: "truth", keys: ["u"], title: "Outline of the ground truth on or off", group: "Image",
+    action: () => toggleOutline("ground truth") },
   { id: "fit", keys: ["o"], title: "Fit the object, or the whole image", group: "Image", action: fitNext },
 ];
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -355,11 +395,9 @@ function Legend() {
   const [moment] = useStore((s) => [momentOf(s), s.view.layers]);
   if (!moment) return null;
   const { hidden } = layersOf(state);
-  const toggle = (key) =>
-    setLayers({ hidden: hidden.includes(key) ? hidden.filter((k) => k !== key) : [...hidden, key] });
   const entry = ({ key, color, dashed, label }) => html`
     <button type="button" key=${key} class=${hidden.includes(key) ? "off" : ""} title="show or hide this outline"
-      onClick=${(e) => { e.currentTarget.blur(); toggle(key); }}>
+      onClick=${(e) => { e.currentTarget.blur(); toggleOutline(key); }}>
       <${Swatch} color=${color} hollow=${dashed} /><span>${label}</span></button>`;
   return html`<div class="legend">${contoursOf(moment).map(entry)}</div>`;
 }

@@ -31,7 +31,8 @@ export const ACTIONS = [
 ];
 
 const NAMES = { ArrowLeft: "←", ArrowRight: "→", " ": "Space", Escape: "Esc", "Ctrl+k": "Ctrl+K" };
-export const keyName = (key) => NAMES[key] ?? (/^[A-Z]$/.test(key) ? `Shift+${key}` : key.length === 1 ? key.toUpperCase() : key);
+export const keyName = (key) => NAMES[key]
+  ?? (/^[A-Z]$/.test(key) ? `Shift+${key}` : key.length === 1 ? key.toUpperCase() : key);
 // A button's title: what it does and its key.
 export function titled(id, words) {
   const action = ACTIONS.find((a) => a.id === id);
@@ -52,7 +53,9 @@ const frameBeside = (by) => {
 const openBeside = (by) => send({ verb: "open", frame: frameBeside(by) });
 
 // The name of a scene that shows a failure gives the diagnosis away.
-export const nameToOpen = (name, i) => (/^failure_/.test(name) ? `What went wrong? ${i + 1}` : name);
+const isFailure = (name) => /^failure_/.test(name);
+export const nameToOpen = (name, names) => (isFailure(name)
+  ? `What went wrong? ${names.filter(isFailure).indexOf(name) + 1}` : name);
 
 function toggleGallery() {
   setPreset(state.view.preset === "gallery" ? "inspect" : "gallery");
@@ -140,7 +143,8 @@ function everything() {
     add("Branch", name, () => setView({ branch: index, k: runOf(state, index).rows.length, stage: null }));
   }
   for (const f of state.frame?.frames ?? []) add("Frame", f, () => send({ verb: "open", frame: f }));
-  (state.frame?.demos ?? []).forEach((d, i) => add("Demo", nameToOpen(d, i), () => send({ verb: "open", demo: d })));
+  const demos = state.frame?.demos ?? [];
+  for (const d of demos) add("Demo", nameToOpen(d, demos), () => send({ verb: "open", demo: d }));
   return items;
 }
 

@@ -63,3 +63,23 @@ export function between(from, to) {
   const sine = Math.hypot(turn(2, 1) - turn(1, 2), turn(0, 2) - turn(2, 0), turn(1, 0) - turn(0, 1)) / 2;
   return { mm: 1000 * distance(origin(from), origin(to)), deg: (Math.atan2(sine, (trace - 1) / 2) * 180) / Math.PI };
 }
+
+// From one pose to another in six numbers, along the camera's axes or the object's own at first: mm, and a rotation
+// vector in degrees.
+export function displacement(from, to, axes) {
+  const R = (i, j) => [0, 1, 2].reduce((sum, k) => sum + to[4 * i + k] * from[4 * j + k], 0);
+  const { deg } = between(from, to);
+  const way = [R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1)];
+  const n = Math.hypot(...way);
+  const shift = [3, 7, 11].map((i) => 1000 * (to[i] - from[i]));
+  const turn = way.map((x) => (n > 1e-9 ? (x / n) * deg : 0));
+  return axes === "object" ? [inverse(from, shift), inverse(from, turn)] : [shift, turn];
+}
+
+export function displaced(from, shift, turn, axes) {
+  const [way, about] = axes === "object" ? [rotated(from, shift), rotated(from, turn)] : [shift, turn];
+  return shifted(turned(from, about, (Math.hypot(...turn) * Math.PI) / 180), way.map((mm) => mm / 1000));
+}
+
+const rotated = (T, v) => [0, 1, 2].map((i) => v.reduce((sum, x, j) => sum + T[4 * i + j] * x, 0));
+const inverse = (T, v) => [0, 1, 2].map((j) => v.reduce((sum, x, i) => sum + T[4 * i + j] * x, 0));

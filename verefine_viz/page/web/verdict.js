@@ -3,10 +3,18 @@ import { html, useState } from "./vendor/htm-preact.js";
 import { state, useStore, setView, send, update } from "./store.js";
 import { editWords, momentOf, seek, worstOf } from "./moment.js";
 import { Button, Icon, IconButton, Menu, MenuItem, number } from "./ui.js";
-import { Failures } from "./gallery.js";
-import { nameToOpen, titled } from "./keys.js";
+import { Failures, neighbour, openAnswer } from "./gallery.js";
+import { addKeys, nameToOpen, titled } from "./keys.js";
 import { copyLink } from "./messages.js";
 import { PRESETS, setPreset, switchTheme } from "./layout.js";
+
+const failureBeside = (by) => (state.answers ? neighbour(state, by) : null);
+addKeys([
+  { id: "failure", keys: ["j"], title: "Next failure of the batch", group: "Move", when: () => failureBeside(1) != null,
+    action: () => openAnswer(failureBeside(1)) },
+  { id: "failure-back", keys: ["k"], title: "Failure before", group: "Move", when: () => failureBeside(-1) != null,
+    action: () => openAnswer(failureBeside(-1)) },
+]);
 
 const TONES = {
   right: ["check", "Right"], wrong: ["cross", "Wrong"], doubt: ["warn", "Doubtful"],
@@ -44,17 +52,20 @@ function Opener({ frame }) {
     ["Demos", frame.demos ?? [], (d) => ({ demo: d }), (d) => frame.source === "demo" && d === frame.dataset],
     ["Sessions", frame.sessions ?? [], (s) => ({ session: s.path }), (s) => s.path === frame.session_file],
   ].filter(([, list]) => list.length > 1 || (list.length && list !== frame.frames));
-  const words = (one, i) => nameToOpen(one.title ?? one, i);
+  const words = (one, list) => nameToOpen(one.title ?? one, list.map((other) => other.title ?? other));
   const fits = ([, w]) => w.toLowerCase().includes(text.toLowerCase());
+  const file = /\.(toml|vfrun|rrd)$/i.exec(text.trim())?.[1].toLowerCase();
   const detail = [frame.frame, frame.method_label, frame.refiner].filter(Boolean).join(" · ");
   return html`<div class="opener">
     <${Menu} kind="opener-button" title="Open another frame, demo or session" label=${html`
       <span class="two"><b>${frame.title}</b>
       <span class="dim">${detail}</span></span><${Icon} name="down" />`}>
-      ${(close) => html`<div class="open-list"><input placeholder="filter" value=${text}
+      ${(close) => html`<div class="open-list"><input placeholder="filter, or the path of a file" value=${text}
         onInput=${(e) => setText(e.currentTarget.value)} />
-        <div class="scroll">${lists.map(([title, list, verb, on]) => html`<h3>${title}</h3>
-          ${list.map((one, i) => [one, words(one, i)]).filter(fits).map(([one, w]) => html`
+        <div class="scroll">${file && html`<${MenuItem} onClick=${() => { close(); send({ verb: "open", [file === "toml" ? "session" : "recording"]: text.trim() }); }}>
+          Open the ${file === "toml" ? "session" : "recording"} ${text.trim()}<//>`}
+        ${lists.map(([title, list, verb, on]) => html`<h3>${title}</h3>
+          ${list.map((one) => [one, words(one, list)]).filter(fits).map(([one, w]) => html`
             <${MenuItem} on=${on(one)} detail=${one.detail}
               onClick=${() => { close(); send({ verb: "open", ...verb(one) }); }}>${w}<//>`)}`)}
         </div></div>`}
@@ -111,6 +122,7 @@ function Going({ moment }) {
 
 const numbers = (o) => [
   o.err != null && `${number(o.err, 1)} mm of ${number(o.limit, 1)} allowed`,
+  o.deg != null && `${number(o.deg, 1)}°${o.way && o.deg >= 1 ? ` (${o.way})` : ""}, ${number(o.mm, 1)} mm off`,
   o.score != null && `score ${number(o.score, 3)}`,
   o.score != null && `hypothesis ${o.arm + 1}, ${o.k ? `iteration ${o.k}` : "an initial pose"}`,
 ].filter(Boolean).join(" · ");

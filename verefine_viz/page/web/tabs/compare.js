@@ -13,6 +13,7 @@ export const hint = "two runs side by side, and all branches";
 export const needs = (s) => s.branches.length > 0;
 export const empty = "No run is open.";
 
+const MOST_LISTED = 4;
 export const SIDES = { a: "#00becd", b: "#9fc400" };
 const Letter = ({ side }) => html`<b class="side" style=${{ color: `var(--side-${side})` }}>${side.toUpperCase()}</b>`;
 
@@ -112,7 +113,8 @@ function Curves({ run_a, run_b, moment, names, compare }) {
 
 // What B can be: this frame with a changed setting, another branch, or a recording.
 function NewB({ branch, branches, compare }) {
-  const settings = settingsOf(state, branch);
+  const { preset } = state.frame;
+  const settings = [...settingsOf(state, branch), { name: "preset", kind: "choice", value: preset, choices: ["recommended", "published"], common: true, help: "all that differs between what is recommended and what was published" }];
   const [name, setName] = useState("method.name");
   const [value, setValue] = useState(null);
   const [path, setPath] = useState("");
@@ -136,6 +138,13 @@ function NewB({ branch, branches, compare }) {
   </section>`;
 }
 
+// Settings in a few words: a preset stands for all that it sets.
+function fewOf({ preset, ...others }) {
+  if (preset) return listOf({ preset });
+  const names = Object.keys(others);
+  return `${listOf(Object.fromEntries(names.slice(0, MOST_LISTED).map((name) => [name, others[name]])))}${names.length > MOST_LISTED ? `, ${names.length - MOST_LISTED} more` : ""}`;
+}
+
 function Branches({ branches, moment, compare }) {
   const [renamed, setRenamed] = useState(null);
   const nameOf = (index) => branches.find((b) => b.index === index)?.name ?? "–";
@@ -144,15 +153,18 @@ function Branches({ branches, moment, compare }) {
     setRenamed(null);
     if (name.trim() && name !== b.name) send({ verb: "branch", index: b.index, name: name.trim() });
   };
+  const here = branches.find((b) => b.index === moment.branch);
+  const scoreOf = (b) => JSON.stringify(Object.entries(b?.settings ?? {}).filter(([name]) => name.startsWith("score.")));
   const sideOf = (b) => (b.index === compare?.a ? html`<${Letter} side="a" /> ` : b.index === compare?.b ? html`<${Letter} side="b" /> ` : "");
-  const origin = (b) => [b.recording ? "recording" : b.parent != null ? `left ${nameOf(b.parent)} after ${b.from}` : "", listOf(b.settings)].filter(Boolean).join(", ");
+  const origin = (b) => [b.recording ? "recording" : b.parent != null ? `left ${nameOf(b.parent)} after ${b.from}` : "", fewOf(b.settings)].filter(Boolean).join(", ");
   const columns = [
     { title: "branch", left: true, of: (b) => (renamed === b.index
       ? html`<input type="text" value=${b.name} maxlength="80" ref=${(e) => e && document.activeElement !== e && e.focus()} onClick=${(e) => e.stopPropagation()}
           onKeyDown=${(e) => (e.key === "Enter" ? rename(b, e.currentTarget.value) : e.key === "Escape" && setRenamed(null))} onBlur=${(e) => rename(b, e.currentTarget.value)} />`
       : html`${sideOf(b)}${b.name}<div class="dim">${origin(b)}</div>`) },
     { title: "done", of: (b) => `${runOf(state, b.index).rows.length}/${runOf(state, b.index).total}` },
-    { title: "score", hint: `of the best pose of ${moment.object.label}`, of: (b) => number(bestOf(b.index, "score"), 3) },
+    { title: "score", hint: `of the best pose of ${moment.object.label}`, of: (b) => html`${number(bestOf(b.index, "score"), 3)}${
+      scoreOf(b) === scoreOf(here) ? "" : html` <span title="scored by other settings than the branch that is shown: not comparable">⚠</span>`}` },
     { title: "mm", hint: `ADD(-S) of the best pose of ${moment.object.label}`, of: (b) => number(bestOf(b.index, "err"), 1) },
     { title: "", of: (b) => html`<span class="acts" onClick=${(e) => e.stopPropagation()}>
       ${b.index === moment.branch && html`<${Button} title="give this branch another name" onClick=${() => setRenamed(b.index)}>Rename<//>`}

@@ -5,6 +5,7 @@ import { labelOf, momentOf, STAGE_COLORS } from "../moment.js";
 import { Button, number, Select, Swatch, Table } from "../ui.js";
 import { Chart } from "../charts.js";
 import { useLatest } from "./latest.js";
+import { settingsOf } from "./setting.js";
 
 export const title = "Physics";
 export const hint = "whether the objects can stand so, and the simulation";
@@ -144,6 +145,7 @@ function Around({ around, branch }) {
   const observed = around.source !== "plane";
   const { plane } = around;
   const restart = (support) => send({ verb: "restart", branch, changes: { "physics.support": support } });
+  const hull = settingsOf(state).some((one) => one.name === "physics.collider" && one.value === "hull");
   return html`<h3>What supports them</h3>
     <dl class="facts"><div title="share of the background that lies on the support plane; the rest is what else is in view"><dt>plane explains</dt><dd>${number(100 * plane.share, 0)} %</dd></div>
       <div title="root mean square distance of the points on it"><dt>scatter</dt><dd>${number(plane.rms_mm, 1)} mm</dd></div>
@@ -152,5 +154,7 @@ function Around({ around, branch }) {
     ${around.unknown.map((one) => html`<div class="row" key=${one.number}><span>Unknown object ${one.number}, ${one.size_mm.map((x) => x.toFixed(0)).join(" × ")} mm${one.dropped ? html`<span class="dim">, dropped</span>` : ""}</span><span class="spring" />
       <${Button} title=${one.dropped ? "let it stop objects again; restarts the run" : "let it stop nothing; restarts the run"}
         onClick=${() => send({ verb: "order", branch, drop: [one.number, !one.dropped] })}>${one.dropped ? "Restore" : "Drop"}<//></div>`)}
-    <div class="row"><${Button} title="restarts the run" onClick=${() => restart(observed ? "plane" : "observed")}>${observed ? "Use the plane alone" : "Use what the depth image shows"}<//></div>`;
+    <div class="row"><${Button} title="restarts the run" onClick=${() => restart(observed ? "plane" : "observed")}>${observed ? "Use the plane alone" : "Use what the depth image shows"}<//>
+      ${hull && html`<${Button} title="physics takes every model for its convex hull now; restarts the run"
+        onClick=${() => send({ verb: "restart", branch, changes: { "physics.collider": "decomposition" } })}>Use convex parts<//>`}</div>`;
 }

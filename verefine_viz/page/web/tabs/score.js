@@ -120,8 +120,10 @@ function Curve({ moment }) {
         color: STAGE_COLORS.refined, off: true },
     ]];
   }, [run, obj]);
+  const changed = useStore((s) => s.branches.find((b) => b.index === moment.branch)?.scored ?? []).filter((k) => k > 0);
   if (!x.length) return null;
   return html`<h3>Score of ${object.label} over the run</h3>
     <${Chart} series=${series} x=${x} yLabel="score" units="0…1" digits=${3} cursor=${moment.k || null}
-      onSeek=${seek} />`;
+      onSeek=${seek} />
+    ${changed.map((k) => html`<p class="doubt">The score's settings changed after iteration ${k}: scores up to there are not comparable with later ones.</p>`)}`;
 }

@@ -8,7 +8,7 @@ export function settingsOf(s, index = s.view.branch) {
   return (s.frame?.choices.settings ?? []).map((one) => (one.name in own ? { ...one, value: own[one.name] } : one));
 }
 
-export const shortName = (name) => name.split(".").pop().replaceAll("_", " ");
+export const shortName = (name) => (name === "method.name" ? "method" : name.split(".").pop().replaceAll("_", " "));
 export const shown = (value) => (typeof value === "number" ? String(+value.toPrecision(6)) : String(value));
 export const listOf = (changes) => Object.entries(changes).map(([name, v]) => `${shortName(name)} = ${shown(v)}`).join(", ");
 
