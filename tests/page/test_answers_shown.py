@@ -72,7 +72,7 @@ def test_the_painter_draws_answer_and_ground_truth(tmp_path: Path):
     there = replace(row(target.instance.instance_id), obj_id=target.model.obj_id, T_cam_obj=moved)
     rows = (there, row(77), row(None), row(0, im_id=99))
     gallery = Gallery([BatchIndex(tmp_path, session, BatchInfo(), rows)])
-    painter = Painter(gallery)
+    painter = Painter(lambda: gallery)
     image = np.asarray(Image.open(io.BytesIO(painter(gallery.entries[0]))).convert("RGB")).astype(int)
     assert image.shape == (WIDTH_PX * 3 // 4, WIDTH_PX, 3)
     for name in ("accepted", "ground truth"):

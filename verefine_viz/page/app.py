@@ -23,6 +23,7 @@ from verefine_viz.page.export import Exporter
 from verefine_viz.page.gallery import Gallery
 from verefine_viz.page.live_gallery import LiveGallery
 from verefine_viz.page.moment import moment_of
+from verefine_viz.page.opening import open_gallery
 from verefine_viz.page.protocol import AnyVerb
 from verefine_viz.page.scene3d.scene import Scene3D
 from verefine_viz.page.scene3d.viser_server import Viser3DServer
@@ -186,10 +187,10 @@ class App:
 
     def _thumbnail(self, number: int) -> Future[bytes] | None:
         """Begin to make the picture of an answer; None = there is no such answer."""
-        gallery, thumbnails = self._gallery, self._thumbnails
-        if gallery is None or thumbnails is None or number >= len(gallery.entries):
+        if self._thumbnails is None:
             return None
-        return thumbnails.ask(gallery.entries[number])
+        entries = open_gallery(self.debugger.gallery).entries
+        return self._thumbnails.ask(entries[number]) if number < len(entries) else None
 
     def _open(self, progress: ProgressToken) -> Debugger:
         """Open the session with the real simulator, renderer and refiners, imported late as they are heavy."""
@@ -215,8 +216,6 @@ class App:
                 recording, records = gallery.loose_record(gallery.worst), gallery.records(gallery.worst.run)
             given = {"records": records, "recording": recording}
             space = self._open_space(self._session, self._path, make_tools, checks, progress, **given)
-        if self._gallery is not None:
-            self._thumbnails = Thumbnails(Painter(self._gallery))
         debugger = Debugger(
             space,
             self.server.post,
@@ -228,6 +227,8 @@ class App:
             progress,
         )
         debugger.on_look = partial(self._draw, debugger)
+        if debugger.gallery is not None:
+            self._thumbnails = Thumbnails(Painter(lambda: open_gallery(debugger.gallery)))
         if self._watch is not None:
             changed = partial(self.jobs.put, Job(0, debugger.refresh_gallery))
             self._watching = threading.Thread(

@@ -14,16 +14,16 @@ if TYPE_CHECKING:
 
 
 class LiveGallery(Gallery):
-    """What a watch has at the moment; :meth:`refresh` takes over what it has next."""
+    """What a watch has at the moment; :meth:`refreshed` is what it has later."""
 
     def __init__(self, watch: Watch) -> None:
         indices, self.fault = watch.latest
         super().__init__(indices)
         self._watch = watch
 
-    def refresh(self) -> None:
-        """Take over what the watch has now, all at once: other threads read it meanwhile."""
-        self.__dict__ = LiveGallery(self._watch).__dict__
+    def refreshed(self) -> LiveGallery:
+        """Return what the watch has now."""
+        return LiveGallery(self._watch)
 
     def session(self, run: str) -> Session:
         """Return what opens a run: all frames, also those to come."""

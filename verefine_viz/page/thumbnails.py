@@ -81,9 +81,13 @@ class Thumbnails:
 
 
 class Painter:
-    """Draws answers of a gallery. Belongs to one thread."""
+    """Draws answers of a gallery. Belongs to one thread.
 
-    def __init__(self, gallery: Gallery) -> None:
+    Args:
+        gallery: returns the gallery as it is now.
+    """
+
+    def __init__(self, gallery: Callable[[], Gallery]) -> None:
         self._gallery = gallery
         self._sources: dict[str, SceneSource] = {}
         self._problems: OrderedDict[tuple[str, str], Problem] = OrderedDict()
@@ -99,16 +103,16 @@ class Painter:
             return thumbnail(self._problem(entry).targets[0], None, WIDTH_PX)
         if row.instance_id is None:
             return b""
-        answer = self._gallery.runs[entry.run].answers(row.frame).get(row.instance_id)
+        answer = self._gallery().runs[entry.run].answers(row.frame).get(row.instance_id)
         target = self._problem(entry).target(row.instance_id)
         return thumbnail(target, answer, WIDTH_PX)
 
     def _problem(self, entry: Entry) -> Problem:
-        index = self._gallery.runs[entry.run]
+        index = self._gallery().runs[entry.run]
         # Runs on the same data share it.
         data = index.session.scene.model_copy(update={"frames": ()}).model_dump_json()
         if data not in self._sources:
-            is_fixed = index.session.scene.source != "demo" and not isinstance(self._gallery, LiveGallery)
+            is_fixed = index.session.scene.source != "demo" and not isinstance(self._gallery(), LiveGallery)
             frames = index.frames if is_fixed else ()
             self._sources[data] = picture_source(index.session, frames)
         if (data, entry.row.frame) not in self._problems:

@@ -236,10 +236,10 @@ class Debugger:
 
     def refresh_gallery(self) -> None:
         """Take over what a watched folder has now."""
-        gallery, space = self.gallery, self.space
-        if not isinstance(gallery, LiveGallery):
+        space = self.space
+        if not isinstance(self.gallery, LiveGallery):
             return
-        gallery.refresh()
+        self.gallery = gallery = self.gallery.refreshed()
         frames = None
         if self.batch_run and space.tools.session == gallery.session(self.batch_run):
             frames = space.frames = gallery.frames(self.batch_run)
