@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -73,13 +72,30 @@ class Screen:
     def key(self, key: str) -> None:
         self.page.keyboard.press(key)
 
+    def view(self, **patch: Any) -> None:
+        """Change what the window looks at."""
+        self.state("(await import('/web/store.js')).setView(arg)", patch)
+
+    def finish(self) -> Screen:
+        """Run to the end, where the answer is shown; return the screen."""
+        self.key(" ")
+        self.until("moment.isAnswer")
+        return self
+
+    def drag(self, start: tuple[float, float], by: tuple[float, float]) -> None:
+        """Press the mouse at a place of the screen, move it, and let go."""
+        self.page.mouse.move(*start)
+        self.page.mouse.down()
+        self.page.mouse.move(start[0] + by[0], start[1] + by[1], steps=6)
+        self.page.mouse.up()
+
     def click(self, name: str) -> None:
         """Click the button of that name."""
         self.page.get_by_role("button", name=name, exact=True).first.click(timeout=SLOW_MS)
 
     def tab(self, name: str) -> None:
         """Show a tab of the inspector."""
-        self.state(f"(await import('/web/store.js')).setView({{ tab: {json.dumps(name)} }})")
+        self.view(tab=name)
         self.page.wait_for_timeout(100)
 
     def text(self, words: str) -> Any:

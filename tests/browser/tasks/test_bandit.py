@@ -8,9 +8,7 @@ SHOWS = "document.querySelector('.tab.bandit p')?.innerText.startsWith(`Iteratio
 
 
 def test_numbers_of_the_bandit_are_those_it_chose_by(show):
-    screen = show()
-    screen.key(" ")
-    screen.until("moment.isAnswer")
+    screen = show().finish()
     screen.tab("bandit")
     run = screen.app.debugger.space.work.first.run
     for k in (1, 2, run.length // 2, run.length - 1):

@@ -28,13 +28,6 @@ def edited(screen):
     return np.array(screen.state("state.view.edited.T")).reshape(4, 4)
 
 
-def drag(screen, start, by):
-    screen.page.mouse.move(*start)
-    screen.page.mouse.down()
-    screen.page.mouse.move(start[0] + by[0], start[1] + by[1], steps=6)
-    screen.page.mouse.up()
-
-
 def settled(screen, T):
     """Check that what is shown of the edited pose is what the engine says of it."""
     branch = screen.app.debugger.space.branch(screen.state("state.view.branch"))
@@ -46,7 +39,7 @@ def settled(screen, T):
 
 def test_drag_wheel_and_shift_move_the_pose_and_a_run_continues_from_it(show):
     screen, middle, start = begin(show)
-    drag(screen, middle, (40, -10))
+    screen.drag(middle, (40, -10))
     moved = edited(screen)
     assert moved[0, 3] > start[0, 3]
     assert moved[1, 3] < start[1, 3]
@@ -60,7 +53,7 @@ def test_drag_wheel_and_shift_move_the_pose_and_a_run_continues_from_it(show):
     farther = edited(screen)
     assert np.linalg.norm(farther[:3, 3]) - np.linalg.norm(moved[:3, 3]) == pytest.approx(0.002, abs=1e-6)
     screen.page.keyboard.down("Shift")
-    drag(screen, middle, (30, 0))
+    screen.drag(middle, (30, 0))
     screen.page.keyboard.up("Shift")
     T = edited(screen)
     assert np.array_equal(T[:3, 3], farther[:3, 3])
@@ -105,7 +98,7 @@ def test_gizmo_in_3d_moves_the_pose_and_keys_work_there(show):
     box = screen.state(GIZMO)
     middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     for dx, dy in ((0, 0), (0, 45), (40, -12), (-40, -12), (0, -50)):  # One of the handles is hit.
-        drag(screen, (middle[0] + dx, middle[1] + dy), (dx or 25, dy or 20))
+        screen.drag((middle[0] + dx, middle[1] + dy), (dx or 25, dy or 20))
         screen.page.wait_for_timeout(1500)
         if not np.array_equal(edited(screen), start):
             break

@@ -5,18 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-PLACE = """(() => {
-  const { zoom } = state.view;
-  return zoom && zoom !== 'image' ? zoom.share : zoom;
-})()"""
-PIXELS = """(() => {
-  const canvas = document.querySelector('.stage canvas');
-  const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
-  let sum = 0;
-  for (let i = 0; i < data.length; i += 4) sum = (sum * 31 + data[i] * 7 + data[i + 1] * 3 + data[i + 2]) % 1000000007;
-  return sum;
-})()"""
-"""A number that changes with the picture."""
+FITS = "[null, 'image'].includes(state.view.zoom ?? null)"
+PICTURE = "document.querySelector('.stage canvas').toDataURL()"
 
 
 def box_of(screen):
@@ -34,27 +24,19 @@ def to_pixel(screen, pixel):
     return x, y
 
 
-def finished(show):
-    screen = show()
-    screen.key(" ")
-    screen.until("moment.isAnswer")
-    screen.page.wait_for_timeout(500)
-    return screen
-
-
 def changes(screen, do):
     """Whether something changes the picture, soon."""
-    before = screen.page.evaluate(PIXELS)
+    before = screen.page.evaluate(PICTURE)
     do()
     for _ in range(60):
-        if screen.page.evaluate(PIXELS) != before:
+        if screen.page.evaluate(PICTURE) != before:
             return True
         screen.page.wait_for_timeout(50)
     return False
 
 
 def test_wheel_zooms_where_the_mouse_is_and_a_double_click_fits(show):
-    screen = finished(show)
+    screen = show().finish()
     box = box_of(screen)
     x, y = box["x"] + 0.3 * box["width"], box["y"] + 0.6 * box["height"]
     screen.page.mouse.move(x, y)
@@ -62,38 +44,32 @@ def test_wheel_zooms_where_the_mouse_is_and_a_double_click_fits(show):
     under = screen.state("state.hover")
     for _ in range(4):
         screen.page.mouse.wheel(0, -200)
-    screen.until(f"{PLACE} > 3")
+    screen.until("state.view.zoom?.share > 3")
     screen.page.mouse.move(x + 1, y)
     screen.page.mouse.move(x, y)
     assert screen.state("state.hover") == pytest.approx(under, abs=1)
     screen.shot("image_zoom")
-    screen.page.mouse.down()
-    screen.page.mouse.move(x + 60, y - 40, steps=4)
-    screen.page.mouse.up()
+    screen.drag((x, y), (60, -40))
     screen.page.mouse.move(x + 61, y - 40)
     screen.page.mouse.move(x + 60, y - 40)
     assert screen.state("state.hover") == pytest.approx(under, abs=1)
     assert screen.state("state.view.pixel") is None  # A drag marks nothing.
     screen.page.mouse.dblclick(x, y)
-    screen.until(f"[null, 'image'].includes({PLACE})")
+    screen.until(FITS)
     screen.page.mouse.dblclick(x, y)
-    screen.until(f"[null, 'image'].includes({PLACE})")
+    screen.until(FITS)
     assert screen.state("state.view.pixel") is None
 
 
 def test_wipe_opacity_and_blink_show_the_model_over_the_photo(show):
-    screen = finished(show)
+    screen = show().finish()
     tools = screen.page.locator(".pane.image .tools")
     assert changes(screen, lambda: tools.locator("select").first.select_option("shaded"))
     opacity = tools.locator("input[type=range]")
     assert changes(screen, lambda: opacity.fill("0.2"))
     tools.locator("select").last.select_option("photo")
     box = box_of(screen)
-    y = box["y"] + box["height"] / 2
-    screen.page.mouse.move(box["x"] + box["width"] / 2, y)
-    screen.page.mouse.down()
-    screen.page.mouse.move(box["x"] + 0.6 * box["width"], y, steps=5)
-    screen.page.mouse.up()
+    screen.drag((box["x"] + box["width"] / 2, box["y"] + box["height"] / 2), (0.1 * box["width"], 0))
     assert screen.state("state.view.layers.at") == pytest.approx(0.6, abs=0.01)
     names = screen.page.locator(".wiped").inner_text().split("\n")
     assert names == ["photo", "shaded model"]
@@ -107,8 +83,8 @@ def test_wipe_opacity_and_blink_show_the_model_over_the_photo(show):
 
 
 def test_numbers_and_ruler_are_those_of_the_depth_image(show):
-    screen = finished(show)
-    screen.state("(await import('/web/store.js')).setView({ zoom: 'image' })")
+    screen = show().finish()
+    screen.view(zoom="image")
     observation = screen.app.debugger.space.problem.observation
     depth_m, K = observation.depth_m, observation.camera.K
     vs, us = np.nonzero(depth_m > 0)
@@ -134,7 +110,7 @@ def test_numbers_and_ruler_are_those_of_the_depth_image(show):
 
 
 def test_legend_hides_and_shows_outlines(show):
-    screen = finished(show)
+    screen = show().finish()
     legend = screen.page.locator(".legend button")
     assert legend.count() >= 3
     for button in legend.all():

@@ -1,16 +1,9 @@
-"""Links, reloads, a program that is started again, two windows, cancelling, and pages of other sites."""
+"""Links, reloads, a program that is started again, and two windows."""
 
 from __future__ import annotations
 
-import base64
-import http.client
-import time
-
-import pytest
-
 from tests.browser.tasks.conftest import SESSIONS
 from verefine_viz.page.app import App
-from verefine_viz.page.workspace import Workspace
 from verefine_viz.run.session_file import load_session
 
 PLACE = "[state.view.k, moment.obj]"
@@ -93,38 +86,3 @@ def test_program_that_is_started_again_goes_on_where_the_window_was(pages, tmp_p
         screen.until("state.view.k === 5")
     finally:
         again.stop()
-
-
-def test_cancel_leaves_everything_as_it_was(show, monkeypatch):
-    screen = show()
-    go(screen, 2)
-    first = screen.app.debugger.space.work.first
-    log = list(screen.app.debugger.log)
-
-    def slow(space, branch, settings):
-        for i in range(1200):
-            space.progress.checkpoint("Decomposing the model of mug.", i / 1200)
-            time.sleep(0.05)
-
-    monkeypatch.setattr(Workspace, "restart", slow)
-    screen.tab("settings")
-    screen.click("Restart")
-    screen.text("Decomposing the model of mug.")
-    screen.shot("cancel")
-    screen.click("Cancel")
-    screen.text("Cancelled: everything is as it was before.")
-    screen.until("state.busy.text === ''")
-    assert screen.app.debugger.space.work.first is first
-    assert screen.app.debugger.log == log
-    assert screen.state("[state.view.k, state.runs.get(state.view.branch).rows.length]") == [2, 2]
-
-
-@pytest.mark.parametrize(("origin", "status"), [("http://example.org", 403), ("", 101)])
-def test_pages_of_other_sites_are_refused(pages, origin, status):
-    app = pages.app()
-    connection = http.client.HTTPConnection("127.0.0.1", app.server.port, timeout=10)
-    key = base64.b64encode(b"0123456789abcdef").decode()
-    connection.request("GET", "/ws", headers={"Upgrade": "websocket", "Connection": "Upgrade", "Origin": origin or app.url,
-                                              "Sec-WebSocket-Key": key, "Sec-WebSocket-Version": "13"})  # fmt: skip
-    assert connection.getresponse().status == status
-    connection.close()

@@ -79,12 +79,10 @@ def test_passes_are_charted_and_maps_show_the_whole_scene(show):
 
 def test_tree_of_a_tree_search(show):
     screen = solving(show, "physim_mcts")
-    screen.key(" ")
-    screen.until("state.runs.get(state.view.branch)?.over")
+    k = 60
+    screen.app.send(p.Seek(k, screen.state("state.view.branch")))
     run = screen.app.debugger.space.work.first.run
     screen.tab("bandit")
-    k = run.length // 2
-    screen.state("(await import('/web/moment.js')).seek(arg)", k)
     screen.until("moment.k === arg", k)
     cluster = run.iterations[k - 1].tree.cluster
     steps = [i.tree for i in run.iterations[:k] if i.tree is not None and i.tree.cluster == cluster]

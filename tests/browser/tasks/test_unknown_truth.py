@@ -50,7 +50,7 @@ def test_verdict_names_the_worst_first_with_physics(app, pages):
     assert verdict["scene"]["words"] in words
     also = [o for o in verdict["objects"] if o["also_fits"]]
     for o in also:
-        screen.state("(await import('/web/store.js')).setView({ obj: arg })", o["obj"])
+        screen.view(obj=o["obj"])
         screen.until("moment.obj === arg", o["obj"])
         screen.page.locator(".legend", has_text="fits as well").wait_for()
     screen.page.get_by_title("Evidence and what to do about it").click()
@@ -75,6 +75,7 @@ def test_landscape_is_the_score_and_a_click_edits_the_pose_there(app, pages):
     screen.until("state.view.edited !== null")
     T = np.array(screen.state("state.view.edited.T")).reshape(4, 4)
     assert shown == pytest.approx(branch.final_evaluator.score(target, T).score, abs=6e-4)
+    assert screen.page.locator(".tab.landscape .curves figure").count() == 6  # To try another pose.
     screen.key("Escape")
     screen.until("state.view.edited === null")
     figure = screen.page.locator(".tab.landscape .curves figure").first

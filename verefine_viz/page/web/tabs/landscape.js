@@ -1,5 +1,5 @@
 // The score around the best pose: curves along axes, a map over two of them, and poses that fit as well.
-import { html, useMemo, useState } from "../vendor/htm-preact.js";
+import { html, useMemo, useRef, useState } from "../vendor/htm-preact.js";
 import { setView, useStore } from "../store.js";
 import { momentOf } from "../moment.js";
 import { Button, number, Select } from "../ui.js";
@@ -20,7 +20,12 @@ const colorAt = (t) => {
 
 // While a run goes on its best pose changes all the time: it is scored around where that is asked for.
 export function render() {
-  const moment = useStore(momentOf);
+  const [now, edits] = useStore((s) => [momentOf(s), Boolean(s.view.edited)]);
+  // While a pose is edited, what the tab showed before stays, to choose another one in.
+  const before = useRef(null);
+  const stays = edits && before.current && ["branch", "obj", "k"].every((name) => before.current[name] === now[name]);
+  const moment = stays ? before.current : now;
+  if (!edits) before.current = now;
   const pose = `${moment.branch} ${moment.obj} ${moment.best.arm} ${moment.best.k} ${moment.best.stage}`;
   const [asked, setAsked] = useState(null);
   const wanted = moment.isAnswer || asked === pose;
