@@ -62,9 +62,10 @@ class Screen:
         )
 
     def until(self, expression: str, arg: object = None) -> None:
-        """Wait until an expression about the page's state holds."""
+        """Wait until an expression about the page's state holds, and is drawn."""
         for _ in range(SLOW_MS // 50):
             if self.state(expression, arg):
+                self.page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
                 return
             self.page.wait_for_timeout(50)
         raise AssertionError(f"it never held: {expression}; the view is {self.state('state.view')}")

@@ -47,4 +47,5 @@ def test_click_on_a_hypothesis_puts_it_in_focus(show):
     screen.page.get_by_role("button", name="0.2", exact=True).click()  # A what-if of the bonus's weight.
     screen.until("state.branches.length === 2 && state.runs.get(state.branches[1].index)?.over")
     assert list(screen.app.debugger.space.branches.values())[1].settings.method.exploration == 0.2
+    screen.text("instead of 0.2?")
     screen.shot("bandit_what_if")

@@ -1,9 +1,10 @@
 // The bandit as it was when it chose: mean and bonus of every hypothesis; passes of a scene; the tree of a tree search.
 import { html, useMemo, useState } from "../vendor/htm-preact.js";
-import { send, setView, useStore } from "../store.js";
+import { send, setView, state, useStore } from "../store.js";
 import { armColor, momentOf, rampColor, rowsOf, seek, STAGE_COLORS } from "../moment.js";
 import { Button, number, Select, Swatch } from "../ui.js";
 import { Chart } from "../charts.js";
+import { settingsOf } from "./setting.js";
 import { Tree, treeAt } from "./tree.js";
 
 export const title = "Bandit";
@@ -46,7 +47,8 @@ function armsOf(moment, choice, shown) {
 
 function Arms({ moment }) {
   const [order, setOrder] = useState("index");
-  const settings = useStore((s) => s.frame.choices.settings);
+  const branches = useStore((s) => s.branches);
+  const settings = useMemo(() => settingsOf(state, moment.branch), [branches, moment.branch]);
   const { shown, choice } = choiceOf(moment);
   const arms = armsOf(moment, choice, shown);
   const key = { index: (a) => a.j, ucb: (a) => -(a.ucb ?? a.mean ?? 0), plays: (a) => -a.plays, err: (a) => a.err ?? Infinity }[order];
