@@ -19,7 +19,7 @@ SHOTS = Path(__file__).parent / "shots"
 TAKES_SHOTS = bool(os.environ.get("SHOTS"))
 """Whether a picture of every task is written for a person to look at: ``SHOTS=1 pytest -m browser``."""
 SIZE = {"width": 1280, "height": 800}
-SESSIONS = Path(__file__).resolve().parents[3] / "sessions"
+SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
 SLOW_MS = 60_000
 """Software WebGL freezes the page while it compiles shaders."""
 

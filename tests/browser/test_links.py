@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.browser.tasks.conftest import SESSIONS
+from tests.browser.conftest import SESSIONS
 from verefine_viz.page.app import App
 from verefine_viz.run.session_file import load_session
 

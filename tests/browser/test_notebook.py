@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.browser.tasks.conftest import SESSIONS, SIZE, SLOW_MS
+from tests.browser.conftest import SESSIONS, SIZE, SLOW_MS
 from verefine_viz.recording.rerun_viewer import free_port
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture

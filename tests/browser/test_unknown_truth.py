@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.browser.tasks.conftest import SESSIONS, Pages, Screen
+from tests.browser.conftest import SESSIONS, Pages, Screen
 from verefine_viz.page.app import App
 from verefine_viz.run.session_file import changed, load_session
 
