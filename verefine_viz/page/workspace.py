@@ -308,7 +308,7 @@ class Workspace:
             ids = {i.instance_id for i in problem.instances}
             problem = tools.problem(self.frame)
             problem = problem.only([i.instance_id for i in problem.instances if i.instance_id in ids])
-        return self._add(self._new(f"B: {_listed(settings) or 'same settings'}", tools, problem))
+        return self._add(self._new(_listed(settings) or "same settings", tools, problem))
 
     def recorded(self, path: Path) -> Branch:
         """Read a recorded run of the open frame as a branch.

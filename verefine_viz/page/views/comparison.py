@@ -69,8 +69,7 @@ def names_of(a: Branch, b: Branch) -> tuple[str, str]:
             for name, both in [*changed.items()][:2]
         ]
     if not pairs:
-        name_a, name_b = (side.name.removeprefix("B: ") for side in (a, b))
-        return name_a, name_b if name_b != name_a else f"{name_b} (2)"
+        return a.name, b.name if b.name != a.name else f"{b.name} (2)"
     name_a, name_b = (
         ", ".join((*parts, side.recording.name) if side.recording else parts)
         for parts, side in zip(zip(*pairs, strict=True), (a, b), strict=True)

@@ -108,7 +108,9 @@ function Going({ moment }) {
   const first = k ? [] : edits.filter((e) => e.k === 0).map((e) => editWords(e, state.frame.objects));
   const text = stage ? row.stages.find((s) => s.name === stage)?.text : row?.text;
   const place = stage && `stage ${stages.indexOf(stage) + 1} of ${stages.length}: ${stage}`;
-  let words = `works on another object; ${object.label} is shown as it is by now`;
+  const edited = state.view.edited;
+  let words = edited ? `the pose of hypothesis ${edited.arm + 1} of ${object.label} is being edited`
+    : `works on another object; ${object.label} is shown as it is by now`;
   if (k === 0) {
     const n = state.frame.objects.length;
     words = `${n > 1 ? `${n} objects` : object.label}, ${arms.length} hypothes${arms.length === 1 ? "is" : "es"}`;
