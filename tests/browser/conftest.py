@@ -168,7 +168,7 @@ def show(pages: Pages) -> Callable[..., Screen]:
 
     def opened(session: str = "mug", link: str = "", size: dict[str, int] | None = None) -> Screen:
         app = pages.app(session)
-        app.send(Restart(min(app.debugger.space.branches)))
+        app.send(Restart(min(app.debugger.space.branches), discard=True))
         app.wait_until_idle(60)
         return pages.show(app, link, size)
 

@@ -12,7 +12,7 @@ def solving(show, method):
     """A window of the clutter, restarted with a method that solves scenes."""
     screen = show("clutter")
     app = screen.app
-    app.send(p.Restart(min(app.debugger.space.branches), {"method.name": method, "method.iterations": 1}))
+    app.send(p.Restart(min(app.debugger.space.branches), {"method.name": method, "method.iterations": 1}, True))
     app.wait_until_idle(60)
     screen.until("state.branches[0].method === arg && state.runs.get(state.view.branch)?.rows.length === 0", method)
     return screen

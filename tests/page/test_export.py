@@ -18,8 +18,8 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
 from verefine_viz.page import protocol as p
 from verefine_viz.page.app import App
-from verefine_viz.page.export import Exporter, NotReplacedError
-from verefine_viz.page.protocol import read_verb
+from verefine_viz.page.export import Exporter
+from verefine_viz.page.protocol import UnconfirmedError, read_verb
 from verefine_viz.page.replay_verbs import carry_out
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
@@ -42,7 +42,7 @@ def debugger(tmp_path: Path, posted: Posted) -> Debugger:
 
 def test_another_session_stays_until_the_user_insists(debugger: Debugger, tmp_path: Path):
     theirs = tmp_path / "theirs.toml"
-    with pytest.raises(NotReplacedError, match="another session, “other”") as refused:
+    with pytest.raises(UnconfirmedError, match="another session, “other”") as refused:
         debugger.carry_out([p.Save("session", name="theirs")])
     assert load_session(theirs).title == "other"
     verb = read_verb(json.dumps(refused.value.offer["verb"]))
@@ -54,16 +54,16 @@ def test_a_pose_that_the_branch_lacks_stays_until_the_user_insists(debugger: Deb
     mine = p.Save("session", name="mine", branch=1)
     debugger.carry_out([p.Step(), p.Fork(1, edit=EDIT), mine])
     assert len(load_session(tmp_path / "mine.toml").edits) == 1
-    with pytest.raises(NotReplacedError, match=r"another branch, “hypothesis 1 edited.*”, with 1 edited pose that"):
+    with pytest.raises(UnconfirmedError, match=r"another branch, “hypothesis 1 edited.*”, with 1 edited pose that"):
         debugger.carry_out([p.Save("session", name="mine", branch=0)])
-    debugger.carry_out([p.Restart()])
-    with pytest.raises(NotReplacedError, match="holds 1 edited pose that this branch does not have"):
+    debugger.carry_out([p.Restart(discard=True)])
+    with pytest.raises(UnconfirmedError, match="holds 1 edited pose that this branch does not have"):
         debugger.carry_out([p.Save("session", name="mine", branch=2)])
 
 
 def test_a_changed_session_gets_the_name_of_its_new_file_as_title(debugger: Debugger, tmp_path: Path):
     save = [p.Save("session", name=name) for name in ("copy", "longer")]
-    debugger.carry_out([save[0], p.Restart(changes={"method.iterations": 4})])
+    debugger.carry_out([save[0], p.Restart(changes={"method.iterations": 4}, discard=True)])
     debugger.carry_out([p.Save("session", name="longer", branch=debugger.space.work.first.index)])
     assert [load_session(tmp_path / f"{name}.toml").title for name in ("copy", "longer")] == ["mine", "longer"]
 
@@ -148,5 +148,5 @@ def test_the_log_carried_out_again_gives_the_same_records(debugger: Debugger, po
             debugger.tick()
     assert debugger.is_running
     check()
-    debugger.carry_out([p.Restart(5, {"method.iterations": 4}), p.Step(6), p.Order(6, reset=True), p.Step(7)])
+    debugger.carry_out([p.Restart(5, {"method.iterations": 4}, True), p.Step(6), p.Order(6, reset=True), p.Step(7)])
     check()

@@ -76,7 +76,7 @@ def test_a_frame_from_its_run_file_can_be_forked_and_restarted(gallery: Gallery,
     answer, length = recorded.run.final_state.best[0].T_cam_obj, recorded.run.length
     for one, other in zip(recorded.run.iterations[:2], fork.run.iterations[:2], strict=True):
         assert np.array_equal(one.accepted_stage.T_cam_obj, other.accepted_stage.T_cam_obj)
-    d.carry_out([p.Restart(recorded.index)])
+    d.carry_out([p.Restart(recorded.index, discard=True)])
     assert d.space.work.first.run.length == 0
     d.carry_out([p.Run(d.space.work.first.index)])
     run = d.space.work.first.run

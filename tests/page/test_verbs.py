@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -47,6 +49,15 @@ def test_run_from_the_page_equals_a_headless_one(debugger: Debugger, posted: Pos
         assert row["stages"][-1]["T"] == iteration.stages[-1].T_cam_obj.ravel().tolist()
         assert [s["score"] for s in row["stages"]] == [s.score and s.score.score for s in iteration.stages]
     assert posted.of("verdict")[-1]["objects"][0]["score"] == run.final_state.best[0].score.score
+
+
+def test_restart_that_discards_branches_asks_first(debugger: Debugger):
+    debugger.carry_out([p.Step(), p.Fork(1)])
+    with pytest.raises(p.UnconfirmedError, match="discards 1 other branch") as refused:
+        debugger.carry_out([p.Restart()])
+    assert len(debugger.space.branches) == 2
+    debugger.carry_out([read_verb(json.dumps(refused.value.offer["verb"]))])
+    assert len(debugger.space.branches) == 1
 
 
 def test_fork_shares_iterations_and_goes_on_from_the_edited_pose(debugger: Debugger):
@@ -103,7 +114,7 @@ verbs = st.one_of(
     st.builds(p.Seek, st.integers(0, 9), st.integers(0, 3)),
     st.builds(p.Fork, st.integers(0, 9), st.integers(0, 3), st.sampled_from([{}, {"method.exploration": 0.5}])),
     st.builds(_edited, st.integers(0, 5), st.integers(0, 3), st.integers(0, 2)),
-    st.builds(p.Restart, st.integers(0, 1), st.sampled_from([{}, {"score.tau_m": 0.01}])),
+    st.builds(p.Restart, st.integers(0, 1), st.sampled_from([{}, {"score.tau_m": 0.01}]), st.booleans()),
     st.builds(lambda changes: p.Compare(changes=changes), st.sampled_from([{}, {"method.name": "sir"}])),
     st.builds(lambda frame: p.Open(frame=frame), st.sampled_from(["0/1", "0/2"])),
     st.builds(lambda stop: p.Break({"arm_switched": stop}), st.booleans()),
@@ -136,6 +147,6 @@ def test_unknown_fields_and_wrong_types_are_refused():
 def test_breakpoint_stops_a_run_and_says_where(debugger: Debugger, posted: Posted):
     debugger.carry_out([p.Break({"simulated_rejected": True}), p.Run()])
     branch = debugger.space.work.first
-    stopped = [m["text"] for m in posted.of("note") if "Breakpoint" in m["text"]]
-    assert branch.run.is_done or f"iteration {branch.run.length}:" in stopped[-1]
+    stopped = posted.of("running")[-1]["stopped"]
+    assert branch.run.is_done or f"iteration {branch.run.length}:" in stopped
     assert posted.of("running")[-1]["branch"] is None

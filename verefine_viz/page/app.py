@@ -95,6 +95,7 @@ class App:
                 self._thumbnail,
                 lambda name: self._write.file(name),
                 proxy.routes(self.viser.get_port()),
+                self._closed,
             )
         except VerefineError:
             self.viser.stop()
@@ -184,6 +185,9 @@ class App:
 
     def _receive(self, window: int, verb: AnyVerb | None) -> None:
         self.jobs.put(Job(window, verb))
+
+    def _closed(self, window: int) -> None:
+        self.jobs.put(Job(window, lambda: self.debugger.farewell(window)))
 
     def _thumbnail(self, number: int) -> Future[bytes] | None:
         """Begin to make the picture of an answer; None = there is no such answer."""

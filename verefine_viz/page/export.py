@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import msgspec
 from msgspec import structs
 from PIL import Image
 
@@ -21,7 +20,7 @@ from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.maps_sheet import maps_sheet
-from verefine_viz.page.protocol import AnyVerb, Save, write_verb
+from verefine_viz.page.protocol import AnyVerb, Save, UnconfirmedError, write_verb
 from verefine_viz.page.saved_session import Saved, savable
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
@@ -30,14 +29,6 @@ from verefine_viz.run.session_file import load_session, save_session
 
 _NAME = re.compile(r"[\w][\w .-]{0,79}")
 ENDINGS = {"recording": ".rrd", "scene": ".html", "results": ".csv", "maps": "_maps.png", "verbs": "_verbs.jsonl"}
-
-
-class NotReplacedError(InputError):
-    """A file holds something that would be lost. ``offer`` replaces it: words and a verb."""
-
-    def __init__(self, text: str, verb: Save) -> None:
-        super().__init__(text)
-        self.offer = {"words": "Replace it", "verb": msgspec.to_builtins(structs.replace(verb, replace=True))}
 
 
 class Exporter:
@@ -259,13 +250,14 @@ def refuse_loss(path: Path, session: Session, branch: Branch, space: Workspace, 
     """Pass where the file at ``path`` holds nothing that would be lost if ``session``, of ``branch``, replaced it.
 
     Raises:
-        NotReplacedError: it does.
+        UnconfirmedError: it does.
     """
     what = "something that is no session"
     with suppress(VerefineError):
         what = _lost(load_session(path), space.files.get(path.resolve()), session, branch, space)
     if what:
-        raise NotReplacedError(f"{path} holds {what}. Nothing was written: choose another name, or replace it.", verb)
+        text = f"{path} holds {what}. Nothing was written: choose another name, or replace it."
+        raise UnconfirmedError(text, "Replace it", structs.replace(verb, replace=True))
 
 
 def _lost(there: Session, saved: Saved | None, session: Session, branch: Branch, space: Workspace) -> str:

@@ -18,6 +18,20 @@ Changes = dict[Text, Any]
 MOST_POSES = 4096
 
 
+class UnconfirmedError(InputError):
+    """Something would be lost: nothing was done.
+
+    Args:
+        text: what would be lost.
+        words: of the button that does it all the same.
+        verb: what the button sends.
+    """
+
+    def __init__(self, text: str, words: str, verb: Verb) -> None:
+        super().__init__(text)
+        self.offer = {"words": words, "verb": msgspec.to_builtins(verb)}
+
+
 class Verb(Struct, forbid_unknown_fields=True, tag_field="verb", tag=str.lower):
     """Something that a window asks the server to do."""
 
@@ -98,6 +112,8 @@ class Restart(Verb):
 
     branch: Index = 0
     changes: Changes = {}
+    discard: bool = False
+    """Whether other branches, and poses that were edited, may be lost."""
 
 
 class Fork(Verb):
@@ -167,6 +183,8 @@ class Order(Verb):
     drop: tuple[int, bool] | None = None
     """(number of an unknown object, whether it stops nothing)."""
     reset: bool = False
+    discard: bool = False
+    """As of ``Restart``."""
 
 
 class Evaluate(Verb):

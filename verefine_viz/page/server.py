@@ -71,6 +71,7 @@ class PageServer:
         thumbnail: begins to make the small picture of an answer of the gallery (WebP); None = there is none.
         file: gives the file of a name that this program wrote, to download; None = it wrote none.
         routes: further routes, such as the 3D view's.
+        closed: gets the number of a window that was closed, on the server's thread.
 
     Raises:
         SettingsError: an allowed origin is none.
@@ -87,7 +88,9 @@ class PageServer:
         thumbnail: Callable[[int], Future[bytes] | None] = lambda number: None,
         file: Callable[[str], Path | None] = lambda name: None,
         routes: Sequence[BaseRoute] = (),
+        closed: Callable[[int], None] = lambda window: None,
     ) -> None:
+        self._closed = closed
         self._receive, self._blobs, self._thumbnail, self._file = receive, blobs, thumbnail, file
         self._windows: dict[int, Window] = {}
         self._numbers = count(1)
@@ -174,6 +177,7 @@ class PageServer:
         finally:
             del self._windows[window.number]
             sending.cancel()
+            self._closed(window.number)
 
     async def _listen(self, socket: WebSocket, window: Window) -> None:
         faults = 0

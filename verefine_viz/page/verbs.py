@@ -112,6 +112,8 @@ class Debugger:
         self.enter_run(gallery.worst.run if gallery is not None else "")
         self.goals: dict[int, Goal] = {}
         """What is computed, by branch; in turns where there are several."""
+        self.stopped = ""
+        """The breakpoint at which a run stopped last; "" once one goes on."""
         self.log: list[AnyVerb] = []
         """Verbs that changed a record; carried out again they give the same records."""
         self.look: p.Look | None = None
@@ -136,6 +138,8 @@ class Debugger:
             VerefineError: it cannot be done; everything is as before.
             Cancelled: it is no longer wanted; everything is as before.
         """
+        if isinstance(verb, (p.Restart, p.Order)):
+            _check_nothing_is_lost(self, self.space.branch(verb.branch), verb)
         if isinstance(verb, _NEW_RUNS):
             self.pause()
         is_logged = not isinstance(verb, _NOT_LOGGED)
@@ -162,7 +166,7 @@ class Debugger:
 
     def compute(self, goal: Goal) -> None:
         """Have a branch computed to a goal, beside what is computed already."""
-        self.goals[goal.branch.index] = goal
+        self.goals[goal.branch.index], self.stopped = goal, ""
 
     def tick(self) -> None:
         """Compute one iteration of the branch whose turn it is."""
@@ -177,8 +181,8 @@ class Debugger:
             goal.seconds.append(perf_counter() - began)
             reasons = hits(self.space.breakpoints, run.problem, iteration) if goal.k is None else ()
             if reasons and not run.is_done:
+                self.stopped = f"Breakpoint at iteration {iteration.index}: {'; '.join(reasons)}"
                 self.pause(index)
-                self.say(f"Breakpoint at iteration {iteration.index}: {'; '.join(reasons)}")
                 return
             if goal.until == "event" and iteration.index in jumps(goal.branch.marks()):
                 self.pause(index)
@@ -270,6 +274,12 @@ class Debugger:
         self.announce_running(window)
         self.post({"t": "scene3d", "window": self.look_window}, window)
 
+    def farewell(self, window: int) -> None:
+        """Note that a window is closed: the 3D view is free for another one."""
+        if window == self.look_window:
+            self.look_window = None
+            self.post({"t": "scene3d", "window": None}, None)
+
     def say(self, text: str, window: int | None = None) -> None:
         """Show a few words."""
         self.post({"t": "note", "text": text}, window)
@@ -307,6 +317,7 @@ class Debugger:
         running = {
             "branch": next(iter(self.goals), None),
             "branches": list(self.goals),
+            "stopped": self.stopped,
             "remaining_s": sum(s for s in left if s is not None) if any(s is not None for s in left) else None,
         }
         self.post({"t": "running", **running}, window)
@@ -435,6 +446,16 @@ def _restart(d: Debugger, verb: p.Restart, window: int | None) -> None:
         d.say("The settings changed on the way now hold from iteration 1 on.")
     if lost:
         d.say(f"{lost} edited pose{'s are' if lost > 1 else ' is'} not moved again.")
+
+
+def _check_nothing_is_lost(d: Debugger, branch: Branch, verb: p.Restart | p.Order) -> None:
+    """Refuse a restart that discards other branches or edited poses, unless it was confirmed."""
+    n_others, n_edits = len(d.space.branches) - 1, len(branch.run.edits) - len(branch.start.edits)
+    lost = [f"{n_others} other branch{'es' if n_others > 1 else ''}"] if n_others else []
+    lost += [f"{n_edits} edited pose{'s' if n_edits > 1 else ''}"] if n_edits > 0 else []
+    if lost and not verb.discard:
+        text = f"A restart discards {' and '.join(lost)} of this frame."
+        raise p.UnconfirmedError(text, "Restart all the same", replace(verb, discard=True))
 
 
 def _fork(d: Debugger, verb: p.Fork, window: int | None) -> None:

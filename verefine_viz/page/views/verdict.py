@@ -124,8 +124,12 @@ def _object(branch: Branch, o: FinishedObject, batch: Any | None) -> Json:
     refiner = branch.run.method_of(branch.run.length).refiner
     named = list(signs(o, branch.settings, refiner))
     findings = [_finding(sign, branch) for sign in named]
-    if batch is not None and batch.cause and batch.cause not in [f["cause"] for f in findings]:
-        findings.insert(0, _of_batch(batch))
+    if batch is not None and batch.cause:
+        same = [finding for finding in findings if finding["cause"] == batch.cause]
+        for finding in same:  # The gallery opens that iteration.
+            finding["k"] = batch.worst_iteration if batch.worst_iteration is not None else finding["k"]
+        if not same:
+            findings.insert(0, _of_batch(batch))
     also = _also_fits(o)
     tone, words = _words(branch, o, named, also is not None)
     if batch is not None and batch.cause and o.is_wrong and not branch.doubts():

@@ -52,6 +52,7 @@ function Controls() {
         ? html`<${StageDots} stages=${stages} stage=${stage} accepted=${row.accepted} />`
         : k === 0 ? "initial poses" : `latest of ${moment.object.label}: ${row ? row.k : "none"}`}</span>
     <span class="spring" />
+    ${running.stopped && html`<span class="stopped" title=${running.stopped}>${running.stopped}</span>`}
     ${running.branch != null && running.remaining_s != null && html`<span
       class="dim">${Math.ceil(running.remaining_s)} s left</span>`}
     <${Marks} />

@@ -75,7 +75,7 @@ function Opener({ frame }) {
 
 function Words({ moment }) {
   const [verdict, chosen] = useStore((s) => [s.verdicts.get(s.view.branch), s.view.obj]);
-  if (!moment.isAnswer || !verdict?.objects.length) return html`<${Going} moment=${moment} />`;
+  if (!verdict?.objects.length || state.view.edited) return html`<${Going} moment=${moment} />`;
   const outcome = (chosen != null && verdict.objects.find((o) => o.obj === chosen))
     || verdict.objects.find((o) => o.obj === moment.obj)
     || worstOf(verdict);
@@ -95,17 +95,21 @@ function Words({ moment }) {
         title="another pose explains the depth equally well; both are drawn">also fits elsewhere</span>`}
       <${Why} verdict=${verdict} first=${outcome.obj} n=${findings} />
     </div>
-    <div class="second">${several && verdict.scene?.words ? html`<span
-      class="scene">${verdict.scene.words}</span>` : ""}<span title=${outcome.words}>${
-      capital(outcome.words)}</span></div>
+    <div class="second">${moment.isAnswer ? html`${several && verdict.scene?.words ? html`<span
+      class="scene">${verdict.scene.words}</span>` : ""}<span title=${outcome.words}>${capital(outcome.words)}</span>`
+      : html`<${Here} moment=${moment} />`}</div>
   </div>`;
 }
 
-// What happened at the cursor, while nothing is decided.
-function Going({ moment }) {
+// Below the verdict, what happened at the cursor.
+function Here({ moment }) {
+  const { head, words, text } = goingWords(moment);
+  return html`<span title=${text}><b>${head}</b> ${words}</span>`;
+}
+
+// What happened at the cursor.
+function goingWords(moment) {
   const { k, row, isCurrent, stage, stages, arms, object, best } = moment;
-  const edits = useStore((s) => s.branches.find((b) => b.index === moment.branch)?.edits) ?? [];
-  const first = k ? [] : edits.filter((e) => e.k === 0).map((e) => editWords(e, state.frame.objects));
   const text = stage ? row.stages.find((s) => s.name === stage)?.text : row?.text;
   const place = stage && `stage ${stages.indexOf(stage) + 1} of ${stages.length}: ${stage}`;
   const edited = state.view.edited;
@@ -115,10 +119,18 @@ function Going({ moment }) {
     const n = state.frame.objects.length;
     words = `${n > 1 ? `${n} objects` : object.label}, ${arms.length} hypothes${arms.length === 1 ? "is" : "es"}`;
     if (best?.score != null) words += `, best initial score ${number(best.score)}`;
-  } else if (isCurrent) words = stage ? `hypothesis ${row.arm + 1} of ${arms.length} · ${place}` : row.brief;
+  } else if (isCurrent && !edited) words = stage ? `hypothesis ${row.arm + 1} of ${arms.length} · ${place}` : row.brief;
+  return { head: k ? `Iteration ${k}` : moment.over ? "Before iteration 1" : "Ready", words, text };
+}
+
+// While nothing is decided.
+function Going({ moment }) {
+  const edits = useStore((s) => s.branches.find((b) => b.index === moment.branch)?.edits) ?? [];
+  const first = moment.k ? [] : edits.filter((e) => e.k === 0).map((e) => editWords(e, state.frame.objects));
+  const { head, words, text } = goingWords(moment);
   return html`<div class="words going" title=${text}>
-    <div class="first"><b>${k ? `Iteration ${k}` : "Ready"}</b> <span>${words}</span></div>
-    <div class="second">${(moment.over && moment.run.missing) || text || first.join("; ") || object.left_out || ""}</div>
+    <div class="first"><b>${head}</b> <span>${words}</span></div>
+    <div class="second">${(moment.over && moment.run.missing) || text || first.join("; ") || moment.object.left_out || ""}</div>
   </div>`;
 }
 
