@@ -83,29 +83,24 @@ class App:
         self.blobs, self.jobs = Blobs(), Jobs()
         self._thumbnails: Thumbnails | None = None
         self._watching: threading.Thread | None = None
-        self.viser = Viser3DServer()
-        self.scene = Scene3D(self.viser, self._from_scene)
-        try:
-            self.server = PageServer(
-                host,
-                port,
-                allowed_origins,
-                self._receive,
-                self.blobs,
-                self._thumbnail,
-                lambda name: self._write.file(name),
-                proxy.routes(self.viser.get_port()),
-                self._closed,
-            )
-        except VerefineError:
-            self.viser.stop()
-            raise
+        self.server = PageServer(
+            host,
+            port,
+            allowed_origins,
+            self._receive,
+            self.blobs,
+            self._thumbnail,
+            lambda name: self._write.file(name),
+            self._closed,
+        )
         self.worker = Worker(self.jobs, self.server.post, self._open)
-        self._write = Exporter(self._folder, self.worker.progress, self.scene.export)
 
     def start(self) -> App:
         """Listen, and open the session on the worker thread; the page says so meanwhile."""
-        self.server.start()
+        self.viser = Viser3DServer()
+        self.scene = Scene3D(self.viser, self._from_scene)
+        self._write = Exporter(self._folder, self.worker.progress, self.scene.export)
+        self.server.start(proxy.routes(self.viser.get_port()))
         self.worker.thread.start()
         return self
 

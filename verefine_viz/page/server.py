@@ -70,7 +70,6 @@ class PageServer:
         blobs: binary arrays by key.
         thumbnail: begins to make the small picture of an answer of the gallery (WebP); None = there is none.
         file: gives the file of a name that this program wrote, to download; None = it wrote none.
-        routes: further routes, such as the 3D view's.
         closed: gets the number of a window that was closed, on the server's thread.
 
     Raises:
@@ -87,7 +86,6 @@ class PageServer:
         blobs: Blobs,
         thumbnail: Callable[[int], Future[bytes] | None] = lambda number: None,
         file: Callable[[str], Path | None] = lambda name: None,
-        routes: Sequence[BaseRoute] = (),
         closed: Callable[[int], None] = lambda window: None,
     ) -> None:
         self._closed = closed
@@ -102,7 +100,7 @@ class PageServer:
                 "%s is no loopback address: all who reach it can use the page; for remote use prefer 127.0.0.1 and "
                 "ssh -L %d:127.0.0.1:%d", host, self.port, self.port,
             )  # fmt: skip
-        app = Starlette(
+        self._app = Starlette(
             routes=[
                 Route("/", lambda request: FileResponse(WEB / "index.html", headers={"cache-control": "no-cache"})),
                 Route("/blob/{key}", self._blob),
@@ -110,11 +108,10 @@ class PageServer:
                 Route("/file/{name}", self._written),
                 WebSocketRoute("/ws", self._talk),
                 Mount("/web", _Files(directory=WEB)),
-                *routes,
             ]
         )
         config = uvicorn.Config(
-            Guard(app, admission, lambda: self.port),
+            Guard(self._app, admission, lambda: self.port),
             log_config=None, access_log=False, lifespan="off", ws="websockets-sansio", ws_max_size=4 * 1024**2,
             timeout_graceful_shutdown=1,
         )  # fmt: skip
@@ -128,8 +125,9 @@ class PageServer:
         """What to type into a browser on this machine."""
         return f"http://{in_url(reached_at(self.host))}:{self.port}"
 
-    def start(self) -> None:
-        """Serve on a thread of its own."""
+    def start(self, routes: Sequence[BaseRoute] = ()) -> None:
+        """Serve on a thread of its own, with further ``routes``, such as the 3D view's."""
+        self._app.router.routes.extend(routes)
         self._thread.start()
         self._is_up.wait(timeout=20)
 
