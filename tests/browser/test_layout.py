@@ -24,7 +24,7 @@ def test_nothing_is_cut_or_overlaps_or_scrolls_sideways(show, session):
         screen.page.set_viewport_size({"width": width, "height": height})
         screen.page.wait_for_timeout(300)
         if screen.state("state.theme") != theme:
-            screen.key("t")
+            screen.key("d")
             screen.until("state.theme === arg", theme)
         for tab in screen.state(TABS) if theme == "dark" else ("score",):
             screen.tab(tab)

@@ -79,7 +79,11 @@ export const Parts = ({ parts }) => {
       title=${`${words}: ${x} (${((100 * x) / sum).toFixed(0)} %)`} />`)}</span>`;
 };
 
-export const number = (x, digits = 2) => (x == null || !Number.isFinite(x) ? "–" : x.toFixed(digits));
+export function number(x, digits = 2) {
+  if (x == null || !Number.isFinite(x)) return "–";
+  const text = x.toFixed(digits);
+  return Number(text) === 0 ? text.replace("-", "") : text; // no minus before zero
+}
 
 // columns: [{ title, hint, of(row, i) → cell, left }]; a row is clicked.
 export const Table = ({ columns, rows, onRow, current, keyOf = (r, i) => i }) => html`
