@@ -335,7 +335,7 @@ function Tools() {
   const isThere = (name) => (!MAPS[name].colour || hasColour(sides)) && (name !== "gain" || sides.b);
   const maps = Object.keys(MAPS).filter((name) => name !== "observed" && isThere(name));
   const labels = maps.map((name) => [name, MAPS[name].label]);
-  const overs = [["none", "nothing over it"], ["shaded", "shaded model"], ...labels];
+  const overs = [["none", "no overlay"], ["shaded", "shaded model"], ...labels];
   const wipes = [["off", "no wipe"], ["photo", `${state.frame.rgb ? "photo" : "depth"} | model`], ["ab", "A | B"]];
   return html`
     <${Select} title="what is laid over the picture" value=${layers.over} options=${overs}

@@ -30,7 +30,7 @@ export const ACTIONS = [
   { id: "escape", keys: ["Escape"], title: "Close, unmark, cancel", group: "Show", action: escape },
 ];
 
-const NAMES = { ArrowLeft: "←", ArrowRight: "→", " ": "Space", Escape: "Esc", "Ctrl+k": "Ctrl+K" };
+const NAMES = { ArrowLeft: "←", ArrowRight: "→", ArrowUp: "↑", ArrowDown: "↓", " ": "Space", Escape: "Esc", "Ctrl+k": "Ctrl+K" };
 export const keyName = (key) => NAMES[key]
   ?? (/^[A-Z]$/.test(key) ? `Shift+${key}` : key.length === 1 ? key.toUpperCase() : key);
 // A button's title: what it does and its key.

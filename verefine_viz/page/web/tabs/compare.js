@@ -161,7 +161,7 @@ function Branches({ branches, moment, compare }) {
     { title: "branch", left: true, of: (b) => (renamed === b.index
       ? html`<input type="text" value=${b.name} maxlength="80" ref=${(e) => e && document.activeElement !== e && e.focus()} onClick=${(e) => e.stopPropagation()}
           onKeyDown=${(e) => (e.key === "Enter" ? rename(b, e.currentTarget.value) : e.key === "Escape" && setRenamed(null))} onBlur=${(e) => rename(b, e.currentTarget.value)} />`
-      : html`<div class="branch-name" title=${[b.name, origin(b)].filter(Boolean).join(": ")}><div>${sideOf(b)}${b.name}</div><div class="dim">${origin(b)}</div></div>`) },
+      : html`<div class="branch-name" title=${[...new Set([b.name, origin(b)])].filter(Boolean).join(": ")}><div>${sideOf(b)}${b.name}</div><div class="dim">${origin(b) === b.name ? "" : origin(b)}</div></div>`) },
     { title: "done", of: (b) => `${runOf(state, b.index).rows.length}/${runOf(state, b.index).total}` },
     { title: "score", hint: `of the best pose of ${moment.object.label}`, of: (b) => html`${number(bestOf(b.index, "score"), 3)}${
       scoreOf(b) === scoreOf(here) ? "" : html` <span title="scored by other settings than the branch that is shown: not comparable">⚠</span>`}` },

@@ -98,7 +98,7 @@ function Curve({ curve, score, edit }) {
   const digits = (v) => (Math.abs(v) < 10 ? +v.toFixed(1) : v.toFixed(0));
   return html`<figure onPointerMove=${(e) => setAt(find(e))} onPointerLeave=${() => setAt(null)} onClick=${(e) => edit(curve.poses[find(e)])}
       title=${`${curve.words}: undetermined within ${curve.width}`}>
-    <figcaption><span>${curve.words}</span><b>${curve.width}</b></figcaption>
+    <figcaption><span>${shortOf(curve.words)}</span><b>${curve.width}</b></figcaption>
     <div class="scores"><span title="score">1</span><span title="score">0</span></div>
     <svg viewBox=${`0 0 ${W} ${H}`} preserveAspectRatio="none">
       <polygon class="noise" points=${band} /><rect class="undetermined" x=${from} y="0" width=${Math.max(to - from, 0.6)} height=${H} />
@@ -106,7 +106,7 @@ function Curve({ curve, score, edit }) {
       <polyline points=${line} />
       ${at != null && html`<line class="at" x1=${x(at)} x2=${x(at)} y1="0" y2=${H} />`}
     </svg>
-    <div class="ends"><span>${digits(offsets[0])}</span><span>${at == null ? curve.unit : html`<b>${offsets[at] > 0 ? "+" : ""}${digits(offsets[at])} ${curve.unit}: ${number(scores[at], 3)}</b>`}</span><span>${digits(offsets[n - 1])}</span></div>
+    <div class="ends"><span>${`${digits(offsets[0])}`.replace("-", "−")}</span><span>${at == null ? curve.unit : html`<b>${offsets[at] > 0 ? "+" : ""}${digits(offsets[at])} ${curve.unit}: ${number(scores[at], 3)}</b>`}</span><span>${digits(offsets[n - 1])}</span></div>
   </figure>`;
 }
 
