@@ -65,7 +65,7 @@ def test_keys_in_titles_are_in_the_help(show):
         for title in titles
         for key in re.findall(r"\((?:hold )?([A-Z?0-9←→]|Space|Esc|Shift\+[A-Z]|Ctrl\+K)[,)]", title)
     }
-    assert {"S", "→", "←", "Space", "G", "T"} <= keys
+    assert {"S", "→", "←", "Space", "G", "D"} <= keys
     screen.key("?")
     shown = set(screen.page.locator(".keys kbd").all_inner_texts())
     assert {one for one in keys if not one.isdigit()} <= shown
