@@ -24,7 +24,7 @@ def test_nothing_is_cut_or_overlaps_or_scrolls_sideways(show, session):
         screen.page.set_viewport_size({"width": width, "height": height})
         screen.page.wait_for_timeout(300)
         if screen.state("state.theme") != theme:
-            screen.key("t")
+            screen.key("d")
             screen.until("state.theme === arg", theme)
         for tab in screen.state(TABS) if theme == "dark" else ("score",):
             screen.tab(tab)
@@ -65,7 +65,7 @@ def test_keys_in_titles_are_in_the_help(show):
         for title in titles
         for key in re.findall(r"\((?:hold )?([A-Z?0-9←→]|Space|Esc|Shift\+[A-Z]|Ctrl\+K)[,)]", title)
     }
-    assert {"S", "→", "←", "Space", "G", "T"} <= keys
+    assert {"S", "→", "←", "Space", "G", "D"} <= keys
     screen.key("?")
     shown = set(screen.page.locator(".keys kbd").all_inner_texts())
     assert {one for one in keys if not one.isdigit()} <= shown

@@ -59,7 +59,10 @@ def frame_message(space: Workspace, blobs: Blobs, demos: Sequence[str], sessions
         "sessions": sessions,
         "breakpoints": space.breakpoints.model_dump(),
         "choices": {
-            "methods": [{"name": name, "label": method_of(name).label} for name in ALL_METHOD_NAMES],
+            "methods": [
+                {"name": name, "label": method_of(name).label, "verifies": method_of(name).verifies}
+                for name in ALL_METHOD_NAMES
+            ],
             "refiners": list(REFINERS),
             "estimators": ESTIMATORS,
             "settings": editable_settings(branch.settings),

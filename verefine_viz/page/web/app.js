@@ -16,8 +16,8 @@ import { Gallery } from "./gallery.js";
 import { tabs, idOf } from "./tabs/all.js";
 
 function Page() {
-  const [preset, full, sizes, frame, connection] = useStore((s) =>
-    [s.view.preset, s.view.full, s.sizes, s.frame, s.connection]);
+  const [preset, full, sizes, frame, connection, busy] = useStore((s) =>
+    [s.view.preset, s.view.full, s.sizes, s.frame, s.connection, s.busy]);
   const size = sizesOf(state);
   const gallery = preset === "gallery";
   const fr = (share) => `minmax(0, ${share}fr)`;
@@ -46,7 +46,9 @@ function Page() {
     <${Toasts} />
     <${Overlay} />
     ${!frame && html`<div class="veil opening">
-      <p>${connection === "lost" ? "The server does not answer." : "Opening"}</p></div>`}
+      <p>${connection === "lost" ? "The server does not answer." : busy.text || "Opening"}</p>
+      ${connection !== "lost" && busy.text && html`<${Meter} share=${busy.share} /><div
+        class="group"><${BusyButtons} busy=${busy} /></div>`}</div>`}
   </div>`;
 }
 
@@ -73,8 +75,7 @@ function Inspector() {
   const current = tabs.find((t) => idOf(t) === tab) ?? tabs[0];
   const id = idOf(current);
   const list = tabs.map((t, i) => {
-    const hint = `${t.hint ?? t.title}${i < 9 ? ` (${i + 1})` : ""}`;
-    return { id: idOf(t), title: t.title, dim: empty.has(idOf(t)), hint };
+    return { id: idOf(t), title: t.title, dim: empty.has(idOf(t)), hint: t.hint ?? t.title, shortcut: i < 9 ? i + 1 : "" };
   });
   const why = typeof current.empty === "function" ? current.empty(state) : current.empty;
   return html`<${Tabs} tabs=${list} value=${id} onChange=${(value) => setView({ tab: value })} />
@@ -84,21 +85,15 @@ function Inspector() {
 
 // A line that is always there: what is computed, or that the server is lost.
 function Status() {
-  const [busy, connection, running, branches, branch] = useStore((s) =>
-    [s.busy, s.connection, s.running, s.branches, s.view.branch]);
+  const [busy, connection, running, branches, branch, frame] = useStore((s) =>
+    [s.busy, s.connection, s.running, s.branches, s.view.branch, s.frame]);
   const shown = branches.find((b) => b.index === branch);
   return html`<footer class=${`status ${connection === "lost" ? "lost" : ""}`}>
     <span class="doing">${connection === "lost" ? html`<${Icon}
       name="warn" />The server does not answer; it is tried again every second.`
-      : busy.text ? html`<span class="meter"><i class=${busy.share == null ? "unknown" : ""}
-        style=${{ width: busy.share == null ? "30%" : `${100 * busy.share}%` }} /></span>
-        <span>${busy.text}</span>
-        ${busy.hulls && html`<${Button} title="physics takes every model for its convex hull: no waiting"
-          onClick=${() => send({ verb: "open", hulls: true })}>Start with hulls<//>`}
-        ${busy.cancel && html`<${Button} title="everything stays as it was (Esc)"
-          onClick=${() => send({ verb: "cancel" })}>Cancel<//>`}`
-      : running.branch != null ? html`<span class="meter"><i class="unknown"
-        style=${{ width: "30%" }} /></span><span>Computing</span>` : ""}</span>
+      : !frame ? "" // the middle of the page says it
+      : busy.text ? html`<${Meter} share=${busy.share} /><span>${busy.text}</span><${BusyButtons} busy=${busy} />`
+      : running.branch != null ? html`<${Meter} /><span>Computing</span>` : ""}</span>
     <span class="spring" />
     ${branches.length > 1 && html`<span class="branches">${branches.map((b) => html`<${BranchButton} key=${b.index}
       branch=${b} on=${b.index === branch} />`)}</span>`}
@@ -106,6 +101,15 @@ function Status() {
     ${shown?.recording && html`<span class="dim" title=${shown.recording}>recording</span>`}
   </footer>`;
 }
+
+const Meter = ({ share }) => html`<span class="meter"><i class=${share == null ? "unknown" : ""}
+  style=${{ width: share == null ? "30%" : `${100 * share}%` }} /></span>`;
+
+const BusyButtons = ({ busy }) => html`
+  ${busy.hulls && html`<${Button} title="physics takes every model for its convex hull: no waiting"
+    onClick=${() => send({ verb: "open", hulls: true })}>Start with hulls<//>`}
+  ${busy.cancel && html`<${Button} title="everything stays as it was (Esc)"
+    onClick=${() => send({ verb: "cancel" })}>Cancel<//>`}`;
 
 // What is worth knowing of the frame's data.
 function Notes() {

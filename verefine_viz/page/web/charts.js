@@ -13,7 +13,7 @@ export function Chart({ series, x, xLabel = "iteration", yLabel, units = "", cur
   const live = useRef({});
   const [off, setOff] = useState(() => new Set(series.filter((s) => s.off).map((s) => s.name)));
   const [hover, setHover] = useState(null);
-  const theme = useStore((s) => s.theme);
+  const [theme, size] = useStore((s) => [s.theme, `${innerWidth} ${innerHeight}`]); // fonts follow the window
   const key = series.map((s) => s.name).join("|");
   live.current = { cursor, onSeek, lines };
 
@@ -101,7 +101,7 @@ export function Chart({ series, x, xLabel = "iteration", yLabel, units = "", cur
       observer.disconnect();
       u.destroy();
     };
-  }, [key, theme, units, yLabel, String(range), innerWidth]);
+  }, [key, theme, units, yLabel, String(range), size]);
 
   useEffect(() => plot.current.u.setData([x, ...series.map((s) => s.values)]), [x, ...series.map((s) => s.values)]);
   useEffect(() => plot.current.place(plot.current.u), [cursor]);

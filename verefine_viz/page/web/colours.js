@@ -38,7 +38,7 @@ export function table(anchors) {
 export const gradient = (anchors) => `linear-gradient(to right, ${anchors.map((c) => `rgb(${c})`).join(", ")})`;
 
 // What each map shows. `of(side)`: its array. `factor`: from the array's unit to the one shown. `range(side)`: the ends
-// of the scale; but for `gain` the same colour means the same number at every pose. `where(side)`: an array that is 0
+// of the scale: the same colour means the same number at every pose. `where(side)`: an array that is 0
 // where there is no value. `shared`: one for A and B. `colour`: only where colour counts. `ends`: words at the ends.
 const depth = (side) => side.scale.depth;
 export const MAPS = {
@@ -73,8 +73,8 @@ export const MAPS = {
   },
   gain: {
     label: "gain of B", digits: 2, sign: true, anchors: MAGENTA_GREEN, ends: ["A", "B"], shared: true,
-    hint: "what a pixel adds to the score, B − A: green, B is better there; magenta, A is",
-    range: (side) => [-side.largest, side.largest], of: (side) => side.arrays.gain,
+    hint: "½ (f_d + f_n) of B less that of A, −1 to +1: green, B fits better there; magenta, A does",
+    range: () => [-1, 1], of: (side) => side.arrays.gain,
   },
   observed_rgb: {
     label: "image colour", hint: "the image as the colour term sees it, smoothed", rgb: true, colour: true,
@@ -127,52 +127,36 @@ export function valueText(map, value) {
   if (value == null) return "–";
   if (typeof value === "string") return value;
   if (Array.isArray(value)) return value.join(" ");
-  return `${map.sign && value > 0 ? "+" : ""}${value.toFixed(map.digits)}`.replace("-", "−");
+  const text = value.toFixed(map.digits);
+  if (Number(text) === 0) return text.replace("-", "");
+  return `${map.sign && value > 0 ? "+" : ""}${text}`.replace("-", "−");
 }
 
 // Labels at the low end, the middle and the high end of a scale.
 export function ticks(map, side) {
   const [low, high] = map.range(side);
-  if (map.ends) return [`${map.ends[0]} +${high}`, "0", `${map.ends[1]} +${high}`];
+  if (map.ends) return [`${map.ends[0]} −${high}`, "0", `${map.ends[1]} +${high}`];
   return [low, (low + high) / 2, high].map((x) => `${Number(x.toFixed(3))}`.replace("-", "−"));
 }
 
-// What each pixel adds to the score of B less what it adds to that of A, over the part that holds both. In units of one
-// pixel's whole share (of the larger N), so that ±1 is a pixel that fits in one and not at all in the other. `largest`
-// is the end of the scale: two in a hundred pixels exceed it.
+// The fit ½ (f_d + f_n) of each pixel at B less that at A, over the part that holds both; 0 where a pixel does not count.
 export function gainOf(a, b) {
   const u0 = Math.min(a.region[0], b.region[0]);
   const v0 = Math.min(a.region[1], b.region[1]);
   const w = Math.max(a.region[0] + a.region[2], b.region[0] + b.region[2]) - u0;
   const h = Math.max(a.region[1] + a.region[3], b.region[1] + b.region[3]) - v0;
   const gain = new Float32Array(w * h).fill(NaN);
-  const most = Math.max(a.score.n, b.score.n, 1);
-  for (const [side, sign] of [[a, -1], [b, 1]]) {
+  for (const [side, sign] of [[a, -0.5], [b, 0.5]]) {
     const [u, v, width, height] = side.region;
-    const { f_d, f_n, counted, correlation } = side.arrays;
-    const weight = correlation && side.score.colour_fit > 0 ? side.scale.colour_weight : 0;
-    const coloured = weight ? correlation.reduce((n, x) => n + (x === x), 0) : 0;
-    const fit = ((1 - (correlation ? side.scale.colour_weight : 0)) * 0.5 * sign * most) / Math.max(side.score.n, 1);
-    const colour = (weight * sign * most) / Math.max(coloured, 1);
+    const { f_d, f_n, counted } = side.arrays;
     for (let y = 0; y < height; y++) {
       for (let x = 0; x < width; x++) {
         const i = y * width + x;
         if (!counted[i]) continue;
         const j = (y + v - v0) * w + x + u - u0;
-        if (gain[j] !== gain[j]) gain[j] = 0;
-        gain[j] += fit * (f_d[i] + f_n[i]);
-        if (weight && correlation[i] === correlation[i]) gain[j] += colour * correlation[i];
+        gain[j] = (gain[j] !== gain[j] ? 0 : gain[j]) + sign * (f_d[i] + f_n[i]);
       }
     }
   }
-  const ends = [0.05, 0.1, 0.2, 0.5];
-  const above = [0, 0, 0, 0];
-  let all = 0;
-  for (const x of gain) {
-    if (x !== x) continue;
-    all++;
-    for (let i = 0; i < 4 && Math.abs(x) > ends[i]; i++) above[i]++;
-  }
-  const largest = ends.find((_, i) => above[i] <= 0.02 * all) ?? 1;
-  return { region: [u0, v0, w, h], arrays: { gain }, score: b.score, scale: b.scale, largest };
+  return { region: [u0, v0, w, h], arrays: { gain }, score: b.score, scale: b.scale };
 }

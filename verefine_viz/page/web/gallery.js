@@ -192,7 +192,7 @@ function Cards() {
   const gap = 0.6 * box.rem;
   const columns = Math.max(1, Math.floor((box.width - gap) / (12.5 * box.rem + gap)));
   const width = (box.width - gap * (columns + 1)) / columns;
-  const height = 0.75 * width + 6.1 * box.rem;
+  const height = 0.75 * width + 7.4 * box.rem;
   const lines = Math.ceil(rows.length / columns);
   const first = Math.max(0, Math.floor(top / (height + gap)) - 1);
   const last = Math.min(lines, Math.ceil((top + box.height) / (height + gap)) + 1);
@@ -263,7 +263,7 @@ function Card({ row, place, several, selected, current, open }) {
       <input type="checkbox" checked=${selected} title="Select (X, or Ctrl and click)" onChange=${() => toggle(row.key)} /></div>
     <div class="line"><b>${row.name || "all objects"}</b><span class="dim">${row.frame}</span></div>
     <div class="line"><span class="error">${errorWords(row) || words}</span><span>${row.score != null && number(row.score, 2)}</span></div>
-    <div class="line dim"><span>${row.cause || (row.status !== "ok" ? row.message : "")}</span></div>
+    <div class="line cause dim"><span>${row.cause || (row.status !== "ok" ? row.message : "")}</span></div>
     <div class="line dim"><span>${several ? row.run : row.method}</span><span class="tags">${row.tags.map((tag) => html`
       <button key=${tag} title=${`Take the tag ${tag} away`} onClick=${() => send({ verb: "tag", answers: [row.key], tag, on: false })}>${tag}</button>`)}</span></div>
   </article>`;

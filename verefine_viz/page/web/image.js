@@ -68,13 +68,13 @@ export function zoomed(place, factor, { x, y }, least, most) {
 }
 const fitNext = () => setView({ zoom: state.view.zoom == null ? "image" : null });
 
-// Numbers of a pixel, straight from the arrays
+// Numbers of the marked pixel, else of the one under the mouse, straight from the arrays
 
 const OF_PIXEL = [["rendered", "model", 6.2], ["difference", "Δ mm", 5], ["angle", "∠", 2.6], ["f_d", "f_d", 3],
   ["f_n", "f_n", 3], ["correlation", "corr.", 4.2], ["classes", "", 7.5]]; // map, words, width in digits
 
 function Numbers() {
-  const [sides, pixel] = useStore((s) => [shownSides(s), s.hover ?? s.view.pixel, photo(), observedDepth()]);
+  const [sides, pixel] = useStore((s) => [shownSides(s), s.view.pixel ?? s.hover, photo(), observedDepth()]);
   const colour = pixel && colourAt(pixel);
   const depth = pixel && depthAt(pixel);
   const maps = OF_PIXEL.filter(([name]) => name !== "correlation" || hasColour(sides));
@@ -171,7 +171,7 @@ function EditLine() {
       onClick=${() => proceed(moment)}>Continue from here<//>
     <${Button} title="back to where it began" disabled=${mm + deg === 0} onClick=${() => moveTo(from)}>Reset<//>
     <${Button} title="stop editing (Esc)" onClick=${() => setView({ edited: null })}>Cancel<//>
-    <i class="how">drag: move; wheel: depth; Shift: turn; Ctrl: turn in the image; arrows: 1 mm, with Shift 0.2</i>
+    <i class="how" title="arrows: 1 mm; with Shift wheel and arrows 0.2 mm">drag: move · wheel: depth · Shift: turn · Alt: spin</i>
   </div>`;
 }
 
@@ -335,7 +335,7 @@ function Tools() {
   const isThere = (name) => (!MAPS[name].colour || hasColour(sides)) && (name !== "gain" || sides.b);
   const maps = Object.keys(MAPS).filter((name) => name !== "observed" && isThere(name));
   const labels = maps.map((name) => [name, MAPS[name].label]);
-  const overs = [["none", "nothing over it"], ["shaded", "shaded model"], ...labels];
+  const overs = [["none", "no overlay"], ["shaded", "shaded model"], ...labels];
   const wipes = [["off", "no wipe"], ["photo", `${state.frame.rgb ? "photo" : "depth"} | model`], ["ab", "A | B"]];
   return html`
     <${Select} title="what is laid over the picture" value=${layers.over} options=${overs}

@@ -23,14 +23,14 @@ export const ACTIONS = [
     action: () => openBeside(-1) },
   { id: "gallery", keys: ["g"], title: "Gallery", group: "Show", action: toggleGallery },
   { id: "fill", keys: ["f"], title: "Fill the middle with a pane, or all panes", group: "Show", action: toggleFull },
-  { id: "theme", keys: ["t"], title: "Light or dark", group: "Show", action: switchTheme },
+  { id: "theme", keys: ["d"], title: "Light or dark", group: "Show", action: switchTheme },
   { id: "link", keys: [], title: "Copy the link", group: "Show", action: copyLink },
   { id: "help", keys: ["?"], title: "All keys", group: "Show", action: () => toggleOverlay("help") },
   { id: "palette", keys: ["Ctrl+k"], title: "All by name", group: "Show", action: () => toggleOverlay("palette") },
   { id: "escape", keys: ["Escape"], title: "Close, unmark, cancel", group: "Show", action: escape },
 ];
 
-const NAMES = { ArrowLeft: "←", ArrowRight: "→", " ": "Space", Escape: "Esc", "Ctrl+k": "Ctrl+K" };
+const NAMES = { ArrowLeft: "←", ArrowRight: "→", ArrowUp: "↑", ArrowDown: "↓", " ": "Space", Escape: "Esc", "Ctrl+k": "Ctrl+K" };
 export const keyName = (key) => NAMES[key]
   ?? (/^[A-Z]$/.test(key) ? `Shift+${key}` : key.length === 1 ? key.toUpperCase() : key);
 // A button's title: what it does and its key.
@@ -72,6 +72,7 @@ function escape() {
   if (state.busy.text && state.busy.cancel) return send({ verb: "cancel" });
   if (state.replaying) return stopReplay();
   if (state.view.edited) return setView({ edited: null });
+  if (state.view.largeMap) return setView({ largeMap: null });
   if (state.view.pixel) return setView({ pixel: null });
   if (state.view.full) return setView({ full: null });
   if (state.view.stage) return setView({ stage: null, moment: null });
@@ -177,7 +178,7 @@ function Palette({ onClose }) {
       <li class=${i === at ? "current" : ""} onPointerMove=${() => i !== at && setAt(i)} onClick=${() => take(item)}>
         <span class="dim">${item.kind}</span><span>${item.words}</span>${item.key && html`<kbd>${item.key}</kbd>`}
       </li>`)}
-      ${items.length === 0 && html`<li class="dim">nothing by that name</li>`}
+      ${items.length === 0 && html`<li class="dim nothing">nothing by that name</li>`}
     </ul>
   <//>`;
 }

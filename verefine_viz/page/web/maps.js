@@ -245,7 +245,7 @@ function Tile({ name, letter, sides, region, size, zoom, setZoom }) {
   const corner = name === "gain" ? "gain of B" : letter.toUpperCase();
   return html`<div class="map-tile" style=${{ width: `${size.w}px`, height: `${size.h}px` }}>
     <canvas ref=${canvas} ...${mouse} />
-    ${corner && html`<span class=${`corner ${letter}`}>${corner}</span>`}
+    ${corner && html`<span class=${`corner ${letter}`} title=${name === "gain" ? MAPS.gain.hint : undefined}>${corner}</span>`}
     ${!side && html`<span class="waiting">…</span>`}
   </div>`;
 }
@@ -277,7 +277,7 @@ function Value({ one, letter, value, isAlone }) {
   const color = Array.isArray(value) ? `rgb(${value})` : CLASSES.find((c) => c.name === value)?.color;
   const prefix = one === "gain" ? "gain" : letter.toUpperCase();
   const text = Array.isArray(value) ? "" : valueText(MAPS[one], value);
-  return html`<span class=${`of ${letter}`}>${!isAlone && prefix && html`<b>${prefix}</b>`}
+  return html`<span class=${`of ${letter}`} title=${MAPS[one].hint}>${!isAlone && prefix && html`<b>${prefix}</b>`}
     ${color && html`<em style=${{ background: color }} />`}${text}</span>`;
 }
 

@@ -266,7 +266,12 @@ function pairOf(s, moment, beside) {
   return { a: named(a) || null, b: named(b) || null, same: Boolean(a && b && samePose(poses[a]?.T, poses[b]?.T)) };
 }
 
-export const labelOf = (name, moment) => (name === "best" ? (moment.isAnswer ? "answer" : "best so far") : name);
+// Only methods that verify keep the best pose; others, and recorded steps, go on from their last one.
+export function bestWords(branch) {
+  const name = state.branches.find((b) => b.index === branch)?.settings["method.name"] ?? state.frame.method;
+  return state.frame.choices.methods.find((m) => m.name === name)?.verifies ? "best so far" : "pose so far";
+}
+export const labelOf = (name, moment) => (name === "best" ? (moment.isAnswer ? "answer" : bestWords(moment.branch)) : name);
 
 // Hypotheses are coloured by rank: from pale slate to strong violet, hues that no stage, tone or answer has.
 const RAMP = { light: [[214, 20, 76], [262, 76, 44]], dark: [[216, 18, 36], [262, 95, 78]] };

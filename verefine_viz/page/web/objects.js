@@ -1,7 +1,7 @@
 // The list of objects at the cursor: colour, name, score, error and state; a click puts one in focus.
 import { html } from "./vendor/htm-preact.js";
 import { useStore, setView } from "./store.js";
-import { momentOf } from "./moment.js";
+import { bestWords, momentOf } from "./moment.js";
 import { Icon, number, Swatch, Toggle } from "./ui.js";
 
 const PHASES = {
@@ -15,13 +15,14 @@ export function Objects() {
   const [moment, obj] = useStore((s) => [momentOf(s), s.view.obj]);
   if (!moment) return null;
   const several = moment.scene.length > 1;
+  const pose = bestWords(moment.branch).replace("best", "best pose");
   const hasErrors = moment.scene.some((o) => o.object.has_gt);
   const choose = (id) => setView({ obj: obj === id ? null : id, arm: null, moment: null });
   return html`<section class="objects">
     <div class="scroll"><table class="table"><thead><tr>
       <th class="left">${several ? `${moment.scene.length} objects` : "Object"}</th><th
-        title="of its best pose so far, 0 to 1">score</th>
-      ${hasErrors && html`<th title="ADD(-S) of its best pose so far; allowed is 10 % of the diameter">mm</th>`}<th
+        title=${`of its ${pose}, 0 to 1`}>score</th>
+      ${hasErrors && html`<th title=${`ADD(-S) of its ${pose}; allowed is 10 % of the diameter`}>mm</th>`}<th
         class="left">state</th></tr></thead>
     <tbody>${moment.scene.map(({ object, phase, score, err, verdict }) => {
       const right = err == null ? null : err < object.diameter_mm / 10;

@@ -160,7 +160,7 @@ function Legend() {
     .filter((a) => `hypothesis ${a.j + 1} ${a.source}`.includes(text.toLowerCase()))
     .sort((a, b) => order[a.j] - order[b.j]);
   return html`<${Menu} icon="list" align="right" title="Hypotheses: what colours say, scores, filter"
-    label="Hypotheses">
+    label=${html`<span class="word">Hypotheses</span>`}>
     <div class="arms"><h3>${moment.arms.length} hypotheses of ${moment.object.label}</h3>
       <div class="row"><${Select} value=${by} label="colour" title="what the colours on the timeline say"
         onChange=${(v) => remember({ colorBy: v })}

@@ -79,7 +79,11 @@ export const Parts = ({ parts }) => {
       title=${`${words}: ${x} (${((100 * x) / sum).toFixed(0)} %)`} />`)}</span>`;
 };
 
-export const number = (x, digits = 2) => (x == null || !Number.isFinite(x) ? "–" : x.toFixed(digits));
+export function number(x, digits = 2) {
+  if (x == null || !Number.isFinite(x)) return "–";
+  const text = x.toFixed(digits);
+  return Number(text) === 0 ? text.replace("-", "") : text; // no minus before zero
+}
 
 // columns: [{ title, hint, of(row, i) → cell, left }]; a row is clicked.
 export const Table = ({ columns, rows, onRow, current, keyOf = (r, i) => i }) => html`
@@ -136,7 +140,9 @@ export const MenuItem = ({ onClick, on, title, detail, children }) => html`
     <span>${children}</span>${detail && html`<span class="dim">${detail}</span>`}
   </button>`;
 
-// One row of tabs; those that do not fit are in a menu at its end. tabs: [{ id, title, dim, hint }].
+// One row of tabs; those that do not fit are in a menu at its end. tabs: [{ id, title, dim, hint,
+// shortcut }].
+const hintOf = (t) => `${t.hint}${t.shortcut ? ` (${t.shortcut})` : ""}`;
 export function Tabs({ tabs, value, onChange }) {
   const row = useRef();
   const [fits, setFits] = useState(tabs.length);
@@ -159,7 +165,7 @@ export function Tabs({ tabs, value, onChange }) {
   }, [tabs.map((t) => t.title).join()]);
   const tab = (t, i) => html`
     <button type="button" role="tab" class=${`tab ${t.id === value ? "on" : ""} ${t.dim ? "empty" : ""}`} key=${t.id}
-      title=${t.hint} aria-selected=${String(t.id === value)}
+      title=${hintOf(t)} aria-selected=${String(t.id === value)}
         onClick=${clicked(() => onChange(t.id))}>${t.title}</button>`;
   // The tab that is open is always in the row.
   const first = tabs.slice(0, fits);
@@ -170,7 +176,8 @@ export function Tabs({ tabs, value, onChange }) {
     <div class="measure" aria-hidden="true">${tabs.map((t) => html`<span class="tab">${t.title}</span>`)}</div>
     ${first.map(tab)}
     ${rest.length > 0 && html`<${Menu} icon="more" kind="square" align="right" title=${`${rest.length} more tabs`}>
-      ${(close) => rest.map((t) => html`<${MenuItem} key=${t.id} title=${t.hint}
+      ${(close) => rest.map((t) => html`<${MenuItem} key=${t.id} title=${hintOf(t)}
+        detail=${html`${t.hint}${t.shortcut && html`<kbd>${t.shortcut}</kbd>`}`}
         onClick=${() => { close(); onChange(t.id); }}>${t.title}<//>`)}
     <//>`}
   </div>`;

@@ -57,7 +57,7 @@ function Opener({ frame }) {
   const file = /\.(toml|vfrun|rrd)$/i.exec(text.trim())?.[1].toLowerCase();
   const detail = [frame.frame, frame.method_label, frame.refiner].filter(Boolean).join(" · ");
   return html`<div class="opener">
-    <${Menu} kind="opener-button" title="Open another frame, demo or session" label=${html`
+    <${Menu} kind="opener-button" title=${`${frame.title}; click: open another frame, demo or session`} label=${html`
       <span class="two"><b>${frame.title}</b>
       <span class="dim">${detail}</span></span><${Icon} name="down" />`}>
       ${(close) => html`<div class="open-list"><input placeholder="filter, or the path of a file" value=${text}
@@ -155,7 +155,7 @@ function Why({ verdict, first, n }) {
         <h3 onClick=${() => { close(); setView({ obj: o.obj, arm: null }); }} title="show this object">
           <${Icon} name=${(TONES[o.tone] ?? TONES.unknown)[0]} />${label(o.obj)}
           <span class="dim">${numbers(o)}</span></h3>
-        ${!(o.findings?.length) && html`<p>${capital(o.words)}.</p>`}
+        ${!(o.findings?.length) && o.words && html`<p>${capital(o.words)}.</p>`}
         ${(o.findings ?? []).map((f) => html`<article>
           <h4>${capital(f.title)}</h4><p>${f.text}</p>${f.advice && html`<p class="dim">${capital(f.advice)}.</p>`}
           <div class="group">

@@ -161,16 +161,16 @@ function Branches({ branches, moment, compare }) {
     { title: "branch", left: true, of: (b) => (renamed === b.index
       ? html`<input type="text" value=${b.name} maxlength="80" ref=${(e) => e && document.activeElement !== e && e.focus()} onClick=${(e) => e.stopPropagation()}
           onKeyDown=${(e) => (e.key === "Enter" ? rename(b, e.currentTarget.value) : e.key === "Escape" && setRenamed(null))} onBlur=${(e) => rename(b, e.currentTarget.value)} />`
-      : html`${sideOf(b)}${b.name}<div class="dim">${origin(b)}</div>`) },
+      : html`<div class="branch-name" title=${[...new Set([b.name, origin(b)])].filter(Boolean).join(": ")}><div>${sideOf(b)}${b.name}</div><div class="dim">${origin(b) === b.name ? "" : origin(b)}</div></div>`) },
     { title: "done", of: (b) => `${runOf(state, b.index).rows.length}/${runOf(state, b.index).total}` },
     { title: "score", hint: `of the best pose of ${moment.object.label}`, of: (b) => html`${number(bestOf(b.index, "score"), 3)}${
       scoreOf(b) === scoreOf(here) ? "" : html` <span title="scored by other settings than the branch that is shown: not comparable">⚠</span>`}` },
     { title: "mm", hint: `ADD(-S) of the best pose of ${moment.object.label}`, of: (b) => number(bestOf(b.index, "err"), 1) },
     { title: "", of: (b) => html`<span class="acts" onClick=${(e) => e.stopPropagation()}>
-      ${b.index === moment.branch && html`<${Button} title="give this branch another name" onClick=${() => setRenamed(b.index)}>Rename<//>`}
       ${branches.length > 1 && html`<${IconButton} icon="close" title="remove this branch" onClick=${() => send({ verb: "branch", index: b.index, remove: true })} />`}</span>` },
   ].filter((c) => c.title !== "mm" || moment.object.has_gt);
-  return html`<h3>${branches.length === 1 ? "The only branch" : `${branches.length} branches`}</h3>
+  return html`<div class="row"><h3>${branches.length === 1 ? "The only branch" : `${branches.length} branches`}</h3><span class="spring" />
+      <${Button} title="give the branch that is shown another name" onClick=${() => setRenamed(moment.branch)}>Rename<//></div>
     <${Table} columns=${columns} rows=${branches} keyOf=${(b) => b.index} current=${(b) => b.index === moment.branch}
       onRow=${(b) => setView({ branch: b.index, k: moment.isAnswer ? runOf(state, b.index).rows.length : Math.min(moment.k, runOf(state, b.index).rows.length), stage: null, arm: null, edited: null })} />`;
 }

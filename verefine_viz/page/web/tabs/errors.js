@@ -1,7 +1,7 @@
 // Errors against ground truth: over the run, by stage, and of every hypothesis.
 import { html, useMemo } from "../vendor/htm-preact.js";
 import { useStore, setView } from "../store.js";
-import { labelOf, momentOf, rowsOf, seek, sourceOf, STAGE_COLORS } from "../moment.js";
+import { bestWords, labelOf, momentOf, rowsOf, seek, sourceOf, STAGE_COLORS } from "../moment.js";
 import { number, Swatch, Table } from "../ui.js";
 import { Chart } from "../charts.js";
 
@@ -55,7 +55,7 @@ function Curve({ moment, limit }) {
     const own = rowsOf(run, obj);
     const stage = (r, name) => r.stages.find((s) => s.name === name);
     return [own.map((r) => r.k), [
-      { name: "best so far", values: own.map((r) => r.best.err), color: STAGE_COLORS.best, kind: "steps" },
+      { name: bestWords(moment.branch), values: own.map((r) => r.best.err), color: STAGE_COLORS.best, kind: "steps" },
       { name: "accepted", values: own.map((r) => stage(r, r.accepted)?.err ?? null), color: STAGE_COLORS.accepted,
         kind: "points" },
       { name: "turn °", values: own.map((r) => stage(r, r.accepted)?.deg ?? null), color: "#b58ad6", off: true },

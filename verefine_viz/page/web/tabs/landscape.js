@@ -18,6 +18,9 @@ const colorAt = (t) => {
   return `rgb(${VIRIDIS[i].map((c, j) => Math.round(c + (VIRIDIS[i + 1][j] - c) * (x - i))).join()})`;
 };
 
+// Names of axes where there is little room.
+const shortOf = (words) => words.replace("about the vertical", "about up").replace("to the camera", "to camera");
+
 // While a run goes on its best pose changes all the time: it is scored around where that is asked for.
 export function render() {
   const [now, edits] = useStore((s) => [momentOf(s), Boolean(s.view.edited)]);
@@ -46,7 +49,7 @@ function Around({ moment, pose }) {
   if (!around) return html`<p class="empty">Scoring the poses around the ${moment.isAnswer ? "answer" : "best pose"}.</p>`;
   if (around.gone) return html`<p class="empty">${around.gone}</p>`;
   const edit = (T) => setView({ obj: moment.obj, edited: { obj: moment.obj, arm: moment.best.arm, T, from: around.T } });
-  const names = around.curves.map((c) => [String(c.axis), c.words]);
+  const names = around.curves.map((c) => [String(c.axis), `${shortOf(c.words)} [${c.unit}]`]);
   const choose = (i) => (v) => setAxes(axes.map((old, j) => (i === j ? Number(v) : old)));
   return html`<div class="tab landscape">
     <p class="summary">${moment.isAnswer ? "Answer" : "Best pose so far"} of ${moment.object.label}: ${around.undetermined}.</p>
@@ -88,18 +91,22 @@ function Curve({ curve, score, edit }) {
   const [from, to] = [place(curve.low), place(curve.high)];
   const band = `${offsets.map((_, i) => `${x(i)},${y(score + noise[i])}`).join(" ")} ${offsets.map((_, i) => `${x(i)},${y(score - noise[i])}`).reverse().join(" ")}`;
   const line = scores.map((s, i) => `${x(i).toFixed(1)},${y(s).toFixed(1)}`).join(" ");
-  const find = (e) => Math.max(0, Math.min(n - 1, Math.floor(((e.clientX - e.currentTarget.getBoundingClientRect().left) / e.currentTarget.clientWidth) * n)));
+  const find = (e) => {
+    const { left, width } = e.currentTarget.querySelector("svg").getBoundingClientRect();
+    return Math.max(0, Math.min(n - 1, Math.floor(((e.clientX - left) / width) * n)));
+  };
   const digits = (v) => (Math.abs(v) < 10 ? +v.toFixed(1) : v.toFixed(0));
   return html`<figure onPointerMove=${(e) => setAt(find(e))} onPointerLeave=${() => setAt(null)} onClick=${(e) => edit(curve.poses[find(e)])}
       title=${`${curve.words}: undetermined within ${curve.width}`}>
-    <figcaption><span>${curve.words}</span><b>${curve.width}</b></figcaption>
+    <figcaption><span>${shortOf(curve.words)}</span><b>${curve.width}</b></figcaption>
+    <div class="scores"><span title="score">1</span><span title="score">0</span></div>
     <svg viewBox=${`0 0 ${W} ${H}`} preserveAspectRatio="none">
       <polygon class="noise" points=${band} /><rect class="undetermined" x=${from} y="0" width=${Math.max(to - from, 0.6)} height=${H} />
       <line class="middle" x1=${x(offsets.indexOf(0))} x2=${x(offsets.indexOf(0))} y1="0" y2=${H} />
       <polyline points=${line} />
       ${at != null && html`<line class="at" x1=${x(at)} x2=${x(at)} y1="0" y2=${H} />`}
     </svg>
-    <div class="ends"><span>${digits(offsets[0])}</span><span>${at == null ? curve.unit : html`<b>${offsets[at] > 0 ? "+" : ""}${digits(offsets[at])} ${curve.unit}: ${number(scores[at], 3)}</b>`}</span><span>${digits(offsets[n - 1])}</span></div>
+    <div class="ends"><span>${`${digits(offsets[0])}`.replace("-", "−")}</span><span>${at == null ? curve.unit : html`<b>${offsets[at] > 0 ? "+" : ""}${digits(offsets[at])} ${curve.unit}: ${number(scores[at], 3)}</b>`}</span><span>${digits(offsets[n - 1])}</span></div>
   </figure>`;
 }
 
@@ -116,13 +123,13 @@ function Map({ two, score, edit }) {
     const cell = (v, size) => Math.max(0, Math.min(n - 1, Math.floor((v / size) * n)));
     return [n - 1 - cell(e.clientY - box.top, box.height), cell(e.clientX - box.left, box.width)];
   };
-  const end = (v, unit) => `${v > 0 ? "+" : ""}${Math.abs(v) < 10 ? +v.toFixed(1) : v.toFixed(0)} ${unit}`;
+  const end = (v, unit) => `${v > 0 ? "+" : ""}${Math.abs(v) < 10 ? +v.toFixed(1) : v.toFixed(0)}${unit === "°" ? "" : " "}${unit}`.replace("-", "−");
   const middle = (n - 1) / 2;
-  return html`<div class="map"><div class="up" title=${up.words}><span>${end(up.offsets.at(-1), up.unit)}</span><span>${up.words}</span><span>${end(up.offsets[0], up.unit)}</span></div>
+  return html`<div class="map"><div class="up" title=${up.words}><span>${end(up.offsets.at(-1), up.unit)}</span><span>${shortOf(up.words)}</span><span>${end(up.offsets[0], up.unit)}</span></div>
     <svg viewBox=${`0 0 ${n} ${n}`} onPointerMove=${(e) => setAt(find(e))} onPointerLeave=${() => setAt(null)} onClick=${(e) => { const [r, c] = find(e); edit(poses[r][c]); }}>
       ${cells}<path d=${`M${middle + 0.1} ${middle + 0.5}h0.8M${middle + 0.5} ${middle + 0.1}v0.8`} />
       ${at && html`<rect class="at" x=${at[1]} y=${n - 1 - at[0]} width="1" height="1" />`}</svg>
     <div class="scale"><span>${number(high, 2)}</span><i style=${{ background: `linear-gradient(to top, ${VIRIDIS.map((c) => `rgb(${c})`).join()})` }} /><span>${number(low, 2)}</span></div>
-    <div class="across"><span>${end(across.offsets[0], across.unit)}</span><span>${across.words}</span><span>${end(across.offsets.at(-1), across.unit)}</span></div>
+    <div class="across"><span>${end(across.offsets[0], across.unit)}</span><span>${shortOf(across.words)}</span><span>${end(across.offsets.at(-1), across.unit)}</span></div>
     <div class="read">${at ? html`${end(across.offsets[at[1]], across.unit)}, ${end(up.offsets[at[0]], up.unit)}: <b>${number(scores[at[0]][at[1]], 3)}</b>` : html`<span class="dim">here ${number(score, 3)}</span>`}</div></div>`;
 }

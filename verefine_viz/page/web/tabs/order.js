@@ -65,22 +65,25 @@ function Graph({ order, of, current }) {
   const drawn = order.edges.filter((e) => y.has(e.first) && y.has(e.second) && (e.kind !== "contact" || !carried.has([e.first, e.second].sort().join())))
     .sort((a, b) => TELLING[a.kind] - TELLING[b.kind]);
   const longest = Math.max(1, ...drawn.map((e) => Math.abs(y.get(e.first) - y.get(e.second))));
+  const arcs = drawn.map((e) => {
+    const down = y.get(e.second) > y.get(e.first) ? 1 : -1;
+    const inset = 4.5 - 4 * TELLING[e.kind];
+    const [from, to] = [y.get(e.first) + down * inset, y.get(e.second) - down * inset];
+    return { e, from, to, bulge: NODE + 26 + ((WIDTH - NODE - 90) * Math.abs(to - from)) / longest };
+  });
+  const titleOf = (e) => `${of(e.first).label} ${KINDS[e.kind]} ${of(e.second).label}: ${e.evidence}${STATES[e.state] ? `; ${STATES[e.state]}` : ""}`;
+  // Numbers come last: no arc crosses them.
   return html`<svg class="graph" viewBox=${`0 0 ${WIDTH} ${at}`}>
     ${order.clusters.map((cluster, k) => html`<rect class="cluster" x="0.5" y=${y.get(cluster[0]) - ROW / 2} width=${NODE} height=${ROW * cluster.length} rx="4">
       <title>cluster ${k + 1} of ${order.clusters.length}: what may interact is solved together</title></rect>`)}
     ${[...y].map(([id, top]) => html`<g class=${`node ${id === current ? "current" : ""}`} onClick=${() => setView({ obj: id, arm: null })}>
       <rect class="hit" x="1" y=${top - ROW / 2} width=${NODE - 2} height=${ROW} /><rect x="10" y=${top - 5} width="10" height="10" rx="2" fill=${of(id).color} />
       <text x="27" y=${top + 4}>${of(id).label.length > 21 ? `${of(id).label.slice(0, 20)}…` : of(id).label}</text><title>${of(id).label}</title></g>`)}
-    ${drawn.map((e) => {
-      const down = y.get(e.second) > y.get(e.first) ? 1 : -1;
-      const inset = 4.5 - 4 * TELLING[e.kind];
-      const [from, to] = [y.get(e.first) + down * inset, y.get(e.second) - down * inset];
-      const bulge = NODE + 26 + ((WIDTH - NODE - 90) * Math.abs(to - from)) / longest;
-      const words = /^[\d.]+ ?(%|mm)/.exec(e.evidence)?.[0] ?? "";
-      return html`<g class=${`edge ${e.kind} ${e.state}`}><path class=${e.kind} d=${`M${NODE + 2} ${from}C${bulge} ${from} ${bulge} ${to} ${NODE + 8} ${to}`} />
+    ${arcs.map(({ e, from, to, bulge }) => html`<g class=${`edge ${e.kind} ${e.state}`}><path class=${e.kind} d=${`M${NODE + 2} ${from}C${bulge} ${from} ${bulge} ${to} ${NODE + 8} ${to}`} />
         ${e.kind !== "contact" && html`<polygon points=${`${NODE + 2},${to} ${NODE + 10},${to - 4} ${NODE + 10},${to + 4}`} />`}
-        <text x=${NODE + 14 + 0.75 * (bulge - NODE)} y=${(from + to) / 2 + 4}>${words}${e.state === "ambiguous" ? " ⟲" : ""}</text>
-        <title>${of(e.first).label} ${KINDS[e.kind]} ${of(e.second).label}: ${e.evidence}${STATES[e.state] ? `; ${STATES[e.state]}` : ""}</title></g>`;
-    })}
+        <title>${titleOf(e)}</title></g>`)}
+    ${arcs.map(({ e, from, to, bulge }) => html`<g class=${`edge ${e.kind} ${e.state}`}>
+        <text x=${NODE + 14 + 0.75 * (bulge - NODE)} y=${(from + to) / 2 + 4}>${/^[\d.]+ ?(%|mm)/.exec(e.evidence)?.[0] ?? ""}${e.state === "ambiguous" ? " ⟲" : ""}</text>
+        <title>${titleOf(e)}</title></g>`)}
   </svg>`;
 }

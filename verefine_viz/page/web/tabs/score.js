@@ -1,7 +1,7 @@
 // Why one pose scores higher than another: A and B in numbers, the stages of the iteration, and the score over the run.
 import { html, useMemo } from "../vendor/htm-preact.js";
 import { useStore, setView } from "../store.js";
-import { armColor, labelOf, momentOf, rowsOf, seek, sourceOf, STAGE_COLORS, STAGE_MEANINGS } from "../moment.js";
+import { armColor, bestWords, labelOf, momentOf, rowsOf, seek, sourceOf, STAGE_COLORS, STAGE_MEANINGS } from "../moment.js";
 import { Bar, Icon, number, Parts, Select, Swatch, Table } from "../ui.js";
 import { sidesOf } from "../sides.js";
 import { Chart } from "../charts.js";
@@ -110,7 +110,7 @@ function Curve({ moment }) {
     const own = rowsOf(run, obj);
     const accepted = own.map((r) => r.stages.find((s) => s.name === r.accepted) ?? {});
     return [own.map((r) => r.k), [
-      { name: "best so far", values: own.map((r) => r.best.score), color: STAGE_COLORS.best, kind: "steps" },
+      { name: bestWords(moment.branch), values: own.map((r) => r.best.score), color: STAGE_COLORS.best, kind: "steps" },
       { name: "accepted", values: accepted.map((s) => s.score ?? null), color: STAGE_COLORS.accepted, kind: "points" },
       { name: "depth fit", values: accepted.map((s) => s.depth_fit ?? null), color: "#4aa3c7", off: true },
       { name: "normal fit", values: accepted.map((s) => s.normal_fit ?? null), color: "#b58ad6", off: true },

@@ -8,7 +8,16 @@ export function settingsOf(s, index = s.view.branch) {
   return (s.frame?.choices.settings ?? []).map((one) => (one.name in own ? { ...one, value: own[one.name] } : one));
 }
 
-export const shortName = (name) => (name === "method.name" ? "method" : name.split(".").pop().replaceAll("_", " "));
+// Units are the ends of settings' names.
+const UNITS = { m: "m", mm: "mm", deg: "°", s: "s", px: "px", kg: "kg", n: "N", m_s2: "m/s²" };
+const UNIT = new RegExp(`_(${Object.keys(UNITS).sort((a, b) => b.length - a.length).join("|")})$`);
+export function shortName(name) {
+  if (name === "method.name") return "method";
+  const last = name.split(".").pop();
+  const unit = UNIT.exec(last)?.[1];
+  const words = last.replace(UNIT, "").replaceAll("_", " ").replace(/^tau$/, "τ").replace(/^alpha$/, "α");
+  return unit ? `${words} [${UNITS[unit]}]` : words;
+}
 export const shown = (value) => (typeof value === "number" ? String(+value.toPrecision(6)) : String(value));
 export const listOf = (changes) => Object.entries(changes).map(([name, v]) => `${shortName(name)} = ${shown(v)}`).join(", ");
 
