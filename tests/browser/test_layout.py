@@ -67,6 +67,7 @@ def test_keys_in_titles_are_in_the_help(show):
     }
     assert {"S", "→", "←", "Space", "G", "D"} <= keys
     screen.key("?")
+    screen.until("state.overlay === 'help'")
     shown = set(screen.page.locator(".keys kbd").all_inner_texts())
     assert {one for one in keys if not one.isdigit()} <= shown
     screen.shot("help")
