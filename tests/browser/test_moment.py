@@ -28,8 +28,9 @@ SETUP = """async () => {
     const arms = [arm(50, 0.1), arm(60, 0.05)];
     const object = { id: 7, obj_id: 7, label: "mug", diameter_mm: 100, has_gt: true, gt: T(0), arms };
     receive({ t: "hello", window: 1 });
-    receive({ t: "frame", id: 1, title: "", frame: "0/0", objects: [object] });
-    receive({ t: "branches", list: [{ index: 0, name: "first run" }], compare: null });
+    const choices = { methods: [{ name: "rir", verifies: true }] };
+    receive({ t: "frame", id: 1, title: "", frame: "0/0", method: "rir", choices, objects: [object] });
+    receive({ t: "branches", list: [{ index: 0, name: "first run", edits: [], settings: {} }], compare: null });
     const came = (from, rows, over = false) =>
       receive({ t: "run", branch: 0, from, total: 5, over, rows, marks: [] });
     came(0, []);

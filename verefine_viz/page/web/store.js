@@ -71,13 +71,15 @@ export function useStore(select) {
   const chosen = select(state);
   const last = useRef();
   last.current = { select, chosen };
-  useEffect(
-    () => listen(() => {
+  useEffect(() => {
+    const check = () => {
       const { select, chosen } = last.current;
       if (!same(select(state), chosen)) redraw((n) => n + 1);
-    }),
-    [],
-  );
+    };
+    const stop = listen(check);
+    check(); // what came between the drawing and now
+    return stop;
+  }, []);
   return chosen;
 }
 
