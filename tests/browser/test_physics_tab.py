@@ -63,9 +63,13 @@ def test_moments_of_the_path_are_scrubbed_and_played(show):
         assert sum(int(row[1]) for row in cells) == len(contacts.others)
         assert sum(float(row[2]) for row in cells) == pytest.approx(float(contacts.forces_n.sum()), abs=0.2)
     screen.shot("physics_path")
+    screen.page.evaluate("""async () => {
+        const { state, listen } = await import("/web/store.js");
+        window.seen = [];
+        listen(() => window.seen.push(state.view.moment));
+    }""")
     screen.click("Play")
-    screen.until("state.view.moment === 0")
-    screen.until("state.view.moment === arg", n - 1)
+    screen.until("window.seen.includes(0) && state.view.moment === arg", n - 1)
     screen.click("Hide")
     screen.until("state.view.moment === null")
     assert screen.errors == []
