@@ -3,7 +3,11 @@ import { html, useEffect, useRef, useState } from "./vendor/htm-preact.js";
 import { state, send, useStore } from "./store.js";
 import { addKeys, attachKeys, titled } from "./keys.js";
 import { lookOf } from "./messages.js";
+import { momentOf } from "./moment.js";
+import { sidesOf } from "./sides.js";
 import { Button, Pane } from "./ui.js";
+
+const LATEST_MS = 3000;
 
 // viser would draw with fewer pixels by itself after some slow pictures, and seldom come back.
 const ADDRESS = `/3d/?darkMode&fixedDpr=${devicePixelRatio}`;
@@ -23,6 +27,14 @@ export function ScenePane() {
   const frame = useRef();
   const [drawn, setDrawn] = useState(false);
   const [window, follows, connection] = useStore((s) => [s.window, s.scene3d, s.connection]);
+  // Loaded once the first maps are there: viser's page takes the processor for a second or two.
+  const pictured = useStore((s) => Boolean(momentOf(s) && sidesOf(momentOf(s)).a?.arrays));
+  const [begun, begin] = useState(false);
+  useEffect(() => {
+    if (pictured) begin(true);
+    const late = setTimeout(() => begin(true), LATEST_MS);
+    return () => clearTimeout(late);
+  }, [pictured]);
   useEffect(() => {
     if (drawn) return undefined;
     const waiting = setInterval(() => hasDrawn(frame.current?.contentWindow) && setDrawn(true), 200);
@@ -36,7 +48,7 @@ export function ScenePane() {
   const tools = html`<span class="spring" />${CAMERAS.map(({ id, name }) => html`
     <${Button} key=${id} title=${titled(`camera-${id}`)} onClick=${() => look(id)}>${name}<//>`)}`;
   return html`<${Pane} name="scene" title="3D" tools=${tools}>
-    <iframe ref=${frame} src=${ADDRESS} title="3D view" onLoad=${loaded} />
+    <iframe ref=${frame} src=${begun ? ADDRESS : undefined} title="3D view" onLoad=${loaded} />
     ${!drawn && html`<div class="loading">${connection === "lost" ? "The server does not answer." : "Loading the 3D view"}</div>`}
     ${elsewhere && html`<button type="button" class="elsewhere" title="let the 3D view follow this window" onClick=${() => look()}>3D follows another window: show this one</button>`}
   <//>`;
