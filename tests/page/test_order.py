@@ -16,7 +16,8 @@ from verefine_viz.core.problem import Edge, Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.page import protocol as p
 from verefine_viz.page.protocol import read_verb, write_verb
-from verefine_viz.page.verbs import Clusters, Debugger, as_entries, moved
+from verefine_viz.page.reorder import Clusters, as_entries, moved
+from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.recording.verify import first_difference
 

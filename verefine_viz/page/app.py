@@ -182,7 +182,7 @@ class App:
         self.jobs.put(Job(window, verb))
 
     def _closed(self, window: int) -> None:
-        self.jobs.put(Job(window, lambda: self.debugger.farewell(window)))
+        self.jobs.put(Job(window, lambda: self.debugger.window_closed(window)))
 
     def _thumbnail(self, number: int) -> Future[bytes] | None:
         """Begin to make the picture of an answer; None = there is no such answer."""

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.arrays import Mask
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Target
 from verefine_viz.core.scores import PIXEL_CLASSES, PoseScore, ScoreMaps
+from verefine_viz.page.moment import pose_matrix
 
 if TYPE_CHECKING:
     from verefine_viz.page.blobs import Blobs
@@ -42,7 +43,7 @@ def maps(space: Workspace, want: Maps, blobs: Blobs) -> dict[str, Any]:
     else:
         if want.T is None:
             raise InputError("maps of no pose were asked for")
-        targets, T_cam_obj = [space.problem.target(want.obj)], pose_of(want.T)
+        targets, T_cam_obj = [space.problem.target(want.obj)], pose_matrix(want.T)
         score, pixels = evaluator.score(targets[0], T_cam_obj), evaluator.maps(targets[0], T_cam_obj)
         errors = evaluator.errors(targets[0], T_cam_obj)
     region = region_of(pixels, targets)
@@ -58,11 +59,6 @@ def maps(space: Workspace, want: Maps, blobs: Blobs) -> dict[str, Any]:
         "blob": key,
         "arrays": arrays,
     }
-
-
-def pose_of(numbers: tuple[float, ...]) -> Float:
-    """(4, 4) of 16 numbers by rows."""
-    return np.array(numbers, float).reshape(4, 4)
 
 
 def score_numbers(score: PoseScore) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.settings import ScoreSettings
-from verefine_viz.page.views.pixel_maps import pose_of
+from verefine_viz.page.moment import pose_matrix
 from verefine_viz.rendering.mesh import RenderMesh
 from verefine_viz.rendering.rasterizer import draw, window
 from verefine_viz.rendering.simplify import scoring_mesh
@@ -42,7 +42,7 @@ def outlines(space: Workspace, want: Outlines, _blobs: Blobs) -> dict[str, Any]:
     """
     target = space.problem.target(want.obj)
     camera, mesh = target.observation.camera, drawn_mesh(target.model)
-    return {"outlines": [polygons(mesh, pose_of(T), camera) for T in want.poses]}
+    return {"outlines": [polygons(mesh, pose_matrix(T), camera) for T in want.poses]}
 
 
 @lru_cache(maxsize=64)

@@ -13,7 +13,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.problem import Placed, Target
-from verefine_viz.page.views.pixel_maps import pose_of
+from verefine_viz.page.moment import pose_matrix
 from verefine_viz.rendering.rendered_scene import render_scene
 
 if TYPE_CHECKING:
@@ -34,10 +34,10 @@ def shaded(space: Workspace, want: Shaded, blobs: Blobs) -> dict[str, Any]:
         InputError: there is no such object.
     """
     target = space.problem.target(want.obj)
-    region = region_of(target, pose_of(want.T))
+    region = region_of(target, pose_matrix(want.T))
     if region is None:
         return {"region": [0, 0, 0, 0], "url": None}
-    return {"region": region, "url": f"/blob/{blobs.put(picture(target, pose_of(want.T), region), 'image/png')}"}
+    return {"region": region, "url": f"/blob/{blobs.put(picture(target, pose_matrix(want.T), region), 'image/png')}"}
 
 
 def region_of(target: Target, T_cam_obj: Float) -> list[int] | None:
