@@ -51,7 +51,7 @@ test-lowest: system-app
 
 lint: $(VENV)/.ready-dev
 	$(BIN)/ruff format --check .
-	$(BIN)/ruff check .
+	$(BIN)/ruff check --no-cache .
 	$(BIN)/pyright
 	$(BIN)/lint-imports --no-logo
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import open3d as o3d
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from tests.refiners.alignment import Cloud, icp_align, trimmed_align
 from verefine_viz.core.algorithm_settings import IcpSettings, TricpSettings
@@ -96,10 +96,10 @@ def _trimmed(start: str, source: Float, model: Float, target: Cloud, settings: T
 
 def _numpy_trimmed(source: Float, model: Float, settings: TricpSettings) -> tuple[Float, int]:
     """docs/methods.md 4.2 in a few lines."""
-    tree, n_used = cKDTree(model), int(settings.trim * len(source))
+    tree, n_used = KDTree(model), int(settings.trim * len(source))
     T, energy, n_passes = np.eye(4), np.inf, 0
     while n_passes < settings.max_passes:
-        distance, match = tree.query(apply(T, source))
+        distance, match = map(np.asarray, tree.query(apply(T, source)))
         used = np.argsort(distance, kind="stable")[:n_used]
         a, b = source[used], model[match[used]]
         R = nearest_rotation((b - b.mean(0)).T @ (a - a.mean(0)))

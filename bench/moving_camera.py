@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import trimesh
@@ -29,6 +29,10 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
+from verefine_viz.page.protocol import Open, Track
+from verefine_viz.page.verbs import Debugger
+from verefine_viz.page.views.object_track import track
+from verefine_viz.page.workspace import Workspace
 from verefine_viz.run.data_folder import data_folder
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.demo_layout import Viewpoint, settled, take_picture
@@ -36,9 +40,6 @@ from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.scenes.demo_scenes import SCENES
 from verefine_viz.scenes.sensor import sense
 from verefine_viz.scenes.source import open_scene
-from verefine_viz.viewer import commands as c
-from verefine_viz.viewer.debugger import Debugger
-from verefine_viz.viewer.drawing.frame_strip import frame_strip
 
 T = TypeVar("T")
 OBJECT = "cereal"
@@ -121,26 +122,31 @@ def write(folder: Path, camera: Camera, model: ObjectModel, shots: Iterator[Shot
 
 
 def measured(folder: Path) -> list[dict[str, object]]:
-    """Opens the folder as the page does, and times the strip and a click on it, without drawing in a browser."""
+    """Open the folder as the page does, and time the strip and a click on it, without drawing in a browser."""
     known = data_folder(folder, {})
     assert known is not None
     Console().print(known.what)
-    debugger, opening = _timed(lambda: Debugger(known.session, None, Toolbox))
-    snapshot, first = _timed(debugger.view)
-    frames = [one.frame for one in snapshot.track]
-    strips = [_timed(lambda: frame_strip(snapshot.track, snapshot.frame))[1] for _ in range(N_CLICKS)]
-    rows = [
+    debugger, opening = _timed(lambda: Debugger(Workspace(known.session, None, Toolbox)))
+    space = debugger.space
+    obj = space.problem.targets[0].instance.instance_id
+
+    def strip() -> list[dict[str, Any]]:
+        return track(space, Track(obj), debugger.blobs)["frames"]
+
+    frames, first = _timed(strip)
+    strips = [_timed(strip)[1] for _ in range(N_CLICKS)]
+    rows: list[dict[str, object]] = [
         {"what": "opening the folder", "ms": opening},
-        {"what": f"first picture, with {len(frames)} poses read", "ms": first},
-        {"what": "the strip", "ms": statistics.median(strips)},
+        {"what": f"the strip, with {len(frames)} poses read", "ms": first},
+        {"what": "the strip again", "ms": statistics.median(strips)},
     ]
     clicks = []
-    for frame in frames[1 :: max(len(frames) // N_CLICKS, 1)]:
-        _, opened = _timed(lambda frame=frame: debugger.carry_out([c.OpenFrame(frame)]))
-        clicks.append(opened + _timed(debugger.view)[1])
-    marked = [one.frame for one in debugger.view().track if one.motion.kind in ("flip", "jump")]
+    for row in frames[1 :: max(len(frames) // N_CLICKS, 1)]:
+        verbs = [Open(frame=row["frame"])]
+        clicks.append(_timed(lambda verbs=verbs: debugger.carry_out(verbs))[1])
+    marked = [row["frame"] for row in frames if row["kind"] in ("flip", "jump")]
     Console().print(f"marked: {', '.join(marked)}")
-    return [*rows, {"what": "a click: the frame open, with its words and maps", "ms": statistics.median(clicks)}]
+    return [*rows, {"what": "a click: the frame open, its recorded steps read", "ms": statistics.median(clicks)}]
 
 
 def _timed(call: Callable[[], T]) -> tuple[T, float]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -33,10 +34,12 @@ def run() -> list[dict[str, Any]]:
     moving = _placed(ring, [0, 0.02, 0.0751], 0)
     simulator = BulletSimulator(PhysicsSettings())
     rows = []
-    for name, cast in {"1 box": (brick, ()), "3 decomposed rings": (moving, fixed)}.items():
-        touching = np.mean([len(c.others) for c in simulator.settle(*cast, TABLE, 60).contacts])
+    casts: list[tuple[str, Placed, tuple[Placed, ...]]] = [("1 box", brick, ()), ("3 decomposed rings", moving, fixed)]
+    for name, body, others in casts:
+        touching = np.mean([len(c.others) for c in simulator.settle(body, others, TABLE, 60).contacts])
         for n_steps in (3, 60):
-            row = _row(f"settle, {name}, {n_steps} steps", lambda c=cast, n=n_steps: simulator.settle(*c, TABLE, n))
+            settle = partial(simulator.settle, body, others, TABLE, n_steps)
+            row = _row(f"settle, {name}, {n_steps} steps", settle)
             rows.append(row | {"contacts_per_step": round(float(touching), 1)})
         # The same steps without asking for contacts: the difference to the rows above is their cost and the records'.
         world = simulator._world

@@ -216,7 +216,7 @@ def rank(
     right = (s[i] - s[j]) * (e[i] - e[j]) < 0
     close = apart & (np.maximum(e[i], e[j]) < CLOSE_MM)
     out = {
-        "spearman": float(-spearmanr(s, e)[0]) if np.ptp(s) > 0 else 0.0,
+        "spearman": -float(np.asarray(spearmanr(s, e))[0]) if np.ptp(s) > 0 else 0.0,
         "pairs": float(right[apart].mean()),
         "close_pairs": float(right[close].mean()),
         "top1": float(e[best] <= e.min() + 1.0),

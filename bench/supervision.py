@@ -50,7 +50,9 @@ def tilted(problem: Problem) -> Problem:
 def leaking(problem: Problem) -> Problem:
     """The same with masks that take in 12 px of what lies around the objects, which draws the refiner away."""
     instances = (
-        seen_through(binary_dilation(i.mask, iterations=12), i, problem.observation, len(i.points_cam))
+        seen_through(
+            np.asarray(binary_dilation(i.mask, iterations=12), bool), i, problem.observation, len(i.points_cam)
+        )
         for i in problem.instances
     )
     return replace(problem, instances=tuple(instances))

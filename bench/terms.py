@@ -90,7 +90,7 @@ def rows(weight: float) -> dict[str, Row]:
 
 def main() -> None:
     """Measures, and prints a table for each pool of hypotheses."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--weight", type=float, default=0.1)
@@ -110,7 +110,7 @@ def main() -> None:
     for title, pool in pools.items():
         by_row: dict[str, list[Answer]] = {}
         seconds: dict[str, float] = {}
-        n_frames = 0
+        n_frames = n_problems = 0
         for seed in range(given.seeds):
             scene = {"source": "bop", "dataset": str(given.dataset.resolve()), "frames": given.frames, "seed": seed}
             method = {"name": given.method, "refiner": given.refiner}
@@ -118,6 +118,7 @@ def main() -> None:
                 raw = {"scene": scene, "method": method, **row.extra}
                 box = Toolbox(resolve({**raw, "hypotheses": {**pool, "seed": seed, **row.extra.get("hypotheses", {})}}))
                 problems = [box.problem(frame) for frame in box.frames]
+                n_problems = len(problems)
                 box.run(problems[0]).finish()  # Compiled, and read what is cached.
                 for problem in problems:
                     began = process_time()
@@ -125,7 +126,7 @@ def main() -> None:
                     run.finish()
                     seconds[name] = seconds.get(name, 0.0) + process_time() - began
                     by_row.setdefault(name, []).extend(answers(run, problem, seed))
-            n_frames += len(problems)
+            n_frames += n_problems
         show(f"{given.method}, {title}", by_row, seconds, n_frames, rows(given.weight))
 
 
