@@ -23,7 +23,7 @@ from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
 
 NAMES = {
-    "rendered": "rendered_m", "difference": "depth_difference_m", "angle": "angle_rad", "f_d": "f_d", "f_n": "f_n",
+    "rendered": "rendered_m", "angle": "angle_rad", "f_d": "f_d", "f_n": "f_n",
     "classes": "classes", "counted": "counted",
 }  # fmt: skip
 COLOURS = {"correlation": "correlation", "rendered_rgb": "rendered_rgb", "observed_rgb": "observed_rgb"}

@@ -44,3 +44,9 @@ class Blobs:
             if key in self._blobs:
                 self._blobs.move_to_end(key)
             return self._blobs.get(key)
+
+    def data(self, key: str) -> bytes:
+        """Return the bytes of a key that was put a moment ago."""
+        blob = self.get(key)
+        assert blob is not None
+        return blob.data

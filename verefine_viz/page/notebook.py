@@ -12,6 +12,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.paths import at_home
 from verefine_viz.core.settings import Session
 from verefine_viz.page.app import App
+from verefine_viz.page.what_lies_at import what_lies_at
 from verefine_viz.run.record import RunRecord
 from verefine_viz.run.run_file import SUFFIX, RunFile
 
@@ -71,7 +72,10 @@ def show(what: Any, height: int = HEIGHT_PX) -> ShownPage:
         path = at_home(str(what))
     else:
         raise InputError(f"{type(what).__name__} cannot be shown; expected a run, its record, or the path of one")
-    app = App(**_arguments(path), port=0).start()
+    found = what_lies_at(path)
+    app = App(
+        session=found.session, session_path=found.session_path, port=0, gallery=found.gallery, recording=found.recording
+    ).start()
     page = ShownPage(app, height, folder)
     try:
         app.wait_until_ready()
@@ -91,22 +95,3 @@ def write_record(record: RunRecord, path: Path) -> Path:
         file.finish(record.end)
     file.close()
     return path
-
-
-def _arguments(path: Path) -> dict[str, Any]:
-    """Return what an :class:`App` has to open."""
-    from verefine_viz.batch.index import is_batch_folder
-    from verefine_viz.page.gallery import read_gallery
-    from verefine_viz.run.data_folder import data_folder
-    from verefine_viz.run.session_file import load_session
-
-    if path.suffix in (SUFFIX, ".rrd"):
-        if not path.is_file():
-            raise InputError(f"{path} does not exist; expected a recorded run (.vfrun, .rrd)")
-        return {"session": Session(), "recording": path}
-    if path.is_dir() and not is_batch_folder(path) and (known := data_folder(path, {})) is not None:
-        return {"session": known.session}
-    if path.is_dir():
-        gallery = read_gallery(path)
-        return {"session": gallery.session(gallery.worst.run), "gallery": gallery}
-    return {"session": load_session(path), "session_path": path}

@@ -282,11 +282,14 @@ class Recorded(Wanted):
     """Iterations that are there: a browser asks again when there are more."""
 
 
+AnyWant = Maps | Outlines | Shaded | Physics | Landscape | Comparison | Crops | Track | Recorded
+
+
 class Want(Verb):
     """Ask for what is needed to show something; of one slot the latest wins."""
 
     id: Text
-    of: Maps | Outlines | Shaded | Physics | Landscape | Comparison | Crops | Track | Recorded
+    of: AnyWant
     slot: Annotated[str, Meta(max_length=40)] = ""
 
 

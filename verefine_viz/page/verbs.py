@@ -260,15 +260,28 @@ class Debugger:
 
     # What windows get
 
+    def known(self, blobs: Blobs) -> Iterator[dict[str, Any]]:
+        """Return the messages that say all that is known of the open frame; ``blobs`` gets their arrays."""
+        yield self._frame(blobs)
+        yield branches_message(self.space)
+        for branch in self.space.branches.values():
+            yield run_message(branch, 0, self.space.work.first)
+            if branch.is_over:
+                yield self._verdict(branch)
+
+    def work_out(self) -> None:
+        """Work out all that the verdicts on finished runs may still say."""
+        for branch in self.space.branches.values():
+            if branch.is_over:
+                deque(self._work_out(branch), maxlen=0)
+
     def welcome(self, window: int) -> None:
         """Send a window that has just connected all that is known."""
-        self.post(self._frame(), window)
-        self.post(branches_message(self.space), window)
+        for message in self.known(self.blobs):
+            self.post(message, window)
         for branch in self.space.branches.values():
-            self.post(run_message(branch, 0, self.space.work.first), window)
             self._sent[branch.index] = branch.run.length
             if branch.is_over:
-                self.post(self._verdict(branch), window)
                 self._judge(branch)
         if self.gallery is not None:
             self.post(answers_message(self.gallery), window)
@@ -288,7 +301,7 @@ class Debugger:
     def send_frame(self) -> None:
         """Send everything again: another frame, session or start."""
         self._sent, self._judged, self._later = {}, {}, None
-        self.post(self._frame(), None)
+        self.post(self._frame(self.blobs), None)
         self.send_branches()
         for branch in self.space.branches.values():
             self.send_rows(branch)
@@ -323,11 +336,11 @@ class Debugger:
         }
         self.post({"t": "running", **running}, window)
 
-    def _frame(self) -> dict[str, Any]:
+    def _frame(self, blobs: Blobs) -> dict[str, Any]:
         sessions = self.list_sessions()
         shown = {path.stem for path in sessions if path.stem.startswith("failure_")}  # By titles that say less.
         demos = [name for name in self.demos if name not in shown]
-        message = frame_message(self.space, self.blobs, demos, titled(sessions))
+        message = frame_message(self.space, blobs, demos, titled(sessions))
         return {**message, "run": self.batch_run}
 
     def _verdict(self, branch: Branch) -> dict[str, Any]:

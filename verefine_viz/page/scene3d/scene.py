@@ -124,16 +124,20 @@ class Scene3D:
                 for client in self._server.get_clients().values():
                     self._take_camera(client, look.camera)
 
+    def page(self, title: str) -> str:
+        """Return the scene as it is as one HTML document that needs nothing else."""
+        page = self._server.scene.as_html(dark_mode=True)
+        safe = title.replace("&", "&amp;").replace("<", "&lt;")
+        return page.replace("<title>Viser</title>", f"<title>{safe}</title>", 1)
+
     def export(self, path: Path, title: str) -> None:
         """Write the scene as it is as one HTML file that needs nothing else.
 
         Raises:
             InputError: the file cannot be written.
         """
-        page = self._server.scene.as_html(dark_mode=True)
-        safe = title.replace("&", "&amp;").replace("<", "&lt;")
         with atomic(path) as part:
-            part.write_text(page.replace("<title>Viser</title>", f"<title>{safe}</title>", 1), encoding="utf-8")
+            part.write_text(self.page(title), encoding="utf-8")
 
     # Drawing, with the lock held
 

@@ -191,3 +191,8 @@ def _is_like(value: object, present: object) -> bool:
     if isinstance(present, int | float) and not isinstance(present, bool):
         return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _LARGEST_NUMBER
     return isinstance(value, type(present))
+
+
+def prepared(page: str) -> str:
+    """Return a page that viser exported with what this page runs before viser's own."""
+    return page.replace("<head>", f"<head><script>{_BEFORE}</script>", 1)

@@ -95,7 +95,6 @@ def cut(pixels: ScoreMaps, region: list[int]) -> dict[str, NDArray[Any]]:
     u0, v0, width, height = region
     named = {
         "rendered": pixels.rendered_m,
-        "difference": pixels.depth_difference_m,
         "angle": pixels.angle_rad,
         "f_d": pixels.f_d,
         "f_n": pixels.f_n,

@@ -2,6 +2,8 @@
 import { Component, html, render } from "./vendor/htm-preact.js";
 import { state, useStore, setView, send, changed } from "./store.js";
 import { start, dismiss } from "./messages.js";
+import { connect } from "./connection.js";
+import { isFile, openFile } from "./file.js";
 import { applyTheme, setSize, sizesOf } from "./layout.js";
 import { attachKeys, Overlay } from "./keys.js";
 import { momentOf } from "./moment.js";
@@ -151,3 +153,5 @@ attachKeys(window);
 addEventListener("resize", changed);
 render(html`<${Page} />`, document.getElementById("app"));
 start();
+if (isFile) openFile();
+else connect();

@@ -167,7 +167,7 @@ function EditLine() {
     <span>score <b>${now && !now.stale ? now.score.score.toFixed(3) : "…"}</b>
       ${before != null && html` <i>from ${before.toFixed(3)}</i>`}</span>
     <${Displacement} from=${from} T=${T} />
-    <${Button} kind="primary" title="a new branch from this pose"
+    <${Button} engine kind="primary" title="a new branch from this pose"
       onClick=${() => proceed(moment)}>Continue from here<//>
     <${Button} title="back to where it began" disabled=${mm + deg === 0} onClick=${() => moveTo(from)}>Reset<//>
     <${Button} title="stop editing (Esc)" onClick=${() => setView({ edited: null })}>Cancel<//>
@@ -269,7 +269,8 @@ function toggleOutline(key) {
 }
 const blink = () => layersOf(state).blink == null && setLayers({ blink: true });
 const KEYS = [
-  { id: "edit", keys: ["p"], title: "Edit the pose in the image", group: "Image", action: toggleEdit },
+  { id: "edit", keys: ["p"], title: "Edit the pose in the image", group: "Image", action: toggleEdit,
+    when: () => !state.file },
   { id: "blink", keys: ["v"], title: "Hold: photo and shaded model in turn", group: "Image", action: blink },
   { id: "hypotheses", keys: ["h"], title: "Outlines of the hypotheses on or off", group: "Image",
     action: () => toggleOutline("hypotheses") },
@@ -388,7 +389,7 @@ function Acts() {
       onClick=${() => setLayers({ blink: blinks == null ? true : null })}>Blink<//>
     <${Button} title="fit the object, or the whole image (O, or double click)" onClick=${fitNext}>
       ${zoom == null ? "Whole" : "Object"}<//>
-    <${Button} title="move the pose by the mouse (P)" on=${edits} onClick=${toggleEdit}>Edit pose<//></div>`;
+    <${Button} engine title="move the pose by the mouse (P)" on=${edits} onClick=${toggleEdit}>Edit pose<//></div>`;
 }
 
 function Legend() {

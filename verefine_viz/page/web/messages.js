@@ -1,5 +1,5 @@
 // What the server's messages change, what it gets in return, and the page's address.
-import { state, setView, update, send, on, listen, connect, forgetAnswers } from "./store.js";
+import { state, setView, update, send, on, listen, forgetAnswers } from "./store.js";
 import { followed, goTo, momentOf, runOf, stopReplay } from "./moment.js";
 
 Object.assign(state, { replaying: null });
@@ -170,5 +170,4 @@ export function start() {
     const link = hashLink();
     if (link && link !== written) openLink(link);
   });
-  connect();
 }

@@ -5,6 +5,7 @@ import { addKeys, attachKeys, titled } from "./keys.js";
 import { lookOf } from "./messages.js";
 import { momentOf } from "./moment.js";
 import { sidesOf } from "./sides.js";
+import { isFile, scenePage } from "./file.js";
 import { Button, Pane } from "./ui.js";
 
 const LATEST_MS = 3000;
@@ -35,6 +36,10 @@ export function ScenePane() {
     const late = setTimeout(() => begin(true), LATEST_MS);
     return () => clearTimeout(late);
   }, [pictured]);
+  const [page, setPage] = useState(undefined); // of a file; null = it has none
+  useEffect(() => {
+    if (isFile && begun) scenePage().then(setPage);
+  }, [begun]);
   useEffect(() => {
     if (drawn) return undefined;
     const waiting = setInterval(() => hasDrawn(frame.current?.contentWindow) && setDrawn(true), 200);
@@ -42,13 +47,14 @@ export function ScenePane() {
   }, [drawn]);
   const loaded = () => {
     setDrawn(false);
-    attachKeys(frame.current.contentWindow);
+    if (begun) attachKeys(frame.current.contentWindow);
   };
   const elsewhere = follows != null && window != null && follows !== window;
-  const tools = html`<span class="spring" />${CAMERAS.map(({ id, name }) => html`
+  if (isFile && page === null) return html`<${Pane} name="scene" title="3D"><p class="empty">The file holds no 3D view.</p><//>`;
+  const tools = html`<span class="spring" />${!isFile && CAMERAS.map(({ id, name }) => html`
     <${Button} key=${id} title=${titled(`camera-${id}`)} onClick=${() => look(id)}>${name}<//>`)}`;
   return html`<${Pane} name="scene" title="3D" tools=${tools}>
-    <iframe ref=${frame} src=${begun ? ADDRESS : undefined} title="3D view" onLoad=${loaded} />
+    <iframe ref=${frame} ...${isFile ? { srcdoc: page } : { src: begun ? ADDRESS : undefined }} title="3D view" onLoad=${loaded} />
     ${!drawn && html`<div class="loading">${connection === "lost" ? "The server does not answer." : "Loading the 3D view"}</div>`}
     ${elsewhere && html`<button type="button" class="elsewhere" title="let the 3D view follow this window" onClick=${() => look()}>3D follows another window: show this one</button>`}
   <//>`;

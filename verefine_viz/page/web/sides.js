@@ -1,5 +1,5 @@
 // The two poses that are compared, A and B, with their maps; canvases and pictures that are drawn from them.
-import { state, want, forget, arraysOf, blob, changed } from "./store.js";
+import { state, want, forget, arraysOf, blob, changed, addressOf } from "./store.js";
 import { MAPS, gainOf, paint, valueAt } from "./colours.js";
 
 // Poses
@@ -34,12 +34,26 @@ function wholeScene(moment) {
     b: true_.length ? { name: "true scene", label: "ground truth", poses: true_ } : null };
 }
 
+// The arrays with the depth difference [m], NaN where either depth is missing; null until the observed depth is there.
+function withDifference(arrays, region) {
+  const depth = observedDepth();
+  if (!arrays || !depth) return null;
+  if (!arrays.difference) {
+    const [u0, v0, w] = region;
+    arrays.difference = arrays.rendered.map((rendered, i) => {
+      const observed = depth[(v0 + Math.floor(i / w)) * state.frame.camera.w + u0 + (i % w)];
+      return observed > 0 && rendered > 0 ? observed - rendered : NaN;
+    });
+  }
+  return arrays;
+}
+
 // A pose with its maps. While they are on their way those of the pose shown before stand for them, `stale`.
 const shown = {}; // by letter, the maps that came last
 function sideOf(moment, pose, letter) {
   if (!pose?.T && !pose?.poses) return null;
   const answer = want(wantOfMaps(moment, pose), pose.name === "edited" ? "edited" : `maps-${letter}`);
-  const arrays = arraysOf(answer);
+  const arrays = withDifference(arraysOf(answer), answer?.region);
   const place = `${state.frame.id} ${pose.poses ? "all" : moment.obj}`;
   if (arrays) {
     const { region, score, scale } = answer;
@@ -143,7 +157,7 @@ function picture(url, gone) {
   return image.complete && image.naturalWidth ? image : null;
 }
 
-export const photo = () => (state.frame?.rgb ? picture(`/blob/${state.frame.rgb}`) : null);
+export const photo = () => (state.frame?.rgb ? picture(addressOf(`/blob/${state.frame.rgb}`)) : null);
 const colours = new WeakMap();
 export function colourAt([u, v]) {
   const image = photo();
@@ -162,6 +176,6 @@ export function colourAt([u, v]) {
 // The shaded model at a pose: { region, image } or null until it is there.
 export function shadedOf(obj, T, slot) {
   const answer = want({ what: "shaded", obj, T }, slot);
-  const image = answer?.url ? picture(answer.url, () => forget(answer)) : null;
+  const image = answer?.url ? picture(addressOf(answer.url), () => forget(answer)) : null;
   return image && { region: answer.region, image };
 }

@@ -83,32 +83,23 @@ export function useStore(select) {
   return chosen;
 }
 
-// The connection. Verbs that are sent while it is lost are dropped: the page says so.
-
-let socket = null;
+// Who answers: the program's server (connection.js), or the file that the page itself is (file.js).
+// { send(verb) → whether it arrived, load(key) → promise of the bytes of a blob or null, address(path) }
+let server = null;
 const handlers = {};
 export function on(t, handler) {
   handlers[t] = handler;
 }
-
-export function send(verb) {
-  if (socket?.readyState !== WebSocket.OPEN) return false;
-  socket.send(JSON.stringify(verb));
-  return true;
+export function answeredBy(one) {
+  server = one;
 }
+
+export const send = (verb) => server.send(verb);
+export const addressOf = (path) => server.address(path);
 
 export function receive(message) {
   handlers[message.t]?.(message);
   changed();
-}
-
-export function connect() {
-  socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws`);
-  socket.onmessage = (event) => receive(JSON.parse(event.data));
-  socket.onclose = () => {
-    update({ connection: "lost" });
-    setTimeout(connect, 1000);
-  };
 }
 
 // Answers of the server to what views ask for, the latest used last.
@@ -174,8 +165,7 @@ export function blob(key) {
   if (!entry) {
     entry = { buffer: null, isGone: false };
     blobs.set(key, entry);
-    fetch(`/blob/${key}`)
-      .then((reply) => (reply.ok ? reply.arrayBuffer() : null))
+    server.load(key)
       .then((buffer) => {
         Object.assign(entry, { buffer, isGone: !buffer });
         changed();
@@ -192,6 +182,7 @@ export function blob(key) {
 const TYPES = {
   float32: Float32Array, uint8: Uint8Array, int32: Int32Array, uint16: Uint16Array, float64: Float64Array,
 };
+const NO_VALUE = { uint8: 255, uint16: 65535 }; // among whole numbers of a step
 const unpacked = new WeakMap(); // buffer → arrays by name: they go when the blob does
 // The arrays of an answer by name, or null until they are there.
 export function arraysOf(answer) {
@@ -202,7 +193,10 @@ export function arraysOf(answer) {
   }
   if (!unpacked.has(buffer)) {
     const arrays = {};
-    for (const [name, type, offset, length] of answer.arrays) arrays[name] = new TYPES[type](buffer, offset, length);
+    for (const [name, type, offset, length, step] of answer.arrays) {
+      const values = new TYPES[type](buffer, offset, length);
+      arrays[name] = step ? Float32Array.from(values, (x) => (x === NO_VALUE[type] ? NaN : x * step)) : values;
+    }
     unpacked.set(buffer, arrays);
   }
   return unpacked.get(buffer);

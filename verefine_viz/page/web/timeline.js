@@ -93,6 +93,7 @@ const STOPS = [
 const stopsOf = (frame) => STOPS.filter(([name]) => ![null, undefined, false].includes(frame?.breakpoints?.[name]));
 
 function Breakpoints({ stops }) {
+  if (state.file) return null; // nothing runs
   const values = state.frame.breakpoints ?? {};
   const change = (name, value) => {
     send({ verb: "break", changes: { [name]: value } });

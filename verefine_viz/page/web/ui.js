@@ -39,8 +39,10 @@ const clicked = (onClick) => (event) => {
   onClick?.(event);
 };
 
-export const Button = ({ onClick, title, icon, on, kind = "", disabled, children }) => html`
-  <button type="button" class=${`button ${kind} ${on ? "on" : ""}`} title=${title} disabled=${disabled}
+// `engine`: what it does is computed or written by the program; a page that is a file has none.
+export const Button = ({ onClick, title, icon, on, kind = "", disabled, engine, children }) => html`
+  <button type="button" class=${`button ${kind} ${on ? "on" : ""}`} disabled=${disabled || (engine && state.file)}
+    title=${engine && state.file ? `${title}. It needs the program: ${state.file.command}` : title}
     aria-pressed=${on == null ? undefined : String(Boolean(on))} onClick=${clicked(onClick)}>
     ${icon && html`<${Icon} name=${icon} />`}${children}
   </button>`;

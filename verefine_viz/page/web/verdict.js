@@ -161,7 +161,7 @@ function Why({ verdict, first, n }) {
           <div class="group">
             ${f.k != null && f.k > 0 && html`<${Button} title="go there"
               onClick=${() => { close(); setView({ obj: o.obj, arm: null }); seek(f.k); }}>Iteration ${f.k}<//>`}
-            ${f.try && html`<${Button} title=${`a new branch from the start with ${wordsOf(f.try)}`} onClick=${() => {
+            ${f.try && html`<${Button} engine title=${`a new branch from the start with ${wordsOf(f.try)}`} onClick=${() => {
               close();
               send({ verb: "fork", branch: state.view.branch, k: 0, changes: f.try, run: true });
             }}>Try ${wordsOf(f.try)}<//>`}

@@ -80,7 +80,7 @@ function Arms({ moment }) {
       ${know && html`<td class=${a.err == null ? "" : a.err < limit ? "good" : "bad"}>${number(a.err, 1)}</td>`}
     </tr>`)}</tbody></table>
     ${choice && arms.length > 1 && c != null && arms.some((a) => a.bonus > 0) && html`<div class="row"><span class="dim">What if c, the bonus's weight, were</span>
-      ${[0, Math.max(2 * c, 0.05), Math.max(4 * c, 0.1)].filter((v) => v !== c).map((v) => html`<${Button} title="a new branch from the start, run to its end"
+      ${[0, Math.max(2 * c, 0.05), Math.max(4 * c, 0.1)].filter((v) => v !== c).map((v) => html`<${Button} engine title="a new branch from the start, run to its end"
         onClick=${() => send({ verb: "fork", branch: moment.branch, k: 0, changes: { "method.exploration": v }, run: true })}>${+v.toPrecision(2)}<//>`)}
       <span class="dim">instead of ${+c.toPrecision(3)}?</span></div>`}`;
 }

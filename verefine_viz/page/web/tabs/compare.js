@@ -48,9 +48,9 @@ function Pair({ compare, branches, moment }) {
       <${Letter} side="b" /><${Select} value=${String(b)} options=${options} onChange=${choose("b")} title="B" /><span class="dim">${run_b.rows.length} of ${run_b.total}</span>
     </div>
     <div class="row">
-      <${Button} title="A becomes B" onClick=${() => { send({ verb: "compare", a: b, b: a, run: false }); setView({ branch: b, k: Math.min(state.view.beside ?? state.view.k, run_b.rows.length), beside: state.view.k }); }}>Swap<//>
-      <${Button} title="show one run alone again; B stays as a branch" onClick=${() => { send({ verb: "compare", a, stop: true, run: false }); setView({ beside: null }); }}>End A/B<//>
-      ${left && running == null && html`<${Button} kind="primary" title="compute what is left of A and of B" onClick=${runBoth}>Run both<//>`}
+      <${Button} engine title="A becomes B" onClick=${() => { send({ verb: "compare", a: b, b: a, run: false }); setView({ branch: b, k: Math.min(state.view.beside ?? state.view.k, run_b.rows.length), beside: state.view.k }); }}>Swap<//>
+      <${Button} engine title="show one run alone again; B stays as a branch" onClick=${() => { send({ verb: "compare", a, stop: true, run: false }); setView({ beside: null }); }}>End A/B<//>
+      ${left && running == null && html`<${Button} engine kind="primary" title="compute what is left of A and of B" onClick=${runBoth}>Run both<//>`}
       ${running != null && html`<span class="dim">${running === a ? "A" : running === b ? "B" : "Another branch"} is computed.</span>`}
     </div>
     ${result && html`
@@ -128,13 +128,13 @@ function NewB({ branch, branches, compare }) {
     <div class="form-row"><span class="dim">this frame with</span>
       <${Select} value=${name} options=${settings.map((one) => [one.name, one.common ? shortName(one.name) : one.name])} onChange=${(v) => { setName(v); setValue(null); }} title=${setting.help} />
       <${Field} setting=${setting} value=${now} onChange=${setValue} />
-      <${Button} kind="primary" disabled=${same} title=${same ? "choose another value than A's" : `${listOf({ [name]: typed })}, from the start; A is run too where it is not`}
+      <${Button} engine kind="primary" disabled=${same} title=${same ? "choose another value than A's" : `${listOf({ [name]: typed })}, from the start; A is run too where it is not`}
         onClick=${() => { runBeside(branch, { [name]: typed }); setValue(null); }}>Run B<//></div>
     ${others.length > 0 && html`<div class="form-row"><span class="dim">the branch</span>
-      ${others.map((b) => html`<${Button} title="put this branch beside A" onClick=${() => putBeside(branch, { b: b.index })}>${b.name}<//>`)}</div>`}
+      ${others.map((b) => html`<${Button} engine title="put this branch beside A" onClick=${() => putBeside(branch, { b: b.index })}>${b.name}<//>`)}</div>`}
     <div class="form-row"><span class="dim">a recording</span>
       <input type="text" placeholder="path of a .vfrun or .rrd of this frame" value=${path} onInput=${(e) => setPath(e.currentTarget.value)} />
-      <${Button} title="put the recorded run beside A" disabled=${!path.trim()} onClick=${() => putBeside(branch, { recording: path.trim() })}>Open as B<//></div>
+      <${Button} engine title="put the recorded run beside A" disabled=${!path.trim()} onClick=${() => putBeside(branch, { recording: path.trim() })}>Open as B<//></div>
   </section>`;
 }
 
@@ -167,7 +167,7 @@ function Branches({ branches, moment, compare }) {
       scoreOf(b) === scoreOf(here) ? "" : html` <span title="scored by other settings than the branch that is shown: not comparable">⚠</span>`}` },
     { title: "mm", hint: `ADD(-S) of the best pose of ${moment.object.label}`, of: (b) => number(bestOf(b.index, "err"), 1) },
     { title: "", of: (b) => html`<span class="acts" onClick=${(e) => e.stopPropagation()}>
-      ${branches.length > 1 && html`<${IconButton} icon="close" title="remove this branch" onClick=${() => send({ verb: "branch", index: b.index, remove: true })} />`}</span>` },
+      ${branches.length > 1 && html`<${IconButton} engine icon="close" title="remove this branch" onClick=${() => send({ verb: "branch", index: b.index, remove: true })} />`}</span>` },
   ].filter((c) => c.title !== "mm" || moment.object.has_gt);
   return html`<div class="row"><h3>${branches.length === 1 ? "The only branch" : `${branches.length} branches`}</h3><span class="spring" />
       <${Button} title="give the branch that is shown another name" onClick=${() => setRenamed(moment.branch)}>Rename<//></div>

@@ -32,7 +32,7 @@ export function render() {
   if (!answer || answer.gone) {
     return html`<div class="tab grasp"><p>A gripper takes ${moment.object.label} in simulation, by the free grasp that is nearest to its middle: once by ${words}, once by the ground truth. The object is where the ground truth has it.</p>
       ${answer?.gone && html`<p class="doubt">${answer.gone}</p>`}
-      <div class="row"><${Button} kind="primary" disabled=${Boolean(busy)} title="takes some seconds" onClick=${carryOut}>Grasp by ${words}<//></div></div>`;
+      <div class="row"><${Button} engine kind="primary" disabled=${Boolean(busy)} title="takes some seconds" onClick=${carryOut}>Grasp by ${words}<//></div></div>`;
   }
   const by = shown?.by ?? "pose";
   const at = (side) => Math.min(shown?.moment ?? Infinity, Math.max(answer[side].n - 1, 0)); // both show the same time

@@ -34,7 +34,7 @@ export function render() {
   const wanted = moment.isAnswer || asked === pose;
   if (!wanted) {
     return html`<div class="tab landscape"><p>How the score falls as ${moment.object.label} is moved and turned away from its best pose so far.</p>
-      <div class="row"><${Button} kind="primary" title="takes a few seconds" onClick=${() => setAsked(pose)}>Score the poses around<//></div></div>`;
+      <div class="row"><${Button} engine kind="primary" title="takes a few seconds" onClick=${() => setAsked(pose)}>Score the poses around<//></div></div>`;
   }
   return html`<${Around} moment=${moment} pose=${pose} key=${pose} />`;
 }
@@ -48,7 +48,7 @@ function Around({ moment, pose }) {
   const other = useLatest(two ? { ...of, part: "other" } : null, "other", pose);
   if (!around) return html`<p class="empty">Scoring the poses around the ${moment.isAnswer ? "answer" : "best pose"}.</p>`;
   if (around.gone) return html`<p class="empty">${around.gone}</p>`;
-  const edit = (T) => setView({ obj: moment.obj, edited: { obj: moment.obj, arm: moment.best.arm, T, from: around.T } });
+  const edit = (T) => state.file || setView({ obj: moment.obj, edited: { obj: moment.obj, arm: moment.best.arm, T, from: around.T } });
   const names = around.curves.map((c) => [String(c.axis), `${shortOf(c.words)} [${c.unit}]`]);
   const choose = (i) => (v) => setAxes(axes.map((old, j) => (i === j ? Number(v) : old)));
   return html`<div class="tab landscape">
@@ -71,7 +71,7 @@ function Other({ other, edit }) {
   if (!other) return html`<p class="dim">Looking for another pose that fits equally well.</p>`;
   if (!other.other) return html`<p class="dim">${other.gone ?? "No other pose fits equally well."}</p>`;
   return html`<div class="doubt"><p><b>Also fits:</b> ${other.other.words}</p>
-    <div class="row"><${Button} title="edit this pose: see it in the image, the maps and 3D" onClick=${() => edit(other.other.T)}>Edit it<//></div></div>`;
+    <div class="row"><${Button} engine title="edit this pose: see it in the image, the maps and 3D" onClick=${() => edit(other.other.T)}>Edit it<//></div></div>`;
 }
 
 // One curve as SVG, its samples evenly spaced: the offsets grow outwards and would crowd in the middle.

@@ -37,10 +37,10 @@ export function render() {
       const move = (by) => send({ verb: "order", branch, move: [id, by] });
       return html`<tr key=${id} class=${`clickable ${id === moment.obj ? "current" : ""}`} onClick=${() => setView({ obj: id, arm: null })}>
         <td class="left">${order.clusters.slice(0, c).flat().length + i + 1}</td><td class="left"><${Swatch} color=${of(id).color} />${of(id).label}</td>
-        <td onClick=${(e) => e.stopPropagation()}><${IconButton} icon="down" kind="flip" disabled=${first} title=${`solve it earlier; ${restarts}`} onClick=${() => move(-1)} />
-          <${IconButton} icon="down" disabled=${last} title=${`solve it later; ${restarts}`} onClick=${() => move(1)} /></td></tr>`;
+        <td onClick=${(e) => e.stopPropagation()}><${IconButton} engine icon="down" kind="flip" disabled=${first} title=${`solve it earlier; ${restarts}`} onClick=${() => move(-1)} />
+          <${IconButton} engine icon="down" disabled=${last} title=${`solve it later; ${restarts}`} onClick=${() => move(1)} /></td></tr>`;
     }))}</tbody></table>
-    ${order.source === "given" && html`<div class="row"><${Button} title="forget the given order; cuts stay" onClick=${() => send({ verb: "order", branch, reset: true })}>Back to the rule's order<//></div>`}
+    ${order.source === "given" && html`<div class="row"><${Button} engine title="forget the given order; cuts stay" onClick=${() => send({ verb: "order", branch, reset: true })}>Back to the rule's order<//></div>`}
     ${pairs.length > 0 && html`<h3>Evidence</h3>`}
     ${pairs.map((edges) => {
       const [{ first, second, state: is }] = edges;
@@ -48,7 +48,7 @@ export function render() {
       return html`<div class=${`evidence ${cut ? "cut" : ""}`} key=${`${first} ${second}`}><div>${edges.map((e) => html`<p><${Swatch} color=${of(e.first).color} />${of(e.first).label} ${
         e.kind === "contact" ? html`and <${Swatch} color=${of(e.second).color} />${of(e.second).label} may touch` : html`${KINDS[e.kind]} <${Swatch} color=${of(e.second).color} />${of(e.second).label}`}: ${e.evidence}${
         STATES[e.state] && html`<span class="dim">; ${STATES[e.state]}</span>`}</p>`)}</div>
-        <${Button} title=${cut ? `let it count again; ${restarts}` : `what is seen between the two counts no more; ${restarts}`} onClick=${() => send({ verb: "order", branch, cut: [first, second, !cut] })}>${cut ? "Restore" : "Cut"}<//></div>`;
+        <${Button} engine title=${cut ? `let it count again; ${restarts}` : `what is seen between the two counts no more; ${restarts}`} onClick=${() => send({ verb: "order", branch, cut: [first, second, !cut] })}>${cut ? "Restore" : "Cut"}<//></div>`;
     })}
   </div>`;
 }

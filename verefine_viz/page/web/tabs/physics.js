@@ -152,9 +152,9 @@ function Around({ around, branch }) {
       <div title="angle between the plane's normal and up"><dt>tilt against gravity</dt><dd>${number(plane.tilt_deg, 1)}°</dd></div></dl>
     ${observed && html`<p>${around.source === "observed" ? "The depth image" : "The mesh"} shows ${around.surfaces} surface${around.surfaces === 1 ? "" : "s"} and ${around.solids} other solid${around.solids === 1 ? "" : "s"}.</p>`}
     ${around.unknown.map((one) => html`<div class="row" key=${one.number}><span>Unknown object ${one.number}, ${one.size_mm.map((x) => x.toFixed(0)).join(" × ")} mm${one.dropped ? html`<span class="dim">, dropped</span>` : ""}</span><span class="spring" />
-      <${Button} title=${one.dropped ? "let it stop objects again; restarts the run" : "let it stop nothing; restarts the run"}
+      <${Button} engine title=${one.dropped ? "let it stop objects again; restarts the run" : "let it stop nothing; restarts the run"}
         onClick=${() => send({ verb: "order", branch, drop: [one.number, !one.dropped] })}>${one.dropped ? "Restore" : "Drop"}<//></div>`)}
-    <div class="row"><${Button} title="restarts the run" onClick=${() => restart(observed ? "plane" : "observed")}>${observed ? "Use the plane alone" : "Use what the depth image shows"}<//>
-      ${hull && html`<${Button} title="physics takes every model for its convex hull now; restarts the run"
+    <div class="row"><${Button} engine title="restarts the run" onClick=${() => restart(observed ? "plane" : "observed")}>${observed ? "Use the plane alone" : "Use what the depth image shows"}<//>
+      ${hull && html`<${Button} engine title="physics takes every model for its convex hull now; restarts the run"
         onClick=${() => send({ verb: "restart", branch, changes: { "physics.collider": "decomposition" } })}>Use convex parts<//>`}</div>`;
 }

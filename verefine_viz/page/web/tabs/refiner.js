@@ -1,6 +1,6 @@
 // What a learned refiner saw and answered, step by step.
 import { html } from "../vendor/htm-preact.js";
-import { useStore } from "../store.js";
+import { addressOf, useStore } from "../store.js";
 import { momentOf } from "../moment.js";
 import { useLatest } from "./latest.js";
 
@@ -16,7 +16,7 @@ export function render() {
   if (answer.gone || answer.why_none) return html`<p class="empty">${answer.gone ?? answer.why_none}</p>`;
   return html`<div class="tab refiner">
     <p class="summary">${answer.refiner} in iteration ${answer.k}${answer.start ? `: ${answer.start}` : ""}.</p>
-    ${answer.steps.map((step, i) => html`<figure key=${step.url}><img src=${step.url} alt=${`what the refiner saw at step ${i + 1}`} />
+    ${answer.steps.map((step, i) => html`<figure key=${step.url}><img src=${addressOf(step.url)} alt=${`what the refiner saw at step ${i + 1}`} />
       <figcaption><b>Step ${i + 1} of ${answer.steps.length}</b>${step.words.map((line) => html`<span>${line}</span>`)}</figcaption></figure>`)}
     <p class="dim">White line: the shift that it answered. Yellow: the axis of its turn, longer for larger turns.</p>
   </div>`;

@@ -45,11 +45,11 @@ export function render() {
     ${shown && html`<${Beside} branch=${shown} objects=${frame.objects} />`}
     <h3>Save the session</h3>
     <div class="row"><input type="text" class="name" value=${name} title="written to sessions/NAME.toml: settings, breakpoints, changes and edited poses" onInput=${(e) => setName(e.currentTarget.value)} />
-      <${Button} kind="primary" title="write the session file" disabled=${!name.trim()} onClick=${() => save("session", { name: name.trim(), replace })}>Save<//>
+      <${Button} engine kind="primary" title="write the session file" disabled=${!name.trim()} onClick=${() => save("session", { name: name.trim(), replace })}>Save<//>
       <${Toggle} value=${replace} title="write over a file of that name" onChange=${setReplace}>replace<//></div>
     ${waiting.length > 0 && html`<p class="dim">Not saved, as it is not in use yet: ${listOf(draft)}.</p>`}
     <h3>Export</h3>
-    <div class="row">${FILES.map(([what, words, hint]) => html`<${Button} key=${what} title=${hint} onClick=${() => save(what)}>${words}<//>`)}</div>
+    <div class="row">${FILES.map(([what, words, hint]) => html`<${Button} engine key=${what} title=${hint} onClick=${() => save(what)}>${words}<//>`)}</div>
     ${written.length > 0 && html`<h3>Written</h3>${written.map((file) => html`<p class="path" key=${file.path}>${file.url ? html`<a href=${file.url} download=${file.name}>${file.name}</a> ` : ""}<span class="dim">${file.path}</span></p>`)}`}
   </div>`;
 }

@@ -54,12 +54,12 @@ export function render() {
   return html`<div class="tab settings">
     <div class="apply">
       <div class="row">
-        <${Button} disabled=${wrong} title=${`from before iteration 1${none ? "" : ` with ${listOf(changes)}`}${others}`}
+        <${Button} engine disabled=${wrong} title=${`from before iteration 1${none ? "" : ` with ${listOf(changes)}`}${others}`}
           onClick=${() => send({ verb: "restart", branch, changes })}>${none ? "Restart" : "Restart with these"}<//>
-        <${Button} disabled=${wrong || isEnd || fixed.length > 0} onClick=${() => send({ verb: "fork", branch, k: moment.k, changes, run: true })}
+        <${Button} engine disabled=${wrong || isEnd || fixed.length > 0} onClick=${() => send({ verb: "fork", branch, k: moment.k, changes, run: true })}
           title=${forked}>
           Fork at ${moment.k}<//>
-        <${Button} disabled=${wrong || none} title="from the start, as B beside this run" onClick=${() => runBeside(branch, changes)}>Run as B beside<//>
+        <${Button} engine disabled=${wrong || none} title="from the start, as B beside this run" onClick=${() => runBeside(branch, changes)}>Run as B beside<//>
         <span class="spring" />
         ${!none && html`<${Button} title="forget the changes" onClick=${() => update({ draft: {} })}>Reset<//>`}
       </div>
@@ -81,6 +81,6 @@ function Estimate({ moment, frame, branch }) {
   const options = frame.choices.estimators.map((id) => [id, ESTIMATORS[id] ?? id]);
   return html`<section><h3>Other initial poses for ${moment.object.label}</h3>
     <div class="row"><${Select} value=${by} options=${options} onChange=${setBy} title="what estimates them" />
-      <${Button} title="new initial poses for this object on this frame, as a new branch" onClick=${() => send({ verb: "estimate", branch, obj: moment.obj, estimator: by })}>Estimate<//></div>
+      <${Button} engine title="new initial poses for this object on this frame, as a new branch" onClick=${() => send({ verb: "estimate", branch, obj: moment.obj, estimator: by })}>Estimate<//></div>
   </section>`;
 }

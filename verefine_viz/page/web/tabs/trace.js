@@ -57,9 +57,9 @@ function GoOn({ moment }) {
   const spent = state.frame.objects.map((o) => rowsOf(run, o.id).filter((r) => r.k <= k).length / Math.max(o.arms.length, 1));
   const changes = { "method.name": METHOD, "method.iterations": Math.ceil(Math.max(0, ...spent)) + own };
   return html`<div class="row">
-    <${Button} kind="primary" title="a new branch, run to its end: its hypotheses are the poses here"
+    <${Button} engine kind="primary" title="a new branch, run to its end: its hypotheses are the poses here"
       onClick=${() => send({ verb: "fork", branch, k, changes, run: true })}>Continue from here with ${method.label}<//>
-    <${Button} title=${`${method.label} from the same initial poses, as B beside the trace`}
+    <${Button} engine title=${`${method.label} from the same initial poses, as B beside the trace`}
       onClick=${() => runBeside(branch, { "method.name": METHOD })}>Compare with ${method.label}<//>
   </div>`;
 }

@@ -1,0 +1,133 @@
+"""The page as one HTML file: its modules and styles, with messages, answers and arrays in place of a server."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import io
+import json
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from PIL import Image
+
+from verefine_viz.page.blobs import Blobs
+
+WEB = Path(__file__).parent / "web"
+CSP = (
+    "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval' data: blob:; style-src 'unsafe-inline'; "
+    "img-src data: blob:; font-src data:; connect-src data: blob:; worker-src data: blob:; frame-src blob:"
+)
+"""Everything is in the file: nothing may be loaded from elsewhere."""
+_IMPORTED = re.compile(r"""(\bfrom\s+|\bimport\s+|\bimport\()"(\.{1,2}/[^"]+)\"""")
+_STYLE = re.compile(r'<link rel="stylesheet" href="/web/([^"]+)">')
+_SCRIPT = re.compile(r'<script type="module" src="/web/([^"]+)"></script>')
+
+Json = dict[str, Any]
+
+
+class InlinedBlobs(Blobs):
+    """Arrays and pictures of a file, where a server would hold them for a while.
+
+    Args:
+        prefix: begins every key; the parts of a file that have blobs of their own have different ones.
+    """
+
+    def __init__(self, prefix: str = "") -> None:
+        super().__init__()
+        self._prefix = prefix
+        self.elements: list[str] = []
+        """What the file holds, as HTML."""
+
+    def put(self, data: bytes, media_type: str = "application/octet-stream") -> str:
+        """Hold bytes and return their key."""
+        key = f"{self._prefix}{len(self.elements) + 1}"
+        if media_type.startswith("image/"):
+            self.elements.append(picture(f"/blob/{key}", data, media_type))
+        else:
+            self.elements.append(element(f"blob {key}", "text/plain", compressed(data)))
+        return key
+
+
+def bundle(
+    messages: Iterable[Json],
+    answers: Iterable[tuple[Json, Json]] = (),
+    elements: Iterable[str] = (),
+    title: str = "verefine-viz",
+) -> str:
+    """Return the page as one HTML document that needs no server and loads nothing.
+
+    Args:
+        messages: what a server would send, see docs/page.md.
+        answers: wants and what answers them.
+        elements: HTML of blobs, pictures and further parts, see :func:`element`.
+        title: of the window.
+    """
+    page = (WEB / "index.html").read_text("utf-8")
+    page = _STYLE.sub(lambda m: f"<style>{(WEB / m[1]).read_text('utf-8')}</style>", page)
+    page = re.sub(r"<title>.*?</title>", lambda m: f"<title>{_escaped(title)}</title>", page)
+    policy = f'<meta http-equiv="Content-Security-Policy" content="{CSP}">'
+    page = page.replace('<meta charset="utf-8">', f'<meta charset="utf-8">\n    {policy}', 1)
+    imports = {module: _address(module) for module in _modules()}
+    script = f'<script type="importmap">{json.dumps({"imports": imports})}</script>\n    '
+    page = _SCRIPT.sub(lambda m: f'{script}<script type="module">import "web/{m[1]}";</script>', page)
+    parts = (
+        *elements,
+        json_element("answers", list(answers)),
+        json_element("messages", list(messages)),
+    )
+    return page.replace("</body>", "\n".join(parts) + "\n</body>")
+
+
+def element(name: str, media_type: str, text: str) -> str:
+    """Return a part of the document that is not shown; ``text`` holds no markup."""
+    return f'<script type="{media_type}" id="{_escaped(name)}">{text}</script>'
+
+
+def json_element(name: str, value: Any) -> str:
+    """Return data as a part of the document."""
+    # Only "</" and "<!" could end a script; no JSON needs a bare "<".
+    return element(name, "application/json", msgspec.json.encode(value).decode().replace("<", "\\u003c"))
+
+
+def picture(path: str, data: bytes, media_type: str) -> str:
+    """Return a picture as a part of the document; ``path`` is where a server would have it."""
+    if media_type == "image/png":
+        data, media_type = webp(data, lossless=True, exact=True), "image/webp"
+    return element(path, "text/plain", f"data:{media_type};base64,{base64.b64encode(data).decode()}")
+
+
+def webp(data: bytes, **how: Any) -> bytes:
+    """Return a picture as WebP, which takes less room."""
+    out = io.BytesIO()
+    with Image.open(io.BytesIO(data)) as image:
+        image.save(out, "webp", **how)
+    return out.getvalue()
+
+
+def compressed(data: bytes) -> str:
+    """Return bytes as text, the same for the same bytes."""
+    return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode()
+
+
+def _modules() -> Mapping[str, Path]:
+    """Return the page's modules by the names under which a file imports them."""
+    return {f"web/{path.relative_to(WEB).as_posix()}": path for path in sorted(WEB.rglob("*.js"))}
+
+
+def _address(module: str) -> str:
+    """Return a module as an address; what it imports is named from the top, as such an address has no folder."""
+    path = WEB / module.removeprefix("web/")
+
+    def from_top(match: re.Match[str]) -> str:
+        return f'{match[1]}"web/{(path.parent / match[2]).resolve().relative_to(WEB.resolve()).as_posix()}"'
+
+    source = _IMPORTED.sub(from_top, path.read_text("utf-8"))
+    return f"data:text/javascript;base64,{base64.b64encode(source.encode()).decode()}"
+
+
+def _escaped(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")

@@ -1,0 +1,297 @@
+"""A run as one HTML file that opens by a double click: what the page shows of it, with no program behind it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from verefine_viz import __version__
+from verefine_viz.core.errors import InputError, VerefineError, unknown
+from verefine_viz.core.paths import atomic
+from verefine_viz.core.settings import Session
+from verefine_viz.page import protocol as p
+from verefine_viz.page.blobs import Blobs
+from verefine_viz.page.bundle import InlinedBlobs, bundle, compressed, element, webp
+from verefine_viz.page.gallery import Gallery
+from verefine_viz.page.verbs import Debugger
+from verefine_viz.page.views.pixel_maps import ALIGNED
+from verefine_viz.page.wants import ANSWERS
+from verefine_viz.page.what_lies_at import what_lies_at
+from verefine_viz.page.workspace import Checks, Workspace
+
+if TYPE_CHECKING:
+    from verefine_viz.run.toolbox import Toolbox
+
+Json = dict[str, Any]
+STEPS: dict[str, tuple[float, type]] = {
+    "rendered": (1e-4, np.uint16),
+    "angle": (math.radians(1), np.uint8),
+    "f_d": (0.01, np.uint8),
+    "f_n": (0.01, np.uint8),
+}
+"""What maps are rounded to, their least significant digit on the page; the highest whole number is no value."""
+SHADED_QUALITY = 85
+MOST_SCENE_BYTES = 12_000_000
+"""A larger 3D view is left out of a file, and the file says so."""
+
+
+@dataclass(frozen=True, eq=False)
+class SharedRun:
+    """What the page knows of an open frame."""
+
+    title: str
+    messages: tuple[Json, ...]
+    answers: tuple[tuple[Json, Json], ...]
+    """Wants and what answers them."""
+    elements: tuple[str, ...]
+    """HTML of the arrays and pictures that both name."""
+
+
+def share(path: Path, out: Path, frame: str | None = None, all_maps: bool = False, with_scene: bool = True) -> str:
+    """Write what lies at a path as one HTML file.
+
+    Args:
+        path: a recorded run (``.vfrun``, ``.rrd``), or the folder of a batch or of traces; a session is run to its end.
+        out: the HTML file.
+        frame: which one of a folder; None = the one with the worst answer of a batch, else the first.
+        all_maps: whether the score maps of every iteration are in the file, not of marked ones alone.
+        with_scene: whether the 3D view is in the file, where it is not too large.
+
+    Returns:
+        What is not in the file, and why; "" = nothing.
+
+    Raises:
+        VerefineError: it cannot be opened, or the file cannot be written.
+    """
+    if out.is_dir():
+        raise InputError(f"--out {out} is a folder, expected the name of a file")
+    debugger = opened(path, frame)
+    run = shared(debugger, f"verefine-viz view {path.name}", all_maps)
+    elements, note = run.elements, ""
+    if with_scene:
+        scene = scene_page(debugger)
+        if len(scene) <= MOST_SCENE_BYTES:
+            elements = (*elements, element("scene3d", "text/plain", compressed(scene)))
+        else:
+            note = f"The 3D view is left out: it takes {len(scene) / 1e6:.0f} MB."
+    with atomic(out) as part:
+        part.write_text(bundle(run.messages, run.answers, elements, run.title), encoding="utf-8")
+    return note
+
+
+def opened(path: Path, frame: str | None = None) -> Debugger:
+    """Open what lies at a path, at its end.
+
+    Args:
+        path: see :func:`share`.
+        frame: which one of a folder; None = the one with the worst answer of a batch, else the first.
+
+    Raises:
+        VerefineError: it cannot be opened.
+    """
+    found = what_lies_at(path)
+    if found.gallery is not None:
+        return opened_batch(found.gallery, frame)
+    space = Workspace(found.session, found.session_path, *_real_parts(), frame=frame, recording=found.recording)
+    if frame not in (None, space.frame):
+        raise InputError(f"{path} is of frame {space.frame}, not of {frame}; leave out --frame")
+    debugger = Debugger(space).carry_out(())
+    branch = space.work.first
+    if not branch.run.is_done and branch.recording is None:
+        debugger.carry_out([p.Run(branch.index)])
+    return debugger
+
+
+def opened_batch(gallery: Gallery, frame: str | None = None) -> Debugger:
+    """Open the worst answer of a batch, or of one of its frames; the verb ``Open`` takes it to other answers.
+
+    Raises:
+        VerefineError: it cannot be opened.
+    """
+    frames = list(dict.fromkeys(entry.row.frame for entry in gallery.entries))
+    if frame is not None and frame not in frames:
+        raise InputError(unknown("frame", frame, frames))
+    entry = next((e for e in gallery.sorted_by("error") if e.can_be_opened and frame in (None, e.row.frame)), None)
+    if entry is None:
+        raise InputError(f"{f'frame {frame}' if frame else 'the batch'} failed: there is nothing to show")
+    given = {"frame": entry.row.frame, "records": gallery.records(entry.run)}
+    space = Workspace(gallery.session(entry.run), None, *_real_parts(), recording=gallery.loose_record(entry), **given)
+    debugger = Debugger(space, gallery=gallery)
+    debugger.enter_run(entry.run)
+    debugger.show(entry.iteration, entry.row.instance_id, None)
+    return debugger.carry_out(())
+
+
+def _real_parts() -> tuple[Callable[[Session], Toolbox], Checks]:
+    from verefine_viz.physics.plausibility import plausibility
+    from verefine_viz.physics.proximity import Surfaces, overlap
+    from verefine_viz.run.toolbox import Toolbox
+
+    surfaces = Surfaces()
+    return Toolbox, Checks(partial(plausibility, surface_of=surfaces), partial(overlap, surface_of=surfaces))
+
+
+def shared(debugger: Debugger, command: str, all_maps: bool, prefix: str = "") -> SharedRun:
+    """Gather what the page shows of the open frame.
+
+    Args:
+        debugger: what is open.
+        command: opens it with the program.
+        all_maps: whether every iteration has its score maps.
+        prefix: begins the keys of its arrays.
+    """
+    space, blobs = debugger.space, InlinedBlobs(prefix)
+    debugger.work_out()
+    known = [_portable(message) for message in debugger.known(blobs)]
+    frame, branches, *rest = known
+    runs = {message["branch"]: message for message in rest if message["t"] == "run"}
+    verdicts = {message["branch"]: message for message in rest if message["t"] == "verdict"}
+    wants: dict[bytes, Json] = {}
+    for branch in branches["list"]:
+        index = branch["index"]
+        asked = _wants(frame, branch, runs[index], verdicts.get(index), all_maps)
+        wants |= {msgspec.json.encode(of): of for of in asked}
+    if branches["compare"]:
+        a, b = branches["compare"]["a"], branches["compare"]["b"]
+        done = [len(runs[index]["rows"]) for index in (a, b)]
+        wants[b"compare"] = {"what": "compare", "a": a, "b": b, "done": done}
+    answers = tuple((of, _answer(space, of, blobs)) for of in wants.values())
+    file = {"t": "file", "command": command, "maps": "all" if all_maps else "marked"}
+    hello = {"t": "hello", "window": 0, "version": __version__}
+    return SharedRun(frame["title"], (hello, file, *known), answers, tuple(blobs.elements))
+
+
+def scene_page(debugger: Debugger) -> bytes:
+    """Return the 3D view of the end of the first branch as a page of its own."""
+    from verefine_viz.page.scene3d.scene import Scene3D
+    from verefine_viz.page.scene3d.viser_server import Viser3DServer, prepared
+
+    branch = debugger.space.work.first
+    server = Viser3DServer()
+    try:
+        scene = Scene3D(server, lambda *what: None)
+        scene.show(debugger.space, p.Look(branch.index, k=branch.run.length, answer=branch.is_over))
+        return prepared(scene.page("3D view")).encode()
+    finally:
+        server.stop()
+
+
+def _portable(message: Json) -> Json:
+    """Return a message without what names places on this machine."""
+    message = msgspec.json.decode(msgspec.json.encode(message))
+    if message["t"] == "frame":
+        message |= {name: message[name] and Path(message[name]).name for name in ("session_file", "recording")}
+        message |= {"frames": [message["frame"]], "demos": [], "sessions": [], "run": ""}
+        message["dataset"] = Path(message["dataset"]).name
+    if message["t"] == "branches":
+        for branch in message["list"]:
+            branch["recording"] = branch["recording"] and Path(branch["recording"]).name
+    return message
+
+
+def _answer(space: Workspace, of: Json, blobs: InlinedBlobs) -> Json:
+    want = msgspec.convert(of, p.AnyWant)
+    try:
+        if not isinstance(want, p.Maps | p.Shaded):
+            return ANSWERS[type(want)](space, want, blobs)
+        exact = Blobs()
+        answer = ANSWERS[type(want)](space, want, exact)
+    except VerefineError as error:
+        return {"gone": str(error)}
+    if isinstance(want, p.Maps):
+        return answer | _rounded(exact.data(answer["blob"]), answer["arrays"], blobs)
+    if answer["url"] is None:
+        return answer
+    small = webp(exact.data(answer["url"].removeprefix("/blob/")), quality=SHADED_QUALITY)
+    return answer | {"url": f"/blob/{blobs.put(small, 'image/webp')}"}
+
+
+def _rounded(data: bytes, arrays: Sequence[Sequence[Any]], blobs: InlinedBlobs) -> Json:
+    """Return maps with the digits that the page shows, which take a fourth of the room."""
+    content, table = bytearray(), []
+    for name, kind, offset, n in arrays:
+        values, step = np.frombuffer(data, kind, n, offset), None
+        if name in STEPS:
+            least, small = STEPS[name]
+            no_value = np.iinfo(small).max
+            step = max(least, float(np.nanmax(values, initial=0.0)) / (no_value - 1))
+            values = np.where(np.isfinite(values), np.round(values / step), no_value).astype(small)
+        table.append([name, values.dtype.name, len(content), n, step])
+        content += values.tobytes()
+        content += bytes(-len(content) % ALIGNED)
+    return {"blob": blobs.put(bytes(content)), "arrays": table}
+
+
+def _wants(frame: Json, branch: Json, run: Json, verdict: Json | None, all_maps: bool) -> Iterator[Json]:
+    """Return what the page may ask of a branch: at its end, at its beginning, and at the iterations to look at."""
+    index, rows, n = branch["index"], run["rows"], len(run["rows"])
+    objects = [o for o in frame["objects"] if not o["left_out"]]
+    starts = {o["id"]: (run["start"] or {}).get(str(o["id"]), o["arms"]) for o in objects}
+    truths = {o["id"]: o["gt"] for o in objects if o["gt"]}
+    results = {o["obj"]: o for o in verdict["objects"]} if verdict else {}
+
+    def posed(k: int, obj: int, *poses: Sequence[float] | None) -> Iterator[Json]:
+        scored = 1 + max((after for after in branch["scored"] if after < max(k, 1)), default=0)
+        for T in poses:
+            if T is not None:
+                yield {"what": "maps", "branch": index, "k": scored, "obj": obj, "T": T}
+                yield {"what": "shaded", "obj": obj, "T": T}
+
+    marked = {mark["k"] for mark in run["marks"]} | {
+        k for o in results.values() for k in (o["k"], *(finding["k"] for finding in o["findings"])) if k
+    }
+    for row in rows:
+        if all_maps or row["k"] in marked:
+            k, obj = row["k"], row["obj"]
+            stages = [stage["T"] for stage in row["stages"]]
+            yield from posed(k, obj, *stages, row["best"]["T"], starts[obj][row["arm"]]["T"], truths.get(obj))
+            yield {"what": "physics", "branch": index, "k": k, "obj": obj, "answer": False, "edited": None}
+            if any(stage["name"] == "refined" for stage in row["stages"]):
+                yield {"what": "crops", "branch": index, "k": k, "obj": obj}
+    answers: dict[int, list[float]] = {}
+    for obj, arms in starts.items():
+        of = {"branch": index, "k": n, "obj": obj}
+        yield {"what": "outlines", "obj": obj, "poses": _all_poses(obj, rows, arms, truths.get(obj), results.get(obj))}
+        yield from posed(0, obj, truths.get(obj), *(arm["T"] for arm in arms))
+        result = results.get(obj)
+        if result is None or result["T"] is None:
+            continue
+        answers[obj] = result["T"]
+        runner_up = result["runner_up"] and result["runner_up"]["T"]
+        yield from posed(result["k"], obj, result["T"])
+        yield from posed(n, obj, truths.get(obj), arms[result["arm"]]["T"], runner_up, result["T"])
+        yield {"what": "physics", **of, "answer": True, "edited": None}
+        yield {"what": "landscape", **of, "part": "curves"}
+        yield {"what": "landscape", **of, "part": "slice", "axes": [5, 0]}
+        yield {"what": "landscape", **of, "part": "other"}
+        yield {"what": "recorded", "branch": index, "obj": obj, "done": n}
+        yield {"what": "track", "obj": obj, "done": True}
+    if len(objects) > 1:
+        for poses in (answers, truths):
+            if poses:
+                k = 1 + max((after for after in branch["scored"] if after < n), default=0)
+                shown = [[o["id"], poses[o["id"]]] for o in objects if o["id"] in poses]
+                yield {"what": "maps", "branch": index, "k": k, "obj": None, "poses": shown}
+
+
+def _all_poses(
+    obj: int, rows: Sequence[Json], arms: Sequence[Json], truth: list[float] | None, result: Json | None
+) -> list[list[float]]:
+    """Return every pose of an object that a run has, once each."""
+    poses = [arm["T"] for arm in arms] + [truth]
+    for row in rows:
+        poses += [one["T"] for one in row["placed"] if one["obj"] == obj]
+        if row["obj"] == obj:
+            poses += [stage["T"] for stage in row["stages"]]
+            poses += [row["best"]["T"], *(arm["T"] for arm in row["arms"])]
+    if result is not None:
+        poses += [result["T"], result["also_fits"], result["runner_up"] and result["runner_up"]["T"]]
+    unique: Mapping[tuple[float, ...], list[float]] = {tuple(T): T for T in poses if T is not None}
+    return list(unique.values())

@@ -1,0 +1,58 @@
+// The page as one file: messages, answers and arrays are elements of the document, and there is no program behind it.
+import { answeredBy, on, receive, state, update } from "./store.js";
+import { toast } from "./messages.js";
+
+Object.assign(state, { file: null }); // { command that opens it live, maps: "marked" or "all" }
+
+const textOf = (id) => document.getElementById(id)?.textContent ?? null;
+export const isFile = textOf("messages") != null;
+
+// By what is asked, with sorted names: { answer }; outlines by object and pose.
+const answers = new Map();
+const outlines = new Map();
+const keyOf = (of) => JSON.stringify(Object.entries(of).sort(([a], [b]) => (a < b ? -1 : 1)));
+const poseKey = (obj, T) => `${obj} ${T.join()}`;
+
+const LACKING = {
+  maps: "The file holds the maps of the answer, the ground truth, the initial poses and the marked iterations.",
+  shaded: "The file holds no picture of the model at this pose.",
+};
+
+function answer(of) {
+  if (of.what === "outlines") return { outlines: of.poses.map((T) => outlines.get(poseKey(of.obj, T)) ?? []) };
+  return answers.get(keyOf(of)) ?? { gone: LACKING[of.what] ?? "The file does not hold this." };
+}
+
+const later = (id, of) => queueMicrotask(() => receive({ t: "answer", id, ...answer(of) }));
+
+function bytes(id) {
+  const text = textOf(id);
+  if (text == null) return Promise.resolve(null);
+  return fetch(`data:application/gzip;base64,${text}`)
+    .then((reply) => new Response(reply.body.pipeThrough(new DecompressionStream("gzip"))).arrayBuffer());
+}
+
+const server = {
+  send(verb) {
+    if (verb.verb === "want") later(verb.id, verb.of);
+    else if (verb.verb !== "look") toast("note", `This needs the program: ${state.file.command}`);
+    return true;
+  },
+  load: (key) => bytes(`blob ${key}`),
+  // Pictures lie in the file as addresses of their own.
+  address: (path) => textOf(path) ?? path,
+};
+
+on("file", ({ command, maps }) => update({ file: { command, maps } }));
+
+// The 3D view, a page of its own; null where the file has none.
+export const scenePage = () => bytes("scene3d").then((page) => page && new TextDecoder().decode(page));
+
+export function openFile() {
+  answeredBy(server);
+  for (const [of, given] of JSON.parse(textOf("answers"))) {
+    if (of.what === "outlines") of.poses.forEach((T, i) => outlines.set(poseKey(of.obj, T), given.outlines[i]));
+    else answers.set(keyOf(of), given);
+  }
+  for (const message of JSON.parse(textOf("messages"))) receive(message);
+}

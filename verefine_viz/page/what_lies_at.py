@@ -1,0 +1,44 @@
+"""What a path opens: a recorded run, a session, a folder of a batch or of data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.settings import Session
+from verefine_viz.page.gallery import Gallery
+from verefine_viz.run.run_file import SUFFIX
+
+
+@dataclass(frozen=True)
+class Openable:
+    """What :class:`verefine_viz.page.app.App` has to open."""
+
+    session: Session
+    session_path: Path | None = None
+    recording: Path | None = None
+    gallery: Gallery | None = None
+
+
+def what_lies_at(path: Path) -> Openable:
+    """Read what lies at a path.
+
+    Raises:
+        VerefineError: nothing that can be opened.
+    """
+    from verefine_viz.batch.index import is_batch_folder
+    from verefine_viz.page.gallery import read_gallery
+    from verefine_viz.run.data_folder import data_folder
+    from verefine_viz.run.session_file import load_session
+
+    if path.suffix in (SUFFIX, ".rrd"):
+        if not path.is_file():
+            raise InputError(f"{path} does not exist; expected a recorded run (.vfrun, .rrd)")
+        return Openable(Session(), recording=path)
+    if path.is_dir() and not is_batch_folder(path) and (known := data_folder(path, {})) is not None:
+        return Openable(known.session)
+    if path.is_dir():
+        gallery = read_gallery(path)
+        return Openable(gallery.session(gallery.worst.run), gallery=gallery)
+    return Openable(load_session(path), path)
