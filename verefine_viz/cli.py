@@ -1,4 +1,4 @@
-"""The command line: ``verefine-viz view | batch | estimate | evaluate | study | train | report | datasets | …``.
+"""The command line: ``verefine-viz view | batch | estimate | evaluate | study | train | report | share | …``.
 
 Exit codes: 0 done, 1 some frames failed or a check did not pass, 2 bad usage or input, 3 a recording that ended early,
 130 stopped by Ctrl-C, 143 by SIGTERM, 129 as the terminal was closed (SIGHUP).
@@ -32,6 +32,7 @@ from verefine_viz.commands.flags import HELP_SETTINGS, SECTIONS, show_help
 from verefine_viz.commands.import_data import Import
 from verefine_viz.commands.replay import Replay
 from verefine_viz.commands.report import Report
+from verefine_viz.commands.share import Share
 from verefine_viz.commands.study import Study
 from verefine_viz.commands.train import Train
 from verefine_viz.commands.view import View
@@ -51,6 +52,7 @@ COMMANDS: dict[str, type[Command]] = {
     "study": Study,
     "train": Train,
     "report": Report,
+    "share": Share,
     "datasets": Datasets,
     "import": Import,
     "replay": Replay,

@@ -99,7 +99,7 @@ class App:
         """Listen, and open the session on the worker thread; the page says so meanwhile."""
         self.viser = Viser3DServer()
         self.scene = Scene3D(self.viser, self._from_scene)
-        self._write = Exporter(self._folder, self.worker.progress, self.scene.export)
+        self._write = Exporter(self._folder, self.worker.progress, self.scene.page)
         self.server.start(proxy.routes(self.viser.get_port()))
         self.worker.thread.start()
         return self

@@ -22,13 +22,14 @@ from verefine_viz.page.branch import Branch
 from verefine_viz.page.maps_sheet import maps_sheet
 from verefine_viz.page.protocol import AnyVerb, Save, UnconfirmedError, write_verb
 from verefine_viz.page.saved_session import Saved, savable
+from verefine_viz.page.share import shared, write_shared
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.run.run_file import SUFFIX, RunFile
 from verefine_viz.run.session_file import load_session, save_session
 
 _NAME = re.compile(r"[\w][\w .-]{0,79}")
-ENDINGS = {"recording": ".rrd", "scene": ".html", "results": ".csv", "maps": "_maps.png", "verbs": "_verbs.jsonl"}
+ENDINGS = {"recording": ".rrd", "share": ".html", "results": ".csv", "maps": "_maps.png", "verbs": "_verbs.jsonl"}
 
 
 class Exporter:
@@ -37,16 +38,16 @@ class Exporter:
     Args:
         folder: where sessions lie; exports go to ``runs/exports`` in it.
         progress: checked before each iteration of a recording is written.
-        write_scene: writes the 3D view as it is to a path, with a title; None = there is none.
+        scene_page: gives the 3D view as it is as a page of its own.
     """
 
     def __init__(
         self,
         folder: Path,
         progress: ProgressToken = NEVER_CANCELLED,
-        write_scene: Callable[[Path, str], None] | None = None,
+        scene_page: Callable[[], str] = lambda: "",
     ) -> None:
-        self._folder, self._progress, self._write_scene = folder, progress, write_scene
+        self._folder, self._progress, self._scene_page = folder, progress, scene_page
         self._written: dict[str, Path] = {}
 
     def __call__(self, d: Debugger, verb: Save) -> dict[str, Any]:
@@ -97,10 +98,8 @@ class Exporter:
         elif verb.what == "verbs":
             with atomic(path) as part:
                 part.write_text("".join(f"{write_verb(one)}\n" for one in logged(d)), encoding="utf-8")
-        elif self._write_scene is not None:
-            self._write_scene(path, f"{branch.settings.title or branch.run.problem.title}, frame {d.space.frame}")
         else:
-            raise InputError("there is no 3D view here")
+            write_shared(shared(d, view_command(d.space), progress=self._progress), self._scene_page(), path)
         return path
 
     def _record(self, space: Workspace, branch: Branch, path: Path) -> None:
@@ -197,6 +196,13 @@ def write_answers(branch: Branch, path: Path) -> None:
         if best is not None
     ]
     write_results(path, rows)
+
+
+def view_command(space: Workspace) -> str:
+    """Return the command that opens what is open."""
+    recording = space.work.first.recording
+    file = recording if recording is not None else next(reversed(space.files), None)
+    return f"verefine-viz view {file.name if file is not None else ''}".rstrip()
 
 
 # Names and titles

@@ -294,9 +294,9 @@ class Want(Verb):
 
 
 class Save(Verb):
-    """Write a file: the session, a recording, the 3D scene, the table of results, the score maps, or the verbs."""
+    """Write a file: the session, a recording, the page, the table of results, the score maps, or the verbs."""
 
-    what: Literal["session", "recording", "scene", "results", "maps", "verbs"]
+    what: Literal["session", "recording", "share", "results", "maps", "verbs"]
     branch: Index = 0
     k: Index = 0
     obj: int | None = None

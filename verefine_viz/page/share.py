@@ -15,6 +15,7 @@ import numpy as np
 from verefine_viz import __version__
 from verefine_viz.core.errors import InputError, VerefineError, unknown
 from verefine_viz.core.paths import atomic
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs
@@ -74,13 +75,25 @@ def share(path: Path, out: Path, frame: str | None = None, all_maps: bool = Fals
         raise InputError(f"--out {out} is a folder, expected the name of a file")
     debugger = opened(path, frame)
     run = shared(debugger, f"verefine-viz view {path.name}", all_maps)
+    return write_shared(run, end_scene(debugger) if with_scene else "", out)
+
+
+def write_shared(run: SharedRun, scene: str, out: Path) -> str:
+    """Write one HTML file; return what is not in it, and why.
+
+    Args:
+        run: what the page knows of a run.
+        scene: the 3D view, a page of its own; "" = none.
+        out: the file.
+
+    Raises:
+        InputError: it cannot be written.
+    """
     elements, note = run.elements, ""
-    if with_scene:
-        scene = scene_page(debugger)
-        if len(scene) <= MOST_SCENE_BYTES:
-            elements = (*elements, element("scene3d", "text/plain", compressed(scene)))
-        else:
-            note = f"The 3D view is left out: it takes {len(scene) / 1e6:.0f} MB."
+    if 0 < len(scene) <= MOST_SCENE_BYTES:
+        elements = (*elements, element("scene3d", "text/plain", compressed(scene.encode())))
+    elif scene:
+        note = f"The 3D view is left out: it takes {len(scene) / 1e6:.0f} MB."
     with atomic(out) as part:
         part.write_text(bundle(run.messages, run.answers, elements, run.title), encoding="utf-8")
     return note
@@ -138,7 +151,13 @@ def _real_parts() -> tuple[Callable[[Session], Toolbox], Checks]:
     return Toolbox, Checks(partial(plausibility, surface_of=surfaces), partial(overlap, surface_of=surfaces))
 
 
-def shared(debugger: Debugger, command: str, all_maps: bool, prefix: str = "") -> SharedRun:
+def shared(
+    debugger: Debugger,
+    command: str,
+    all_maps: bool = False,
+    prefix: str = "",
+    progress: ProgressToken = NEVER_CANCELLED,
+) -> SharedRun:
     """Gather what the page shows of the open frame.
 
     Args:
@@ -146,6 +165,10 @@ def shared(debugger: Debugger, command: str, all_maps: bool, prefix: str = "") -
         command: opens it with the program.
         all_maps: whether every iteration has its score maps.
         prefix: begins the keys of its arrays.
+        progress: checked before each part.
+
+    Raises:
+        Cancelled: it is no longer wanted.
     """
     space, blobs = debugger.space, InlinedBlobs(prefix)
     debugger.work_out()
@@ -162,23 +185,26 @@ def shared(debugger: Debugger, command: str, all_maps: bool, prefix: str = "") -
         a, b = branches["compare"]["a"], branches["compare"]["b"]
         done = [len(runs[index]["rows"]) for index in (a, b)]
         wants[b"compare"] = {"what": "compare", "a": a, "b": b, "done": done}
-    answers = tuple((of, _answer(space, of, blobs)) for of in wants.values())
+    answers = []
+    for k, of in enumerate(wants.values()):
+        progress.checkpoint("Working out what the file shows.", k / len(wants))
+        answers.append((of, _answer(space, of, blobs)))
     file = {"t": "file", "command": command, "maps": "all" if all_maps else "marked"}
     hello = {"t": "hello", "window": 0, "version": __version__}
-    return SharedRun(frame["title"], (hello, file, *known), answers, tuple(blobs.elements))
+    return SharedRun(frame["title"], (hello, file, *known), tuple(answers), tuple(blobs.elements))
 
 
-def scene_page(debugger: Debugger) -> bytes:
+def end_scene(debugger: Debugger) -> str:
     """Return the 3D view of the end of the first branch as a page of its own."""
     from verefine_viz.page.scene3d.scene import Scene3D
-    from verefine_viz.page.scene3d.viser_server import Viser3DServer, prepared
+    from verefine_viz.page.scene3d.viser_server import Viser3DServer
 
     branch = debugger.space.work.first
     server = Viser3DServer()
     try:
         scene = Scene3D(server, lambda *what: None)
         scene.show(debugger.space, p.Look(branch.index, k=branch.run.length, answer=branch.is_over))
-        return prepared(scene.page("3D view")).encode()
+        return scene.page()
     finally:
         server.stop()
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Set
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +13,6 @@ import viser
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, inverse, rotation_of_quat_wxyz, transform
 from verefine_viz.core.palette import RGB, STAGE_COLORS, Image
-from verefine_viz.core.paths import atomic
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.scores import ScoreMaps
 from verefine_viz.page.branch import Branch
@@ -40,6 +38,7 @@ from verefine_viz.page.scene3d.observed_cloud import (
 )
 from verefine_viz.page.scene3d.physics_drawing import PhysicsDrawing, known_overlaps
 from verefine_viz.page.scene3d.scene_panel import CameraPlace, ScenePanel
+from verefine_viz.page.scene3d.viser_server import prepared
 
 if TYPE_CHECKING:
     from verefine_viz.grasping.grasp_answer import GraspAttempt, GraspPair
@@ -124,20 +123,9 @@ class Scene3D:
                 for client in self._server.get_clients().values():
                     self._take_camera(client, look.camera)
 
-    def page(self, title: str) -> str:
+    def page(self) -> str:
         """Return the scene as it is as one HTML document that needs nothing else."""
-        page = self._server.scene.as_html(dark_mode=True)
-        safe = title.replace("&", "&amp;").replace("<", "&lt;")
-        return page.replace("<title>Viser</title>", f"<title>{safe}</title>", 1)
-
-    def export(self, path: Path, title: str) -> None:
-        """Write the scene as it is as one HTML file that needs nothing else.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        with atomic(path) as part:
-            part.write_text(self.page(title), encoding="utf-8")
+        return prepared(self._server.scene.as_html(dark_mode=True))
 
     # Drawing, with the lock held
 

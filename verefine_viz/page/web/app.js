@@ -100,7 +100,8 @@ function Status() {
     ${branches.length > 1 && html`<span class="branches">${branches.map((b) => html`<${BranchButton} key=${b.index}
       branch=${b} on=${b.index === branch} />`)}</span>`}
     <${Notes} />
-    ${shown?.recording && html`<span class="dim" title=${shown.recording}>recording</span>`}
+    ${state.file ? html`<span class="dim" title=${`open it in the program: ${state.file.command}`}>file</span>`
+      : shown?.recording && html`<span class="dim" title=${shown.recording}>recording</span>`}
   </footer>`;
 }
 

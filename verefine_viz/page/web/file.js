@@ -32,9 +32,18 @@ function bytes(id) {
     .then((reply) => new Response(reply.body.pipeThrough(new DecompressionStream("gzip"))).arrayBuffer());
 }
 
+// `object=2&iteration=17`, see docs/page.md.
+function openLink(link) {
+  const named = new URLSearchParams(link);
+  const isIt = (o) => (named.has("instance") ? o.id === Number(named.get("instance")) : o.obj_id === Number(named.get("object")));
+  const obj = state.frame.objects.find(isIt)?.id ?? null;
+  receive({ t: "view", patch: { obj }, at: named.has("iteration") ? Number(named.get("iteration")) : null });
+}
+
 const server = {
   send(verb) {
     if (verb.verb === "want") later(verb.id, verb.of);
+    else if (verb.link != null) openLink(verb.link);
     else if (verb.verb !== "look") toast("note", `This needs the program: ${state.file.command}`);
     return true;
   },

@@ -93,7 +93,7 @@ function Numbers() {
   </div>`;
 }
 function numberOf(name, side, pixel) {
-  if (side.stale) return "…";
+  if (side.stale) return side.gone ? "–" : "…";
   const value = readAt(name, side, pixel);
   if (value == null) return "–";
   if (name !== "classes") return `${valueText(MAPS[name], value)}${name === "angle" ? "°" : ""}`;

@@ -1,7 +1,7 @@
 // The maps pane: a column a map, A above B, all of the same region at the same zoom, with one cross everywhere.
 import { html, useEffect, useLayoutEffect, useRef, useState } from "./vendor/htm-preact.js";
 import { state, setView, listen, useStore } from "./store.js";
-import { momentOf, labelOf } from "./moment.js";
+import { momentOf, labelOf, seek } from "./moment.js";
 import { Pane, Button, Menu, MenuItem, Parts, Select, number } from "./ui.js";
 import { MAPS, CLASSES, gradient, ticks, valueText } from "./colours.js";
 import { sidesOf, sideFor, readAt, mapCanvas, hasColour } from "./sides.js";
@@ -148,9 +148,19 @@ function Maps() {
   const shared = { sides, layout, region, zoom, setZoom };
   return html`<div class="maps-area" ref=${root}>
     ${columns.length === 0 && html`<p class="empty">No map is chosen.</p>`}
+    ${!region && (sides.a?.gone || sides.b?.gone) && html`<${Gone} why=${sides.a?.gone ?? sides.b.gone} />`}
     ${layout && html`<div class="map-columns" style=${{ gridTemplateColumns: `repeat(${layout.perLine}, 1fr)` }}>
       ${columns.map((tiles) => html`<${Column} key=${tiles[0][0]} tiles=${tiles} ...${shared} />`)}</div>`}
   </div>`;
+}
+
+// Why there are no maps; and where a file, which has those of marked iterations, has some.
+function Gone({ why }) {
+  const moment = useStore(momentOf);
+  const ks = state.file ? [...moment.run.marks.map((m) => m.k), moment.run.rows.length] : [];
+  const near = [ks.findLast((k) => k < moment.k), ks.find((k) => k > moment.k)].filter((k) => k != null);
+  return html`<div class="empty"><p>${why}</p><div class="group">${near.map((k) => html`
+    <${Button} key=${k} title="go there" onClick=${() => seek(k)}>Iteration ${k}<//>`)}</div></div>`;
 }
 
 function Column({ tiles, layout, ...shared }) {

@@ -143,7 +143,7 @@ export function linkOf(s) {
 }
 
 export function copyLink() {
-  const link = `${location.origin}${location.pathname}#${linkOf(state)}`;
+  const link = `${location.href.split("#")[0]}#${linkOf(state)}`;
   const shown = () => toast("note", link);
   navigator.clipboard?.writeText(link).then(() => toast("note", "The link is in the clipboard."), shown) ?? shown();
 }

@@ -53,7 +53,7 @@ export function ScenePane() {
   if (isFile && page === null) return html`<${Pane} name="scene" title="3D"><p class="empty">The file holds no 3D view.</p><//>`;
   const tools = html`<span class="spring" />${!isFile && CAMERAS.map(({ id, name }) => html`
     <${Button} key=${id} title=${titled(`camera-${id}`)} onClick=${() => look(id)}>${name}<//>`)}`;
-  return html`<${Pane} name="scene" title="3D" tools=${tools}>
+  return html`<${Pane} name="scene" title=${isFile ? "3D at the end" : "3D"} tools=${tools}>
     <iframe ref=${frame} ...${isFile ? { srcdoc: page } : { src: begun ? ADDRESS : undefined }} title="3D view" onLoad=${loaded} />
     ${!drawn && html`<div class="loading">${connection === "lost" ? "The server does not answer." : "Loading the 3D view"}</div>`}
     ${elsewhere && html`<button type="button" class="elsewhere" title="let the 3D view follow this window" onClick=${() => look()}>3D follows another window: show this one</button>`}

@@ -60,7 +60,7 @@ function sideOf(moment, pose, letter) {
     shown[letter] = { place, region, score, scale, arrays };
     return { ...shown[letter], pose, letter, stale: false, gone: null };
   }
-  const before = shown[letter]?.place === place ? shown[letter] : null;
+  const before = shown[letter]?.place === place && !answer?.gone ? shown[letter] : null;
   return { ...before, pose, letter, stale: true, gone: answer?.gone ?? null };
 }
 

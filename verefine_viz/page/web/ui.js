@@ -28,6 +28,7 @@ const ICONS = {
   dot: ["M8 6a2 2 0 1 0 0 4 2 2 0 0 0 0-4z"],
   stop: ["M5.5 2h5L14 5.5v5L10.5 14h-5L2 10.5v-5z"],
   search: ["M7 2.5a4.5 4.5 0 1 0 0 9 4.5 4.5 0 0 0 0-9z", "M10.3 10.3 14 14"],
+  share: ["M8 10V2.5M5 5.2 8 2.2l3 3", "M4.5 7.5H3v6h10v-6h-1.5"],
   list: ["M6 4h8M6 8h8M6 12h8M2.5 4h.01M2.5 8h.01M2.5 12h.01"],
 };
 export const Icon = ({ name }) => html`

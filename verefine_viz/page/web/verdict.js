@@ -24,6 +24,8 @@ const TONES = {
 const LIMIT = "ADD(-S), the mean distance between the model at this pose and at the true one. "
   + "A pose is right below 10 % of the diameter.";
 
+const share = () => send({ verb: "save", what: "share", branch: state.view.branch });
+
 export function Verdict() {
   const [frame, moment, preset, theme] = useStore((s) => [s.frame, momentOf(s), s.view.preset, s.theme]);
   return html`<header class="verdict">
@@ -36,6 +38,8 @@ export function Verdict() {
         onClick=${() => setPreset(p.id)}>${p.title}<//>`)}</nav>
     <div class="group">
       <${IconButton} icon="chain" title="Copy a link to this frame, object and iteration" onClick=${copyLink} />
+      ${!state.file && html`<${IconButton} icon="share" onClick=${share}
+        title="Share: this page as one HTML file that opens offline, without the program" />`}
       <${IconButton} icon="search" title=${titled("palette")} onClick=${() => update({ overlay: "palette" })} />
       <${IconButton} icon=${theme === "light" ? "moon" : "sun"} title=${titled("theme")} onClick=${switchTheme} />
       <${IconButton} icon="help" title=${titled("help")} onClick=${() => update({ overlay: "help" })} />
@@ -57,10 +61,10 @@ function Opener({ frame }) {
   const file = /\.(toml|vfrun|rrd)$/i.exec(text.trim())?.[1].toLowerCase();
   const detail = [frame.frame, frame.method_label, frame.refiner].filter(Boolean).join(" · ");
   return html`<div class="opener">
-    <${Menu} kind="opener-button" title=${`${frame.title}; click: open another frame, demo or session`} label=${html`
+    <${Menu} kind="opener-button" title=${`${frame.title}; click: ${state.file ? "the command that opens it in the program" : "open another frame, demo or session"}`} label=${html`
       <span class="two"><b>${frame.title}</b>
       <span class="dim">${detail}</span></span><${Icon} name="down" />`}>
-      ${(close) => html`<div class="open-list"><input placeholder="filter, or the path of a file" value=${text}
+      ${(close) => state.file ? html`<div class="open-list"><p>${state.file.command}</p></div>` : html`<div class="open-list"><input placeholder="filter, or the path of a file" value=${text}
         onInput=${(e) => setText(e.currentTarget.value)} />
         <div class="scroll">${file && html`<${MenuItem} onClick=${() => { close(); send({ verb: "open", [file === "toml" ? "session" : "recording"]: text.trim() }); }}>
           Open the ${file === "toml" ? "session" : "recording"} ${text.trim()}<//>`}

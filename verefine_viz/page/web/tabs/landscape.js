@@ -1,6 +1,6 @@
 // The score around the best pose: curves along axes, a map over two of them, and poses that fit as well.
 import { html, useMemo, useRef, useState } from "../vendor/htm-preact.js";
-import { setView, useStore } from "../store.js";
+import { setView, state, useStore } from "../store.js";
 import { momentOf } from "../moment.js";
 import { Button, number, Select } from "../ui.js";
 import { useLatest } from "./latest.js";
@@ -56,7 +56,7 @@ function Around({ moment, pose }) {
     <${Other} other=${other} edit=${edit} />
     <div class="row"><h3>Score along</h3><${Select} value=${frame} options=${FRAMES} onChange=${setFrame} /></div>
     <div class="curves">${around.curves.filter((c) => c.frame === frame).map((c) => html`<${Curve} key=${c.axis} curve=${c} score=${around.score} edit=${edit} />`)}</div>
-    <p class="dim">Shaded: there the score does not tell a pose from this one. Band: twice the noise of the score. A click edits the pose there.</p>
+    <p class="dim">Shaded: there the score does not tell a pose from this one. Band: twice the noise of the score.${state.file ? "" : " A click edits the pose there."}</p>
     <div class="row"><h3>Over two axes</h3></div>
     <div class="two"><div>${two && !two.gone ? html`<${Map} two=${two} score=${around.score} edit=${edit} />` : html`<p class="dim">${two?.gone ?? "Scoring."}</p>`}</div>
       <div class="axes"><${Select} label="→" value=${String(axes[0])} options=${names} onChange=${choose(0)} title="across" />

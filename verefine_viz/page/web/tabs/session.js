@@ -12,7 +12,7 @@ export const empty = "Nothing is open.";
 
 const FILES = [
   ["recording", "Recording", "the run of this branch, for replay and for rerun"],
-  ["scene", "3D scene", "one HTML file that opens offline"],
+  ["share", "Page", "this page as one HTML file that opens offline, without the program"],
   ["results", "Results", "the answers as a table (CSV)"],
   ["maps", "Score maps", "the score maps of the object in focus (PNG)"],
   ["verbs", "Verb log", "what was done here; carried out again it gives the same records"],

@@ -1,0 +1,41 @@
+"""``verefine-viz share``: a run as one HTML file that a colleague opens without installing anything."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from verefine_viz.core.errors import InputError
+
+
+@dataclass(frozen=True)
+class Share:
+    """Write a run as one HTML file that opens by a double click, offline and without this program."""
+
+    what: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None
+    """A recorded run (.vfrun, .rrd), the folder of a batch or of traces, or a session, which is run to its end."""
+    out: Path | None = None
+    """The file; none = RUN.html in the working directory."""
+    frame: Annotated[str | None, tyro.conf.arg(metavar="SCENE/IMAGE")] = None
+    """Which frame of a folder; none = the one with the worst answer of a batch, else the first."""
+    maps: Literal["marked", "all"] = "marked"
+    """Which iterations have their score maps in the file, beside the answer, the ground truth and the initial poses."""
+    scene: Annotated[bool, tyro.conf.arg(name="3d")] = True
+    """Put the 3D view into the file, about 1 MB."""
+
+    def run(self, arguments: Sequence[str]) -> int:
+        from verefine_viz.page.share import share
+
+        if self.what is None:
+            raise InputError("missing from verefine-viz share: RUN; see verefine-viz share --help")
+        frame = f"_{self.frame.replace('/', '_')}" if self.frame else ""
+        out = self.out or Path(f"{self.what.resolve().stem}{frame}.html")
+        note = share(self.what, out, self.frame, all_maps=self.maps == "all", with_scene=self.scene)
+        if note:
+            print(note, flush=True)
+        print(f"{out} ({out.stat().st_size / 1e6:.1f} MB)", flush=True)
+        return 0
