@@ -22,8 +22,9 @@ class Share:
     """The file; none = RUN.html in the working directory."""
     frame: Annotated[str | None, tyro.conf.arg(metavar="SCENE/IMAGE")] = None
     """Which frame of a folder; none = the one with the worst answer of a batch, else the first."""
-    maps: Literal["marked", "all"] = "marked"
-    """Which iterations have their score maps in the file, beside the answer, the ground truth and the initial poses."""
+    maps: Literal["end", "marked", "all"] = "marked"
+    """Which iterations have their score maps in the file: those that made the answers or that the verdict names, the
+    marked ones and the initial poses as well, or all."""
     scene: Annotated[bool, tyro.conf.arg(name="3d")] = True
     """Put the 3D view into the file, about 1 MB."""
 
@@ -32,9 +33,11 @@ class Share:
 
         if self.what is None:
             raise InputError("missing from verefine-viz share: RUN; see verefine-viz share --help")
+        what = self.what.resolve()
+        batch = f"{what.parent.parent.name}_" if what.parent.name == "runs" else ""
         frame = f"_{self.frame.replace('/', '_')}" if self.frame else ""
-        out = self.out or Path(f"{self.what.resolve().stem}{frame}.html")
-        note = share(self.what, out, self.frame, all_maps=self.maps == "all", with_scene=self.scene)
+        out = self.out or Path(f"{batch}{what.stem}{frame}.html")
+        note = share(self.what, out, self.frame, self.maps, with_scene=self.scene)
         if note:
             print(note, flush=True)
         print(f"{out} ({out.stat().st_size / 1e6:.1f} MB)", flush=True)

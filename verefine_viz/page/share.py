@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 import numpy as np
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from verefine_viz.run.toolbox import Toolbox
 
 Json = dict[str, Any]
+WithMaps = Literal["end", "marked", "all"]
+"""Which iterations have score maps: those that made the answers or that a verdict names; marked ones as well; all."""
 STEPS: dict[str, tuple[float, type]] = {
     "rendered": (1e-4, np.uint16),
     "angle": (math.radians(1), np.uint8),
@@ -55,14 +57,14 @@ class SharedRun:
     """HTML of the arrays and pictures that both name."""
 
 
-def share(path: Path, out: Path, frame: str | None = None, all_maps: bool = False, with_scene: bool = True) -> str:
+def share(path: Path, out: Path, frame: str | None = None, maps: WithMaps = "marked", with_scene: bool = True) -> str:
     """Write what lies at a path as one HTML file.
 
     Args:
         path: a recorded run (``.vfrun``, ``.rrd``), or the folder of a batch or of traces; a session is run to its end.
         out: the HTML file.
         frame: which one of a folder; None = the one with the worst answer of a batch, else the first.
-        all_maps: whether the score maps of every iteration are in the file, not of marked ones alone.
+        maps: which iterations have their score maps in the file.
         with_scene: whether the 3D view is in the file, where it is not too large.
 
     Returns:
@@ -74,7 +76,7 @@ def share(path: Path, out: Path, frame: str | None = None, all_maps: bool = Fals
     if out.is_dir():
         raise InputError(f"--out {out} is a folder, expected the name of a file")
     debugger = opened(path, frame)
-    run = shared(debugger, f"verefine-viz view {path.name}", all_maps)
+    run = shared(debugger, f"verefine-viz view {path.name}", maps)
     return write_shared(run, end_scene(debugger) if with_scene else "", out)
 
 
@@ -154,7 +156,7 @@ def _real_parts() -> tuple[Callable[[Session], Toolbox], Checks]:
 def shared(
     debugger: Debugger,
     command: str,
-    all_maps: bool = False,
+    maps: WithMaps = "marked",
     prefix: str = "",
     progress: ProgressToken = NEVER_CANCELLED,
 ) -> SharedRun:
@@ -163,7 +165,7 @@ def shared(
     Args:
         debugger: what is open.
         command: opens it with the program.
-        all_maps: whether every iteration has its score maps.
+        maps: which iterations have their score maps.
         prefix: begins the keys of its arrays.
         progress: checked before each part.
 
@@ -179,7 +181,7 @@ def shared(
     wants: dict[bytes, Json] = {}
     for branch in branches["list"]:
         index = branch["index"]
-        asked = _wants(frame, branch, runs[index], verdicts.get(index), all_maps)
+        asked = _wants(frame, branch, runs[index], verdicts.get(index), maps)
         wants |= {msgspec.json.encode(of): of for of in asked}
     if branches["compare"]:
         a, b = branches["compare"]["a"], branches["compare"]["b"]
@@ -189,7 +191,7 @@ def shared(
     for k, of in enumerate(wants.values()):
         progress.checkpoint("Working out what the file shows.", k / len(wants))
         answers.append((of, _answer(space, of, blobs)))
-    file = {"t": "file", "command": command, "maps": "all" if all_maps else "marked"}
+    file = {"t": "file", "command": command, "maps": maps}
     hello = {"t": "hello", "window": 0, "version": __version__}
     return SharedRun(frame["title"], (hello, file, *known), tuple(answers), tuple(blobs.elements))
 
@@ -255,7 +257,7 @@ def _rounded(data: bytes, arrays: Sequence[Sequence[Any]], blobs: InlinedBlobs) 
     return {"blob": blobs.put(bytes(content)), "arrays": table}
 
 
-def _wants(frame: Json, branch: Json, run: Json, verdict: Json | None, all_maps: bool) -> Iterator[Json]:
+def _wants(frame: Json, branch: Json, run: Json, verdict: Json | None, maps: WithMaps) -> Iterator[Json]:
     """Return what the page may ask of a branch: at its end, at its beginning, and at the iterations to look at."""
     index, rows, n = branch["index"], run["rows"], len(run["rows"])
     objects = [o for o in frame["objects"] if not o["left_out"]]
@@ -270,11 +272,11 @@ def _wants(frame: Json, branch: Json, run: Json, verdict: Json | None, all_maps:
                 yield {"what": "maps", "branch": index, "k": scored, "obj": obj, "T": T}
                 yield {"what": "shaded", "obj": obj, "T": T}
 
-    marked = {mark["k"] for mark in run["marks"]} | {
-        k for o in results.values() for k in (o["k"], *(finding["k"] for finding in o["findings"])) if k
-    }
+    ks = {k for o in results.values() for k in (o["k"], *(finding["k"] for finding in o["findings"]))}
+    if maps == "marked":
+        ks |= {mark["k"] for mark in run["marks"]}
     for row in rows:
-        if all_maps or row["k"] in marked:
+        if maps == "all" or row["k"] in ks:
             k, obj = row["k"], row["obj"]
             stages = [stage["T"] for stage in row["stages"]]
             yield from posed(k, obj, *stages, row["best"]["T"], starts[obj][row["arm"]]["T"], truths.get(obj))
@@ -285,7 +287,8 @@ def _wants(frame: Json, branch: Json, run: Json, verdict: Json | None, all_maps:
     for obj, arms in starts.items():
         of = {"branch": index, "k": n, "obj": obj}
         yield {"what": "outlines", "obj": obj, "poses": _all_poses(obj, rows, arms, truths.get(obj), results.get(obj))}
-        yield from posed(0, obj, truths.get(obj), *(arm["T"] for arm in arms))
+        if maps != "end":
+            yield from posed(0, obj, truths.get(obj), *(arm["T"] for arm in arms))
         result = results.get(obj)
         if result is None or result["T"] is None:
             continue

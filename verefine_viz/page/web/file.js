@@ -2,7 +2,7 @@
 import { answeredBy, on, receive, state, update } from "./store.js";
 import { toast } from "./messages.js";
 
-Object.assign(state, { file: null }); // { command that opens it live, maps: "marked" or "all" }
+Object.assign(state, { file: null }); // { command that opens it live, maps: "end", "marked" or "all" }
 
 const textOf = (id) => document.getElementById(id)?.textContent ?? null;
 export const isFile = textOf("messages") != null;
@@ -13,14 +13,14 @@ const outlines = new Map();
 const keyOf = (of) => JSON.stringify(Object.entries(of).sort(([a], [b]) => (a < b ? -1 : 1)));
 const poseKey = (obj, T) => `${obj} ${T.join()}`;
 
-const LACKING = {
-  maps: "The file holds the maps of the answer, the ground truth, the initial poses and the marked iterations.",
-  shaded: "The file holds no picture of the model at this pose.",
+const MAPS = {
+  end: "The file holds the maps of the answer, of the ground truth and of the iterations that the verdict names.",
+  marked: "The file holds the maps of the answer, the ground truth, the initial poses and the marked iterations.",
 };
 
 function answer(of) {
   if (of.what === "outlines") return { outlines: of.poses.map((T) => outlines.get(poseKey(of.obj, T)) ?? []) };
-  return answers.get(keyOf(of)) ?? { gone: LACKING[of.what] ?? "The file does not hold this." };
+  return answers.get(keyOf(of)) ?? { gone: (of.what === "maps" && MAPS[state.file.maps]) || "The file does not hold this." };
 }
 
 const later = (id, of) => queueMicrotask(() => receive({ t: "answer", id, ...answer(of) }));
