@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -157,6 +157,7 @@ def shared(
     debugger: Debugger,
     command: str,
     maps: WithMaps = "marked",
+    objects: Collection[int] | None = None,
     prefix: str = "",
     progress: ProgressToken = NEVER_CANCELLED,
 ) -> SharedRun:
@@ -166,6 +167,7 @@ def shared(
         debugger: what is open.
         command: opens it with the program.
         maps: which iterations have their score maps.
+        objects: instances that are shown in depth; None = all.
         prefix: begins the keys of its arrays.
         progress: checked before each part.
 
@@ -181,7 +183,7 @@ def shared(
     wants: dict[bytes, Json] = {}
     for branch in branches["list"]:
         index = branch["index"]
-        asked = _wants(frame, branch, runs[index], verdicts.get(index), maps)
+        asked = _wants(frame, branch, runs[index], verdicts.get(index), maps, objects)
         wants |= {msgspec.json.encode(of): of for of in asked}
     if branches["compare"]:
         a, b = branches["compare"]["a"], branches["compare"]["b"]
@@ -257,10 +259,13 @@ def _rounded(data: bytes, arrays: Sequence[Sequence[Any]], blobs: InlinedBlobs) 
     return {"blob": blobs.put(bytes(content)), "arrays": table}
 
 
-def _wants(frame: Json, branch: Json, run: Json, verdict: Json | None, maps: WithMaps) -> Iterator[Json]:
+def _wants(
+    frame: Json, branch: Json, run: Json, verdict: Json | None, maps: WithMaps, only: Collection[int] | None
+) -> Iterator[Json]:
     """Return what the page may ask of a branch: at its end, at its beginning, and at the iterations to look at."""
     index, rows, n = branch["index"], run["rows"], len(run["rows"])
     objects = [o for o in frame["objects"] if not o["left_out"]]
+    focus = {o["id"] for o in objects if only is None or o["id"] in only}
     starts = {o["id"]: (run["start"] or {}).get(str(o["id"]), o["arms"]) for o in objects}
     truths = {o["id"]: o["gt"] for o in objects if o["gt"]}
     results = {o["obj"]: o for o in verdict["objects"]} if verdict else {}
@@ -276,7 +281,7 @@ def _wants(frame: Json, branch: Json, run: Json, verdict: Json | None, maps: Wit
     if maps == "marked":
         ks |= {mark["k"] for mark in run["marks"]}
     for row in rows:
-        if maps == "all" or row["k"] in ks:
+        if row["obj"] in focus and (maps == "all" or row["k"] in ks):
             k, obj = row["k"], row["obj"]
             stages = [stage["T"] for stage in row["stages"]]
             yield from posed(k, obj, *stages, row["best"]["T"], starts[obj][row["arm"]]["T"], truths.get(obj))
@@ -287,6 +292,8 @@ def _wants(frame: Json, branch: Json, run: Json, verdict: Json | None, maps: Wit
     for obj, arms in starts.items():
         of = {"branch": index, "k": n, "obj": obj}
         yield {"what": "outlines", "obj": obj, "poses": _all_poses(obj, rows, arms, truths.get(obj), results.get(obj))}
+        if obj not in focus:
+            continue
         if maps != "end":
             yield from posed(0, obj, truths.get(obj), *(arm["T"] for arm in arms))
         result = results.get(obj)
@@ -302,7 +309,7 @@ def _wants(frame: Json, branch: Json, run: Json, verdict: Json | None, maps: Wit
         yield {"what": "landscape", **of, "part": "other"}
         yield {"what": "recorded", "branch": index, "obj": obj, "done": n}
         yield {"what": "track", "obj": obj, "done": True}
-    if len(objects) > 1:
+    if only is None and len(objects) > 1:
         for poses in (answers, truths):
             if poses:
                 k = 1 + max((after for after in branch["scored"] if after < n), default=0)
