@@ -32,7 +32,7 @@ from verefine_viz.commands.flags import HELP_SETTINGS, SECTIONS, show_help
 from verefine_viz.commands.import_data import Import
 from verefine_viz.commands.replay import Replay
 from verefine_viz.commands.report import Report
-from verefine_viz.commands.share import Share
+from verefine_viz.commands.share_file import Share
 from verefine_viz.commands.study import Study
 from verefine_viz.commands.train import Train
 from verefine_viz.commands.view import View

@@ -8,13 +8,8 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from verefine_viz.core.errors import InputError
-from verefine_viz.core.paths import at_home
-from verefine_viz.core.settings import Session
 from verefine_viz.page.app import App
-from verefine_viz.page.what_lies_at import what_lies_at
-from verefine_viz.run.record import RunRecord
-from verefine_viz.run.run_file import SUFFIX, RunFile
+from verefine_viz.page.what_lies_at import path_of, what_lies_at
 
 HEIGHT_PX = 800
 
@@ -25,10 +20,10 @@ class ShownPage:
     Args:
         app: serves it.
         height: of the frame in the notebook [px].
-        folder: holds what it opens, and goes with it; None = the user's own files.
+        folder: goes with it.
     """
 
-    def __init__(self, app: App, height: int, folder: tempfile.TemporaryDirectory | None = None) -> None:
+    def __init__(self, app: App, height: int, folder: tempfile.TemporaryDirectory) -> None:
         self._app, self._height, self._folder = app, height, folder
         atexit.register(self.close)
 
@@ -41,8 +36,7 @@ class ShownPage:
         """End the page and free its port; closing it again does nothing."""
         atexit.unregister(self.close)
         self._app.stop()
-        if self._folder is not None:
-            self._folder.cleanup()
+        self._folder.cleanup()
 
     def __repr__(self) -> str:
         return f"the page at {self.url}"
@@ -63,19 +57,19 @@ def show(what: Any, height: int = HEIGHT_PX) -> ShownPage:
     Raises:
         VerefineError: it cannot be opened.
     """
-    record = what if isinstance(what, RunRecord) else what.record() if hasattr(what, "record") else None
-    folder = None
-    if record is not None:
-        folder = tempfile.TemporaryDirectory(prefix="verefine-viz-")
-        path = write_record(record, Path(folder.name) / f"run{SUFFIX}")
-    elif isinstance(what, str | Path):
-        path = at_home(str(what))
-    else:
-        raise InputError(f"{type(what).__name__} cannot be shown; expected a run, its record, or the path of one")
-    found = what_lies_at(path)
-    app = App(
-        session=found.session, session_path=found.session_path, port=0, gallery=found.gallery, recording=found.recording
-    ).start()
+    folder = tempfile.TemporaryDirectory(prefix="verefine-viz-")
+    try:
+        found = what_lies_at(path_of(what, Path(folder.name)))
+        app = App(
+            session=found.session,
+            session_path=found.session_path,
+            port=0,
+            gallery=found.gallery,
+            recording=found.recording,
+        ).start()
+    except BaseException:
+        folder.cleanup()
+        raise
     page = ShownPage(app, height, folder)
     try:
         app.wait_until_ready()
@@ -83,15 +77,3 @@ def show(what: Any, height: int = HEIGHT_PX) -> ShownPage:
         page.close()
         raise
     return page
-
-
-def write_record(record: RunRecord, path: Path) -> Path:
-    """Write a record as a run file and return its path."""
-    file = RunFile(path, Session())
-    file.begin(record.header)
-    for iteration in record.iterations:
-        file.append(iteration)
-    if record.end is not None:
-        file.finish(record.end)
-    file.close()
-    return path

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tempfile
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -24,7 +25,7 @@ from verefine_viz.page.gallery import Gallery
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.pixel_maps import ALIGNED
 from verefine_viz.page.wants import ANSWERS
-from verefine_viz.page.what_lies_at import what_lies_at
+from verefine_viz.page.what_lies_at import path_of, what_lies_at
 from verefine_viz.page.workspace import Checks, Workspace
 
 if TYPE_CHECKING:
@@ -57,11 +58,14 @@ class SharedRun:
     """HTML of the arrays and pictures that both name."""
 
 
-def share(path: Path, out: Path, frame: str | None = None, maps: WithMaps = "marked", with_scene: bool = True) -> str:
-    """Write what lies at a path as one HTML file.
+def share(
+    what: Any, out: str | Path, frame: str | None = None, maps: WithMaps = "marked", with_scene: bool = True
+) -> str:
+    """Write a run as one HTML file.
 
     Args:
-        path: a recorded run (``.vfrun``, ``.rrd``), or the folder of a batch or of traces; a session is run to its end.
+        what: a run, its record, or a path: of a recorded run (``.vfrun``, ``.rrd``), of the folder of a batch or of
+            traces, or of a session, which is run to its end.
         out: the HTML file.
         frame: which one of a folder; None = the one with the worst answer of a batch, else the first.
         maps: which iterations have their score maps in the file.
@@ -73,11 +77,14 @@ def share(path: Path, out: Path, frame: str | None = None, maps: WithMaps = "mar
     Raises:
         VerefineError: it cannot be opened, or the file cannot be written.
     """
+    out = Path(out)
     if out.is_dir():
-        raise InputError(f"--out {out} is a folder, expected the name of a file")
-    debugger = opened(path, frame)
-    run = shared(debugger, f"verefine-viz view {path.name}", maps)
-    return write_shared(run, end_scene(debugger) if with_scene else "", out)
+        raise InputError(f"{out} is a folder, expected the name of a file")
+    with tempfile.TemporaryDirectory(prefix="verefine-viz-") as folder:
+        path = path_of(what, Path(folder))
+        debugger = opened(path, frame)
+        run = shared(debugger, f"verefine-viz view {path.name}", maps)
+        return write_shared(run, end_scene(debugger) if with_scene else "", out)
 
 
 def write_shared(run: SharedRun, scene: str, out: Path) -> str:
@@ -175,7 +182,8 @@ def shared(
         Cancelled: it is no longer wanted.
     """
     space, blobs = debugger.space, InlinedBlobs(prefix)
-    debugger.work_out()
+    for _ in debugger.work_out(objects):
+        progress.checkpoint("Working out what the verdict may say.")
     known = [_portable(message) for message in debugger.known(blobs)]
     frame, branches, *rest = known
     runs = {message["branch"]: message for message in rest if message["t"] == "run"}

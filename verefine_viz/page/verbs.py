@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic, perf_counter
@@ -269,11 +269,11 @@ class Debugger:
             if branch.is_over:
                 yield self._verdict(branch)
 
-    def work_out(self) -> None:
-        """Work out all that the verdicts on finished runs may still say."""
+    def work_out(self, objects: Collection[int] | None = None) -> Iterator[None]:
+        """Work out, piece by piece, what the verdicts on finished runs may still say of some objects; None = of all."""
         for branch in self.space.branches.values():
             if branch.is_over:
-                deque(self._work_out(branch), maxlen=0)
+                yield from self._work_out(branch, objects)
 
     def welcome(self, window: int) -> None:
         """Send a window that has just connected all that is known."""
@@ -380,12 +380,13 @@ class Debugger:
             if not run.is_done:
                 run.method.step(run.state)
 
-    def _work_out(self, branch: Branch) -> Iterator[None]:
+    def _work_out(self, branch: Branch, only: Collection[int] | None = None) -> Iterator[None]:
         """Work out physics, then the score around the answers, of objects whose verdict may change by it."""
         evaluator = branch.final_evaluator
-        objects = [o for o in finished_objects(branch) if o.answer is not None]
+        answered = [o for o in finished_objects(branch) if o.answer is not None]
+        placed = [Placed(o.instance_id, o.target.model, o.answer.T_cam_obj) for o in answered if o.answer is not None]
+        objects = [o for o in answered if only is None or o.instance_id in only]
         unknown_truth = [o for o in objects if o.errors is None]
-        placed = [Placed(o.instance_id, o.target.model, o.answer.T_cam_obj) for o in objects if o.answer is not None]
         for o in unknown_truth:
             assert o.answer is not None
             others = [other for other in placed if other.instance_id != o.instance_id]

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.paths import at_home
 from verefine_viz.core.settings import Session
 from verefine_viz.page.gallery import Gallery
-from verefine_viz.run.run_file import SUFFIX
+from verefine_viz.run.record import RunRecord
+from verefine_viz.run.run_file import SUFFIX, RunFile
 
 
 @dataclass(frozen=True)
@@ -42,3 +45,28 @@ def what_lies_at(path: Path) -> Openable:
         gallery = read_gallery(path)
         return Openable(gallery.session(gallery.worst.run), gallery=gallery)
     return Openable(load_session(path), path)
+
+
+def path_of(what: Any, folder: Path) -> Path:
+    """Return the path of what can be opened; a run that is in memory is written into ``folder`` first.
+
+    Args:
+        what: a record of a run, an object whose ``record()`` gives one, or a path.
+        folder: an empty one.
+
+    Raises:
+        InputError: it is nothing of these.
+    """
+    if isinstance(what, str | Path):
+        return at_home(str(what))
+    record = what if isinstance(what, RunRecord) else what.record() if hasattr(what, "record") else None
+    if record is None:
+        raise InputError(f"{type(what).__name__} cannot be shown; expected a run, its record, or the path of one")
+    file = RunFile(folder / f"run{SUFFIX}", Session())
+    file.begin(record.header)
+    for iteration in record.iterations:
+        file.append(iteration)
+    if record.end is not None:
+        file.finish(record.end)
+    file.close()
+    return file.path
