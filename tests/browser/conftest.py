@@ -33,28 +33,43 @@ def chromium() -> Iterator[Any]:
 
 
 class Screen:
-    """One window of the page, and the app behind it."""
+    """One window of the page.
 
-    def __init__(self, app: App, page: Any, link: str = "") -> None:
-        self.app, self.page = app, page
+    Args:
+        page: the browser's.
+        address: of the page, a server's or a file's.
+        app: what serves it; None = it is a file.
+        link: part of the address.
+    """
+
+    def __init__(self, page: Any, address: str, app: App | None = None, link: str = "") -> None:
+        self.page, self._app, self._address = page, app, address
+        self._modules = "/web/" if app is not None else "web/"
         self.errors: list[str] = []
         self.foreign: list[str] = []
         page.on("pageerror", lambda error: self.errors.append(str(error)))
         page.on("console", lambda line: line.type == "error" and self.errors.append(line.text))
         page.on("request", self._requested)
-        page.goto(f"{app.url}/{link}")
+        page.goto(f"{address}{link}")
         self.until("state.frame !== null && state.connection === 'open'")
 
+    @property
+    def app(self) -> App:
+        """What serves the page."""
+        assert self._app is not None
+        return self._app
+
     def _requested(self, request: Any) -> None:
-        if not request.url.startswith((self.app.url, "data:", "blob:", self.app.url.replace("http", "ws"))):
+        own = (self._address, self._address.replace("http", "ws"), "data:", "blob:", "about:srcdoc")
+        if not request.url.startswith(own):
             self.foreign.append(request.url)
 
     def state(self, expression: str, arg: object = None) -> Any:
         """Evaluate an expression about the page's ``state``, its ``moment`` and an ``arg``."""
         return self.page.evaluate(
             f"""async (arg) => {{
-                const {{ state }} = await import("/web/store.js");
-                const {{ momentOf }} = await import("/web/moment.js");
+                const {{ state }} = await import("{self._modules}store.js");
+                const {{ momentOf }} = await import("{self._modules}moment.js");
                 const moment = momentOf(state);
                 return {expression};
             }}""",
@@ -75,7 +90,7 @@ class Screen:
 
     def view(self, **patch: Any) -> None:
         """Change what the window looks at."""
-        self.state("(await import('/web/store.js')).setView(arg)", patch)
+        self.state(f"(await import('{self._modules}store.js')).setView(arg)", patch)
 
     def finish(self) -> Screen:
         """Run to the end, where the answer is shown; return the screen."""
@@ -135,9 +150,16 @@ class Pages:
         """Open a window of an app."""
         page = self._browser.new_page(viewport=size or SIZE)
         self._windows.append(page)
-        return Screen(app, page, link)
+        return Screen(page, f"{app.url}/", app, link)
+
+    def open_file(self, path: Path, link: str = "", size: dict[str, int] | None = None) -> Screen:
+        """Open a page that is a file, without a network."""
+        context = self._browser.new_context(viewport=size or SIZE, offline=True)
+        self._windows.append(context)
+        return Screen(context.new_page(), path.as_uri(), None, link)
 
     def close_windows(self) -> None:
+        """Close every window that is open."""
         for page in self._windows:
             page.close()
         self._windows.clear()
