@@ -24,20 +24,23 @@ class Share:
     """Which frame of a folder; none = the one with the worst answer of a batch, else the first."""
     maps: Literal["end", "marked", "all"] = "marked"
     """Which iterations have their score maps in the file: those that made the answers or that the verdict names, the
-    marked ones and the initial poses as well, or all."""
+    marked ones (switches of hypothesis aside) and the initial poses as well, or all."""
     scene: Annotated[bool, tyro.conf.arg(name="3d")] = True
     """Put the 3D view into the file, about 1 MB."""
 
     def run(self, arguments: Sequence[str]) -> int:
+        from rich.console import Console
+
         from verefine_viz.page.share import share
 
         if self.what is None:
             raise InputError("missing from verefine-viz share: RUN; see verefine-viz share --help")
         what = self.what.resolve()
-        batch = f"{what.parent.parent.name}_" if what.parent.name == "runs" else ""
+        batch = f"{what.parent.parent.name}_" if what.is_file() and what.parent.name == "runs" else ""
         frame = f"_{self.frame.replace('/', '_')}" if self.frame else ""
         out = self.out or Path(f"{batch}{what.stem}{frame}.html")
-        note = share(self.what, out, self.frame, self.maps, with_scene=self.scene)
+        with Console(stderr=True).status("Working out what the file shows"):
+            note = share(self.what, out, self.frame, self.maps, with_scene=self.scene)
         if note:
             print(note, flush=True)
         print(f"{out} ({out.stat().st_size / 1e6:.1f} MB)", flush=True)

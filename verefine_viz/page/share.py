@@ -287,7 +287,7 @@ def _wants(
 
     ks = {k for o in results.values() for k in (o["k"], *(finding["k"] for finding in o["findings"]))}
     if maps == "marked":
-        ks |= {mark["k"] for mark in run["marks"]}
+        ks |= {mark["k"] for mark in run["marks"] if mark["tone"] != "switched"}  # Which may be at each iteration.
     for row in rows:
         if row["obj"] in focus and (maps == "all" or row["k"] in ks):
             k, obj = row["k"], row["obj"]

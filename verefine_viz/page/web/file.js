@@ -15,7 +15,7 @@ const poseKey = (obj, T) => `${obj} ${T.join()}`;
 
 const MAPS = {
   end: "The file holds the maps of the answer, of the ground truth and of the iterations that the verdict names.",
-  marked: "The file holds the maps of the answer, the ground truth, the initial poses and the marked iterations.",
+  marked: "The file holds the maps of the answer, the ground truth, the initial poses and the marked iterations, switches aside.",
 };
 
 function answer(of) {

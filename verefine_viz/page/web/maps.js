@@ -157,7 +157,7 @@ function Maps() {
 // Why there are no maps; and where a file, which has those of marked iterations, has some.
 function Gone({ why }) {
   const moment = useStore(momentOf);
-  const marks = state.file?.maps === "marked" ? moment.run.marks.map((m) => m.k) : [];
+  const marks = state.file?.maps === "marked" ? moment.run.marks.filter((m) => m.tone !== "switched").map((m) => m.k) : [];
   const ks = state.file ? [...marks, moment.run.rows.length] : [];
   const near = [ks.findLast((k) => k < moment.k), ks.find((k) => k > moment.k)].filter((k) => k != null);
   return html`<div class="empty"><p>${why}</p><div class="group">${near.map((k) => html`
