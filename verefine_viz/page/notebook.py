@@ -59,13 +59,13 @@ def show(what: Any, height: int = HEIGHT_PX) -> ShownPage:
     """
     folder = tempfile.TemporaryDirectory(prefix="verefine-viz-")
     try:
-        found = what_lies_at(path_of(what, Path(folder.name)))
+        there = what_lies_at(path_of(what, Path(folder.name)))
         app = App(
-            session=found.session,
-            session_path=found.session_path,
+            session=there.session,
+            session_path=there.session_path,
             port=0,
-            gallery=found.gallery,
-            recording=found.recording,
+            gallery=there.gallery,
+            recording=there.recording,
         ).start()
     except BaseException:
         folder.cleanup()

@@ -118,10 +118,10 @@ def opened(path: Path, frame: str | None = None) -> Debugger:
     Raises:
         VerefineError: it cannot be opened.
     """
-    found = what_lies_at(path)
-    if found.gallery is not None:
-        return opened_batch(found.gallery, frame)
-    space = Workspace(found.session, found.session_path, *_real_parts(), frame=frame, recording=found.recording)
+    there = what_lies_at(path)
+    if there.gallery is not None:
+        return opened_batch(there.gallery, frame)
+    space = Workspace(there.session, there.session_path, *_real_parts(), frame=frame, recording=there.recording)
     if frame not in (None, space.frame):
         raise InputError(f"{path} is of frame {space.frame}, not of {frame}; leave out --frame")
     debugger = Debugger(space).carry_out(())
