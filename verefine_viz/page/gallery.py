@@ -208,9 +208,9 @@ def outcome_words(rows: Sequence[Answer], n_runs: int) -> str:
     known = [row for row in objects if row.has_truth or row.is_correct is not None]
     n_right, missing = sum(row.is_correct is True for row in known), sum(row.status != "ok" for row in objects)
     n_frames, failed = len({row.frame for row in solved}), len(solved) - len(objects)
-    words = f"{n_right} of {len(known)} objects" if known else f"{len(objects)} objects"
+    words = f"{n_right} of {len(known)} object{'s' * (len(known) != 1)}" if known else f"{len(objects)} objects"
     words += f" of {n_runs} runs" if n_runs > 1 else f" in {n_frames} frame{'s' * (n_frames != 1)}"
-    words += " are right" if known else ""
+    words += f" {'is' if len(known) == 1 else 'are'} right" if known else ""
     words += f"; {missing} {'has' if missing == 1 else 'have'} no answer" if missing else ""
     words += f"; {failed} frame{'s' * (failed != 1)} failed" if failed else ""
     n_waiting = len(rows) - len(solved)

@@ -60,7 +60,7 @@ COLUMNS = (
     Column("lifted", "lifted", "share of answers by which a simulated grasp succeeds", "%", 100, 0, 1,
            lambda row: float(row.grasp == "success") if row.grasp else None),
     Column("score", "score", "mean of the answers", "", 1, 2, 0, _solved("score")),
-    Column("ms_per_frame", "iterations, a frame", "computing time of the iterations for all objects of a frame, without "
+    Column("ms_per_frame", "time a frame", "computing time of the iterations for all objects of a frame, without "
            "first scores; median", "ms", 1, 0, -1),
     Column("calls", "refiner calls", "for one object, mean", "", 1, 1, 0,
            lambda row: None if row.status != "ok" or method_of(row.method).has_tree else float(row.n_iterations)),
@@ -246,7 +246,7 @@ def _object_cell(line: Line, obj_id: int, place: int) -> Json | None:
 
     def share(cells: Cells) -> float | None:
         n = cells.n[:, place].sum()
-        return round(100 * cells.total[:, place].sum() / n, 2) if n else None
+        return round(float(100 * cells.total[:, place].sum() / n), 2) if n else None
 
     return {
         "n": len(mine),

@@ -182,7 +182,7 @@ def _column(column: Column) -> Json:
 def _spread(spread: Spread, factor: float, digits: int) -> list[float | None]:
     """[value, low, high]; low and high are None where nothing could be drawn."""
     ends = (spread.value, spread.low, spread.high)
-    return [None if end is None else round(factor * end, digits + 2) + 0.0 for end in ends]
+    return [None if end is None else round(factor * float(end), digits + 2) + 0.0 for end in ends]
 
 
 def _rounded(values: Float, digits: int) -> list[float]:

@@ -75,7 +75,7 @@ def headline(comparison: Comparison) -> str:
     if not rivals:
         return f"{right}."
     if all(line.numbers["recall"].value == recall.value for line, _ in rivals):
-        return f"All {len(lines)} get the same share of the objects right: {100 * recall.value:.1f} %."
+        return f"{'Both' if len(lines) == 2 else f'All {len(lines)}'} get the same share of the objects right: {100 * recall.value:.1f} %."
     name, behind = rivals[0][0].name, rivals[0][1]
     ahead = f"{-100 * behind.value + 0.0:.1f} points more than {name}{_interval(_negative(behind))}"
     if behind.low is None:

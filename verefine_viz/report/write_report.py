@@ -14,12 +14,12 @@ from rich.markup import escape
 from verefine_viz import __version__
 from verefine_viz.batch.index import batch_of, find_runs
 from verefine_viz.batch.progress import counted_bar
+from verefine_viz.batch.runs import Runs
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.paths import atomic, clear_parts
-from verefine_viz.page import protocol as p
 from verefine_viz.page.bundle import bundle, compressed, element, picture
-from verefine_viz.page.gallery import Gallery
-from verefine_viz.page.share import opened_batch, shared
+from verefine_viz.page.gallery import Entry, Gallery
+from verefine_viz.page.share import opened_answer, shared
 from verefine_viz.page.thumbnails import Painter
 from verefine_viz.page.views.gallery_answers import answers_message
 from verefine_viz.report.groups import read_runs, sections_of
@@ -101,7 +101,7 @@ def write_report(
         compared |= wrong_in(*section.pair) if section.pair else {}
     for row, entry in zip(answers["rows"], gallery.entries, strict=True):
         row |= {"group": group_of[id(entry.row)], "compared": compared.get(id(entry.row), ""), "thumb": False}
-        row |= {"command": f"verefine-viz view {row['run']} --scene.frames {row['frame']}", "part": None}
+        row |= {"command": f"verefine-viz view {_run_file(gallery, entry)}", "part": None}
     elements = [
         *_pictures(gallery, answers, pictures, notes, progress),
         *_parts(gallery, answers, embed, notes, progress),
@@ -109,7 +109,7 @@ def write_report(
     command = f"verefine-viz view {folders[0].name if len(folders) == 1 else folders[0].parent.name}"
     messages = [
         {"t": "hello", "window": 0, "version": __version__},
-        {"t": "file", "command": command, "maps": "marked"},
+        {"t": "file", "command": command, "maps": "end"},
         message,
         answers,
     ]
@@ -149,29 +149,40 @@ def _pictures(
 def _parts(gallery: Gallery, answers: Json, most: int, notes: list[str], progress: StepProgress) -> list[str]:
     """The worst frames as parts of the file, as ``verefine-viz share`` has them; of a good run the worst one."""
     worst = [entry for entry in gallery.sorted_by("error") if entry.can_be_opened]
-    wrong = [entry for entry in worst if entry.is_wrong] or worst[:1]
-    frames = list(dict.fromkeys((entry.run, entry.row.frame, entry.row.method, entry.row.seed) for entry in wrong))[:most]
+    # Where there is no answer there is less to see.
+    wrong = sorted((entry for entry in worst if entry.is_wrong), key=lambda entry: entry.row.status != "ok") or worst[:1]
+    frames = list(dict.fromkeys(map(_made_by, wrong)))[:most]
     parts = list[str]()
-    for done, (run, frame, method, seed) in enumerate(frames):
+    for done, one in enumerate(frames):
         progress("failures", done, len(frames))
         mine = {
             key: entry for key, entry in enumerate(gallery.entries)
-            if (entry.run, entry.row.frame, entry.row.method, entry.row.seed) == (run, frame, method, seed)
+            if entry in wrong and _made_by(entry) == one
         }  # fmt: skip
-        first = next(key for key, entry in mine.items() if entry.can_be_opened and entry in wrong)
+        first, objects = min(mine), {entry.row.instance_id for entry in mine.values() if entry.row.instance_id is not None}
         try:
-            debugger = opened_batch(gallery, run, frame)
-            debugger.carry_out([p.Open(answer=first)])
-            known = shared(debugger, answers["rows"][first]["command"], False, f"p{done}-")
+            debugger = opened_answer(gallery, mine[first])
+            known = shared(debugger, answers["rows"][first]["command"], "end", f"p{done}-", objects=objects)
         except VerefineError as error:
-            notes.append(f"Frame {frame} of {run} cannot be opened in the report: {error}.")
+            notes.append(f"Wrong answers cannot be opened in the report: {error}.")
             continue
-        content = {"messages": [_of_run(message, run) for message in known.messages], "answers": known.answers}
+        content = {"messages": [_of_run(message, one[0]) for message in known.messages], "answers": known.answers}
         parts += [*known.elements, element(f"part {done}", "text/plain", compressed(msgspec.json.encode(content)))]
-        for key, entry in mine.items():
-            if entry.can_be_opened:
-                answers["rows"][key]["part"] = done
+        for key in mine:
+            answers["rows"][key]["part"] = done
     return parts
+
+
+def _run_file(gallery: Gallery, entry: Entry) -> str:
+    """The run file of an answer, from the folder above its batch."""
+    folder = gallery.runs[entry.run].folder
+    path = gallery.loose_record(entry) or Runs(folder / "runs").path(entry.row.frame)
+    return str(path.relative_to(folder.parent))
+
+
+def _made_by(entry: Entry) -> tuple[str, str, str, int | None]:
+    """What tells the frame of an answer from others: several runs may have it."""
+    return entry.run, entry.row.frame, entry.row.method, entry.row.seed
 
 
 def _of_run(message: Json, run: str) -> Json:

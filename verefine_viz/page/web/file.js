@@ -44,12 +44,13 @@ const server = {
   send(verb) {
     if (verb.verb === "want") later(verb.id, verb.of);
     else if (verb.link != null) openLink(verb.link);
+    else if (verb.verb === "open" && verb.answer != null) openAnswer(state.answers.rows[verb.answer]);
     else if (verb.verb !== "look") toast("note", `This needs the program: ${state.file.command}`);
     return true;
   },
   load: (key) => bytes(`blob ${key}`),
   // Pictures lie in the file as addresses of their own.
-  address: (path) => textOf(path) ?? path,
+  address: (path) => textOf(path.split("?")[0]) ?? path,
 };
 
 on("file", ({ command, maps }) => update({ file: { command, maps } }));
@@ -57,11 +58,30 @@ on("file", ({ command, maps }) => update({ file: { command, maps } }));
 // The 3D view, a page of its own; null where the file has none.
 export const scenePage = () => bytes("scene3d").then((page) => page && new TextDecoder().decode(page));
 
-export function openFile() {
-  answeredBy(server);
-  for (const [of, given] of JSON.parse(textOf("answers"))) {
+function learn(all) {
+  for (const [of, given] of all) {
     if (of.what === "outlines") of.poses.forEach((T, i) => outlines.set(poseKey(of.obj, T), given.outlines[i]));
     else answers.set(keyOf(of), given);
   }
+}
+
+// A report holds some frames, each a part of the document with messages and answers of its own.
+let opened = 0;
+function openAnswer({ part, obj, k, command }) {
+  if (part == null) return toast("note", `The report does not hold this frame. It opens by ${command}`);
+  return bytes(`part ${part}`).then((text) => {
+    const given = JSON.parse(new TextDecoder().decode(text));
+    answers.clear(); // they name iterations and objects of the frame that was open
+    outlines.clear();
+    learn(given.answers);
+    opened += 1;
+    for (const message of given.messages) receive(message.t === "frame" ? { ...message, id: `${part} ${opened}` } : message);
+    receive({ t: "view", patch: { obj }, at: k });
+  });
+}
+
+export function openFile() {
+  answeredBy(server);
+  learn(JSON.parse(textOf("answers")));
   for (const message of JSON.parse(textOf("messages"))) receive(message);
 }

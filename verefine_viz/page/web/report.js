@@ -52,7 +52,7 @@ const interval = ([value, low, high], digits, show = number) => {
 };
 
 export function Report() {
-  const [report, theme, frame, preset] = useStore((s) => [s.report, s.theme, s.frame, s.view.preset]);
+  const [report, theme, frame, preset, answers] = useStore((s) => [s.report, s.theme, s.frame, s.view.preset, s.answers]);
   const { sections } = report;
   const several = sections.length > 1;
   return html`<div class="report-all">
@@ -69,7 +69,8 @@ export function Report() {
     ${several && html`<${Overview} report=${report} />`}
     ${sections.map((section, i) => html`<${Section} key=${i} id=${`data-${i}`} section=${section} report=${report}
       titled=${several} />`)}
-    <section class="pane gallery" id="answers"><${Gallery} /></section>
+    <section class="pane gallery" style=${{ height: `min(100vh - 6rem, ${12 + 17 * Math.ceil((answers?.rows.length ?? 0) / 5)}rem)` }}>
+      <${Gallery} /></section>
     ${report.left_out.length > 0 && html`<section class="block"><h2>Left out</h2>${report.left_out.map(([run, why]) => html`
       <p><b>${run}</b> ${why}</p>`)}</section>`}
   </div>`;
@@ -113,14 +114,14 @@ function Section({ id, section, report, titled }) {
       ${section.next.text} <${Answer} of=${section.next.key}>${section.next.begin}<//>.</p>`}
     ${groups.length <= 2 && html`<${Tiles} columns=${columns} groups=${groups} />`}
     ${groups.length > 1 && html`<${Groups} section=${section} columns=${columns} />`}
-    <p class="notes dim">${[section.intervals, section.bop,
+    <p class="basis dim">${[section.intervals, section.bop,
       groups.length > 1 && !section.same_objects ? "Not all runs have the same objects." : "",
       section.has_truth ? "" : "No ground truth: errors, recall and causes are not known."].filter(Boolean).join(" ")}</p>
     <div class="blocks">
       ${section.has_truth && html`<${Block} title="Recall" hint="share of objects whose ADD(-S) is below a limit">
         <${Recall} groups=${groups} thresholds=${report.thresholds} best=${section.best} /><//>`}
       ${rows?.some((r) => r.err != null && r.score != null) && html`<${Block} title="Score over error">
-        <${Plot} rows=${rows} />${groups.map((g) => g.misleads != null && html`<p class="dim">${groups.length > 1
+        <${Plot} of=${rows} />${groups.length <= 2 && groups.map((g) => g.misleads != null && html`<p class="dim">${groups.length > 1
           ? `${g.name}: w` : "W"}rong scores above right in ${number(100 * g.misleads, 0)} % of pairs.</p>`)}<//>`}
       ${groups.some((g) => g.causes.length) && html`<${Block} title="Why answers are wrong"><${Causes} groups=${groups} /><//>`}
       ${groups.some((g) => Object.keys(g.stages).length) && html`<${Block} title="Time a frame" hint="mean, by stage">
@@ -145,8 +146,8 @@ function Tiles({ columns, groups: [a, b] }) {
     return html`<div class="tile" title=${c.hint}><span class="dim">${c.label}</span>
       <b>${mine ? number(mine[0], c.digits) : "–"}${b && html`<span class="dim"> → </span>${theirs ? number(theirs[0], c.digits)
         : "–"}`}<small>${c.unit}</small></b>
-      <span class=${by == null ? "dim" : toneOf(by, c.better, c.digits)}>${by != null ? signed(by, c.digits)
-        : mine && !b ? interval(mine, c.digits) : ""}</span></div>`;
+      ${by != null && html`<span class=${toneOf(by, c.better, c.digits)}>${signed(by, c.digits)}</span>`}
+      ${mine && !b && interval(mine, c.digits) && html`<span class="dim">${interval(mine, c.digits)}</span>`}</div>`;
   })}</div>`;
 }
 
@@ -158,6 +159,7 @@ function Groups({ section, columns }) {
     return c.better && new Set(all).size > 1 ? (c.better > 0 ? Math.max(...all) : Math.min(...all)) : null;
   };
   const rows = groups.map((group, i) => ({ group, i }));
+  if (!section.change) rows.sort((p, q) => (q.group.numbers.recall?.[0] ?? 0) - (p.group.numbers.recall?.[0] ?? 0));
   const behind = {
     title: "against the best", hint: "difference in right objects, in points, over the objects that both have",
     value: (r) => r.group.behind?.[0] ?? 0,
@@ -173,6 +175,8 @@ function Groups({ section, columns }) {
       { title: "group", left: true, value: (r) => r.group.name, of: ({ group, i }) => html`<${Swatch} color=${colorOf(i)} />${group.name}` },
       { title: "runs", hint: "they differ in their seeds only", value: (r) => r.group.runs.length },
       ...columns.flatMap((c, i) => [numberColumn(c, (r) => r.group, best), ...(i === 0 && section.has_truth ? [behind] : [])]),
+      ...(groups.some((g) => g.misleads != null) ? [{ title: "wrong above right [%]", hint: "how often the score misleads: of all pairs of a wrong and a right answer, the wrong one scores higher",
+        value: (r) => r.group.misleads, of: (r) => number(r.group.misleads == null ? null : 100 * r.group.misleads, 0) }] : []),
     ]} /><//>`;
 }
 
@@ -236,7 +240,7 @@ function Recall({ groups, thresholds, best }) {
   const marked = at ?? thresholds.indexOf(LIMIT);
   return html`<${Drawing} x=${x} y=${y} onHover=${(p) => setAt(p && Math.max(0, Math.min(thresholds.length - 1,
       Math.round((p[0] / 100) * (thresholds.length - 1)))))}>
-    ${banded.map((c) => c.low && html`<path class="band" fill=${colorOf(c.i)} d=${`${pathOf(thresholds, c.high, x, y)}${
+    ${banded.map((c) => c.low && html`<path class="band" style=${{ "--color": colorOf(c.i) }} d=${`${pathOf(thresholds, c.high, x, y)}${
       pathOf(thresholds, c.low, x, y).split(/(?=[ML])/).reverse().join("").replaceAll("M", "L")}Z`} />`)}
     <path class="limit" d=${`M${x.at(LIMIT)} 0V100`} />
     ${at != null && html`<path class="hover" d=${`M${x.at(thresholds[at])} 0V100`} />`}
@@ -363,14 +367,14 @@ function Change({ change, groups: [a, b] }) {
   const better = objects.filter((o) => rank(o) < -change.same);
   const worsened = objects.filter((o) => rank(o) > change.same).reverse();
   const list = (name, rows) => html`<div><h3>${name} <span class="dim">${rows.length}</span></h3>
-    <${Sorted} name=${name} most=${8} rows=${rows} columns=${[
+    ${rows.length > 0 && html`<${Sorted} name=${name} most=${8} rows=${rows} columns=${[
       { title: "frame", left: true, value: (o) => o.frame, of: (o) => html`<${Answer} of=${worse(o)}>${o.frame}<//>` },
       { title: "object", left: true, value: (o) => o.name },
       { title: "A [%]", hint: "error, of the diameter", value: (o) => o.errors[0], of: (o) => percent(o.errors[0]) },
       { title: "B [%]", hint: "error, of the diameter", value: (o) => o.errors[1], of: (o) => percent(o.errors[1]) },
       { title: "change", value: rank, of: (o) => html`<span class=${toneOf(rank(o), -1)}>${o.by == null ? "" : signed(o.by)}</span>` },
       { title: "", left: true, of: (o) => o.turned && html`<span class=${o.turned === "right" ? "good" : "bad"}>now ${o.turned}</span>` },
-    ]} /></div>`;
+    ]} />`}</div>`;
   const counts = [["better", change.better, "good"], ["worse", change.worse, "bad"], ["became right", change.now_right, "good"],
     ["became wrong", change.now_wrong, "bad"], ["both wrong", change.both_wrong, ""], [`only in ${a.name}`, change.only[0], ""],
     [`only in ${b.name}`, change.only[1], ""]].filter(([, n], i) => n || i < 4);
