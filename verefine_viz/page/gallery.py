@@ -22,7 +22,6 @@ from verefine_viz.run.record import WAITING, Answer
 from verefine_viz.run.run_file import SUFFIX, read_run_file
 from verefine_viz.run.session_file import load_session
 
-
 WRONG, RIGHT, UNKNOWN = "wrong or no answer", "right", "unknown"
 """Results, to filter by."""
 
@@ -124,10 +123,6 @@ class Gallery:
                     for row in end.answers if end is not None else ():
                         files[run, row.frame, row.method, row.seed] = path
         return files
-
-    @property
-    def has_several_runs(self) -> bool:
-        return len(self.runs) > 1
 
     @cached_property
     def worst(self) -> Entry:

@@ -97,7 +97,9 @@ class Draws:
         for k, (of_unit, of_model) in enumerate(zip(self.units, self.models, strict=True)):
             weight = np.cumsum(of_unit[unit] * (1.0 if model is None else of_model[model]))
             if weight[-1]:
-                drawn[k] = ordered[np.searchsorted(weight, weight[-1] / 2)]
+                # The mean of the middle two, where the half lies between them.
+                middle = [np.searchsorted(weight, weight[-1] / 2, side) for side in ("left", "right")]
+                drawn[k] = ordered[middle].mean()
         return self._spread(float(np.median(values)), drawn)
 
     def band(self, hits: Float, n: Float) -> tuple[Float, Float] | None:

@@ -13,8 +13,8 @@ from verefine_viz.batch.totals import misranked_share
 from verefine_viz.core.arrays import Float
 from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.methods.registry import method_of
-from verefine_viz.report.bop_recalls import BopRecalls
 from verefine_viz.report.bootstrap import Cells, Draws, Spread, draws
+from verefine_viz.report.bop_recalls import BopRecalls
 from verefine_viz.report.groups import Group, Section, key
 from verefine_viz.run.record import Answer
 
@@ -274,13 +274,13 @@ def hardest(section: Section) -> list[Json]:
             causes = Counter(row.cause for row in rows if row.cause)
             worst = max(rows, key=lambda row: np.inf if row.relative_error is None else row.relative_error)
             hard.append({
-                "row": worst, "frame": worst.frame, "name": worst.name, "wrong_groups": n_wrong, "groups": len(by_group),
+                "row": worst, "frame": worst.frame, "name": worst.name,
+                "wrong_groups": n_wrong, "groups": len(by_group),
                 "right": sum(right.values()), "n": len(rows),
                 "best": [best, right[best], len(by_group[best])] if right[best] else None,
                 "cause": cause_title(causes.most_common(1)[0][0]) if causes else "",
             })  # fmt: skip
-    hard.sort(key=lambda one: (-one["wrong_groups"], one["right"] / one["n"], one["frame"], one["row"].instance_id or 0))
-    return hard
+    return sorted(hard, key=lambda one: (-one["wrong_groups"], one["right"] / one["n"], one["frame"]))
 
 
 def score_misleads(group: Group) -> float | None:

@@ -104,6 +104,7 @@ def key(row: Answer) -> Key:
 
 
 def keys_of(run: BatchIndex) -> set[Key]:
+    """What a run is about."""
     return {key(row) for row in run.rows}
 
 

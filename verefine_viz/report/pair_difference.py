@@ -92,7 +92,7 @@ def difference(a: Group, b: Group, keys: Mapping[int, int]) -> Json:
 
 
 def wrong_in(a: Group, b: Group) -> dict[int, str]:
-    """id of an answer → which of the two runs got its object wrong."""
+    """Which of two runs got an object wrong, in words, by the id of its answers."""
     of_a, of_b = ({key(row) for row in group.failures} for group in (a, b))
     words = {(True, True): "both wrong", (True, False): f"only {a.name} wrong", (False, True): f"only {b.name} wrong"}
     return {

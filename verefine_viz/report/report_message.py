@@ -22,7 +22,6 @@ from verefine_viz.report.group_numbers import (
     MOST_HARD,
     THRESHOLDS,
     Column,
-    Comparison,
     Line,
     cause_counts,
     compare,
@@ -120,7 +119,6 @@ def _group(line: Line, names: Mapping[int, str]) -> Json:
         "runs": [names[id(run)] for run in group.runs],
         "n_objects": len(group.objects),
         "n_with_truth": len(group.with_truth),
-        "n_failed_frames": len({(id(run), row.frame) for run in group.runs for row in run.rows if row.status == "failed"}),
         "numbers": {
             column.id: _spread(line.numbers[column.id], column.factor, column.digits)
             for column in COLUMNS
@@ -141,8 +139,8 @@ def _curve(line: Line) -> Json | None:
     if line.curve is None:
         return None
     recall, band = line.curve
-    ends = {} if band is None else {name: _rounded(100 * end, 2) for name, end in zip(("low", "high"), band, strict=True)}
-    return {"recall": _rounded(100 * recall, 2), **ends}
+    curve = {"recall": _rounded(100 * recall, 2)}
+    return curve if band is None else curve | {"low": _rounded(100 * band[0], 2), "high": _rounded(100 * band[1], 2)}
 
 
 def _grasps(group: Group) -> list[list[Any]]:
@@ -169,10 +167,15 @@ def _track(run: str, track: Track, is_drawn: bool) -> Json:
 def _made(runs: Sequence[BatchIndex]) -> list[str]:
     """How the first of some runs was made: version, when, how long, by what."""
     info = runs[0].run
-    parts = [f"verefine-viz {info.version}" if info.version else "", info.status, f"begun {info.begun}" if info.begun else ""]
-    parts += [f"{info.seconds:.0f} s" if info.seconds else "", str(info.machine.get("cpu", ""))]
-    parts += [f"{info.workers} worker{'s' * (info.workers != 1)}" if info.workers else ""]
-    return [part for part in parts if part]
+    known = {
+        f"verefine-viz {info.version}": info.version,
+        info.status: info.status,
+        f"begun {info.begun}": info.begun,
+        f"{info.seconds:.0f} s": info.seconds,
+        str(info.machine.get("cpu")): "cpu" in info.machine,
+        f"{info.workers} workers": info.workers,
+    }
+    return [words for words, is_known in known.items() if is_known]
 
 
 def _column(column: Column) -> Json:

@@ -11,7 +11,7 @@ from verefine_viz.diagnosis.causes import ADVICE, STARVED_ADVICE, Cause, cause_t
 from verefine_viz.methods.registry import METHODS, SEARCH
 from verefine_viz.page.gallery import outcome_words
 from verefine_viz.report.bootstrap import DRAWS, Spread
-from verefine_viz.report.group_numbers import Comparison, Line
+from verefine_viz.report.group_numbers import Comparison
 from verefine_viz.report.groups import Group, Section, seeds_of
 from verefine_viz.run.record import Answer
 
@@ -75,7 +75,8 @@ def headline(comparison: Comparison) -> str:
     if not rivals:
         return f"{right}."
     if all(line.numbers["recall"].value == recall.value for line, _ in rivals):
-        return f"{'Both' if len(lines) == 2 else f'All {len(lines)}'} get the same share of the objects right: {100 * recall.value:.1f} %."
+        every = "Both" if len(lines) == 2 else f"All {len(lines)}"
+        return f"{every} get the same share of the objects right: {100 * recall.value:.1f} %."
     name, behind = rivals[0][0].name, rivals[0][1]
     ahead = f"{-100 * behind.value + 0.0:.1f} points more than {name}{_interval(_negative(behind))}"
     if behind.low is None:

@@ -123,9 +123,7 @@ def write_report(
     return Written((*headlines, *(part["headline"] for part in message["sections"])), tuple(dict.fromkeys(notes)))
 
 
-def _pictures(
-    gallery: Gallery, answers: Json, most: int, notes: list[str], progress: StepProgress
-) -> list[str]:
+def _pictures(gallery: Gallery, answers: Json, most: int, notes: list[str], progress: StepProgress) -> list[str]:
     """The small pictures of the worst answers; their rows learn that they have one."""
     paint, drawn = Painter(lambda: gallery), list[str]()
     keys = [key for key in answers["orders"][0]["keys"] if gallery.entries[key].row.was_asked_for][:most]
@@ -150,7 +148,7 @@ def _parts(gallery: Gallery, answers: Json, most: int, notes: list[str], progres
     """The worst frames as parts of the file, as ``verefine-viz share`` has them; of a good run the worst one."""
     worst = [entry for entry in gallery.sorted_by("error") if entry.can_be_opened]
     # Where there is no answer there is less to see.
-    wrong = sorted((entry for entry in worst if entry.is_wrong), key=lambda entry: entry.row.status != "ok") or worst[:1]
+    wrong = sorted((e for e in worst if e.is_wrong), key=lambda e: e.row.status != "ok") or worst[:1]
     frames = list(dict.fromkeys(map(_made_by, wrong)))[:most]
     parts = list[str]()
     for done, one in enumerate(frames):
@@ -159,7 +157,8 @@ def _parts(gallery: Gallery, answers: Json, most: int, notes: list[str], progres
             key: entry for key, entry in enumerate(gallery.entries)
             if entry in wrong and _made_by(entry) == one
         }  # fmt: skip
-        first, objects = min(mine), {entry.row.instance_id for entry in mine.values() if entry.row.instance_id is not None}
+        first = min(mine)
+        objects = {entry.row.instance_id for entry in mine.values() if entry.row.instance_id is not None}
         try:
             debugger = opened_answer(gallery, mine[first])
             known = shared(debugger, answers["rows"][first]["command"], "end", f"p{done}-", objects=objects)

@@ -52,7 +52,7 @@ const interval = ([value, low, high], digits, show = number) => {
 };
 
 export function Report() {
-  const [report, theme, frame, preset, answers] = useStore((s) => [s.report, s.theme, s.frame, s.view.preset, s.answers]);
+  const [report, theme, preset, answers] = useStore((s) => [s.report, s.theme, s.view.preset, s.answers, s.frame]);
   const { sections } = report;
   const several = sections.length > 1;
   return html`<div class="report-all">
@@ -62,7 +62,6 @@ export function Report() {
       <nav class="presets" aria-label="Layout">${presets(state).map((p) => html`<${Button} on=${p.id === preset}
         title=${p.hint} onClick=${() => setPreset(p.id)}>${p.title}<//>`)}</nav>
       <${IconButton} icon=${theme === "light" ? "moon" : "sun"} title=${titled("theme")} onClick=${switchTheme} />
-      ${frame && html`<${Button} icon="back" title="Back to what is open" onClick=${() => setPreset("inspect")}>${frame.title}<//>`}
     </header>
     ${[...sections.map((s) => s.doubt), ...report.notes].filter(Boolean).map((words) => html`
       <p class="warning"><${Icon} name="warn" />${words}</p>`)}
