@@ -13,7 +13,9 @@ GONE = {"title": "Gone", "scene": {"source": "bop", "dataset": "/nowhere/at/all"
 
 def messages(path: Path) -> dict[str, Any]:
     """The messages of a report by their type."""
-    text = re.search(r'<script type="application/json" id="messages">(.*?)</script>', path.read_text("utf-8"), re.DOTALL)
+    text = re.search(
+        r'<script type="application/json" id="messages">(.*?)</script>', path.read_text("utf-8"), re.DOTALL
+    )
     assert text is not None
     return {message["t"]: message for message in json.loads(text[1])}
 
