@@ -14,8 +14,9 @@ from verefine_viz.batch.batch_command import sweep_row, sweep_table, what_next
 from verefine_viz.batch.jobs import Job
 from verefine_viz.batch.run_batch import Outcome
 from verefine_viz.core.settings import SceneSettings
-from verefine_viz.report.group_comparison import FrameRecalls, compare
-from verefine_viz.report.groups import load_groups
+from verefine_viz.report.bop_recalls import BopRecalls
+from verefine_viz.report.group_numbers import compare
+from verefine_viz.report.groups import read_runs, sections_of
 from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import resolve
 
@@ -45,13 +46,13 @@ def runs(folder: Path) -> dict[str, list[Path]]:
 
 def test_the_report_has_the_same_numbers(tmp_path: Path) -> None:
     folders = runs(tmp_path)
-    groups = load_groups([path for mine in folders.values() for path in mine]).groups
-    for line in compare(groups, FrameRecalls()).lines:
+    read, _ = read_runs([path for mine in folders.values() for path in mine], only_finished=True)
+    (section,) = sections_of(read)
+    assert len(section.groups) == 2
+    for line in compare(section, BopRecalls()).lines:
         mine = sweep_row(run.rows for run in line.group.runs)
-        theirs = [line.recall, line.median_mm, line.score, line.ms_per_frame]
-        assert [mine.recall, mine.median_mm, mine.score, mine.ms_per_frame] == pytest.approx(
-            [spread.value for spread in theirs if spread is not None]
-        )
+        theirs = [line.numbers[name].value for name in ("recall", "median_mm", "score", "ms_per_frame")]
+        assert [mine.recall, mine.median_mm, mine.score, mine.ms_per_frame] == pytest.approx(theirs)
         assert mine.n_runs == len(line.group.runs)
 
 

@@ -161,7 +161,7 @@ def _parts(gallery: Gallery, answers: Json, most: int, notes: list[str], progres
         objects = {entry.row.instance_id for entry in mine.values() if entry.row.instance_id is not None}
         try:
             debugger = opened_answer(gallery, mine[first])
-            known = shared(debugger, answers["rows"][first]["command"], "end", f"p{done}-", objects=objects)
+            known = shared(debugger, answers["rows"][first]["command"], "end", objects, f"p{done}-")
         except VerefineError as error:
             notes.append(f"Wrong answers cannot be opened in the report: {error}.")
             continue
