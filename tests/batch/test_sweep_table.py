@@ -10,10 +10,9 @@ from rich.console import Console
 
 from tests.made_runs import answer
 from tests.report.runs import row, write_run
-from verefine_viz.batch.batch_command import sweep_row, sweep_table, what_next
+from verefine_viz.batch.batch_command import sweep_row, sweep_table
 from verefine_viz.batch.jobs import Job
 from verefine_viz.batch.run_batch import Outcome
-from verefine_viz.core.settings import SceneSettings
 from verefine_viz.report.bop_recalls import BopRecalls
 from verefine_viz.report.group_numbers import compare
 from verefine_viz.report.groups import read_runs, sections_of
@@ -83,9 +82,3 @@ def test_the_best_comes_first(tmp_path: Path) -> None:
 def test_of_nothing_nothing_is_said() -> None:
     found = sweep_row([[answer(scene_id=1, im_id=1, status="failed", message="no depth")]])
     assert (found.recall, found.ends, found.median_mm, found.score, found.ms_per_frame) == (None,) * 5
-
-
-def test_only_runs_on_the_same_data_are_said_to_compare() -> None:
-    mug, duck = SceneSettings(source="demo", demo="mug"), SceneSettings(source="demo", demo="duck")
-    assert what_next([mug, mug], Path("out")) == "Compare them: verefine-viz report out"
-    assert what_next([mug, duck], Path("out")) == "View them: verefine-viz view out"
