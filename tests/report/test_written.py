@@ -57,8 +57,6 @@ def test_what_is_no_run_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
     run = write_run(tmp_path / "b", [row(1)])
     assert "are the same folder" in refused(capsys, run, run)
     assert "expected the name of a file" in refused(capsys, run, "--out", tmp_path)
-    assert "--embed is -1, expected 0 to 200" in refused(capsys, run, "--embed", "-1")
-    assert "--pictures is -1, expected 0 to 10000" in refused(capsys, run, "--pictures", "-1")
 
 
 def test_without_its_data_set_a_report_has_everything_but_pictures(

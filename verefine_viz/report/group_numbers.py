@@ -260,12 +260,12 @@ def _object_cell(line: Line, obj_id: int, place: int) -> Json | None:
 
 def hardest(section: Section) -> list[Json]:
     """Objects of a frame that most groups get wrong with most seeds, the hardest first; ``row``: the worst answer."""
-    found: dict[Any, dict[str, list[Answer]]] = {}
+    by_object: dict[Any, dict[str, list[Answer]]] = {}
     for group in section.groups:
         for row in group.with_truth:
-            found.setdefault(key(row), {}).setdefault(group.name, []).append(row)
+            by_object.setdefault(key(row), {}).setdefault(group.name, []).append(row)
     hard = list[Json]()
-    for by_group in found.values():
+    for by_group in by_object.values():
         rows = [row for mine in by_group.values() for row in mine]
         right = {name: sum(row.is_correct is True for row in mine) for name, mine in by_group.items()}
         n_wrong = sum(2 * right[name] < len(mine) for name, mine in by_group.items())

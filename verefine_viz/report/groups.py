@@ -143,19 +143,19 @@ def sections_of(runs: Sequence[BatchIndex], as_named: bool = False) -> tuple[Sec
         runs: at least one.
         as_named: two runs that the user named: A and B, also where they differ in nothing but their seeds.
     """
-    found: list[tuple[str, set[Key], list[BatchIndex]]] = []
+    by_data: list[tuple[str, set[Key], list[BatchIndex]]] = []
     for run in runs:
         keys, data = keys_of(run), data_set(run)
-        mine = next((one for one in found if one[0] == data and one[1] & keys), None)
+        mine = next((one for one in by_data if one[0] == data and one[1] & keys), None)
         if mine is None:
-            found.append((data, keys, [run]))
+            by_data.append((data, keys, [run]))
         else:
             mine[1].update(keys)
             mine[2].append(run)
     named = dict(zip(map(id, runs), _pair_names(runs), strict=True)) if as_named else {}
     sections = list[Section]()
-    for data, _, members in found:
-        is_alone = sum(other == data for other, _, _ in found) == 1
+    for data, _, members in by_data:
+        is_alone = sum(other == data for other, _, _ in by_data) == 1
         frames = first_of(tuple(dict.fromkeys(row.frame for run in members for row in run.rows)), MOST_FRAMES_NAMED)
         groups = tuple(Group(named[id(run)], (run,)) for run in members) if named else _grouped(members)
         sections.append(Section(data if is_alone else f"{data}, frames {frames}", groups))

@@ -173,7 +173,7 @@ def _made(runs: Sequence[BatchIndex]) -> list[str]:
         f"begun {info.begun}": info.begun,
         f"{info.seconds:.0f} s": info.seconds,
         str(info.machine.get("cpu")): "cpu" in info.machine,
-        f"{info.workers} workers": info.workers,
+        f"{info.workers} worker{'s' * (info.workers != 1)}": info.workers,
     }
     return [words for words, is_known in known.items() if is_known]
 

@@ -137,7 +137,7 @@ const Misleads = ({ groups, of }) => of.misleads != null && html`<p class="dim">
   ? `${of.name}: w` : "W"}rong scores above right in ${number(100 * of.misleads, 0)} % of pairs.</p>`;
 
 function Tiles({ columns, groups: [a, b] }) {
-  return html`<div class="tiles">${columns.map((c) => {
+  return html`<div class=${`tiles ${b ? "of-two" : ""}`}>${columns.map((c) => {
     const [mine, theirs] = [a.numbers[c.id], b?.numbers[c.id]];
     const by = mine && theirs ? theirs[0] - mine[0] : null;
     const words = (one) => (one ? number(one[0], c.digits) : "–");
