@@ -286,8 +286,8 @@ function Change({ change, groups: [a, b] }) {
         of: (o) => percent(o.errors[i]) })),
       { title: "change", value: rank, of: (o) => o.by != null && html`
         <span class=${toneOf(o.by, -1)}>${signed(o.by)}</span>` },
-      { title: "", left: true, of: (o) => o.turned && html`
-        <span class=${o.turned === "right" ? "good" : "bad"}>now ${o.turned}</span>` },
+      { title: "now", hint: "what it became in B", left: true, value: (o) => o.turned, of: (o) => o.turned && html`
+        <span class=${o.turned === "right" ? "good" : "bad"}>${o.turned}</span>` },
     ]} />`}</div>`;
   const counts = [["better", change.better, "good"], ["worse", change.worse, "bad"],
     ["became right", change.now_right, "good"], ["became wrong", change.now_wrong, "bad"],
