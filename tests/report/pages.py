@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import json
 import re
 from pathlib import Path
@@ -13,11 +15,10 @@ GONE = {"title": "Gone", "scene": {"source": "bop", "dataset": "/nowhere/at/all"
 
 def messages(path: Path) -> dict[str, Any]:
     """The messages of a report by their type."""
-    text = re.search(
-        r'<script type="application/json" id="messages">(.*?)</script>', path.read_text("utf-8"), re.DOTALL
-    )
+    text = re.search(r'<script type="text/plain" id="page">(.*?)</script>', path.read_text("utf-8"))
     assert text is not None
-    return {message["t"]: message for message in json.loads(text[1])}
+    content = json.loads(gzip.decompress(base64.b64decode(text[1])))
+    return {message["t"]: message for message in content["messages"]}
 
 
 def report(path: Path) -> dict[str, Any]:

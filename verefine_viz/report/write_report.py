@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import msgspec
 from rich.console import Console
 from rich.markup import escape
 
@@ -17,7 +16,7 @@ from verefine_viz.batch.progress import counted_bar
 from verefine_viz.batch.runs import Runs
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.paths import atomic, clear_parts
-from verefine_viz.page.bundle import bundle, compressed, element, picture
+from verefine_viz.page.bundle import bundle, part, picture
 from verefine_viz.page.gallery import Entry, Gallery
 from verefine_viz.page.share import opened_answer, shared
 from verefine_viz.page.thumbnails import Painter
@@ -114,13 +113,13 @@ def write_report(
         answers,
     ]
     progress("writing", 0, 1)
-    with atomic(path) as part:
-        part.write_text(bundle(messages, (), elements, message["title"]), encoding="utf-8")
+    with atomic(path) as file:
+        file.write_text(bundle(messages, (), elements, message["title"]), encoding="utf-8")
     n_left = len(left_out)
     notes += [f"{n_left} of {len(folders)} runs left out, see the report."] if n_left else []
-    notes += [f"{part['data']}: {part['bop']}" for part in message["sections"] if "No BOP scores" in part["bop"]]
+    notes += [f"{one['data']}: {one['bop']}" for one in message["sections"] if "No BOP scores" in one["bop"]]
     headlines = [f"{message['title']}: {message['counted']}."]
-    return Written((*headlines, *(part["headline"] for part in message["sections"])), tuple(dict.fromkeys(notes)))
+    return Written((*headlines, *(one["headline"] for one in message["sections"])), tuple(dict.fromkeys(notes)))
 
 
 def _pictures(gallery: Gallery, answers: Json, most: int, notes: list[str], progress: StepProgress) -> list[str]:
@@ -165,8 +164,8 @@ def _parts(gallery: Gallery, answers: Json, most: int, notes: list[str], progres
         except VerefineError as error:
             notes.append(f"Wrong answers cannot be opened in the report: {error}.")
             continue
-        content = {"messages": [_of_run(message, one[0]) for message in known.messages], "answers": known.answers}
-        parts += [*known.elements, element(f"part {done}", "text/plain", compressed(msgspec.json.encode(content)))]
+        messages = [message | {"run": one[0]} if message["t"] == "frame" else message for message in known.messages]
+        parts += [*known.elements, part(f"part {done}", messages, known.answers)]
         for key in mine:
             answers["rows"][key]["part"] = done
     return parts
@@ -182,7 +181,3 @@ def _run_file(gallery: Gallery, entry: Entry) -> str:
 def _made_by(entry: Entry) -> tuple[str, str, str, int | None]:
     """What tells the frame of an answer from others: several runs may have it."""
     return entry.run, entry.row.frame, entry.row.method, entry.row.seed
-
-
-def _of_run(message: Json, run: str) -> Json:
-    return {**message, "run": run} if message["t"] == "frame" else message
