@@ -145,28 +145,28 @@ def _pictures(gallery: Gallery, answers: Json, most: int, notes: list[str], prog
 
 def _parts(gallery: Gallery, answers: Json, most: int, notes: list[str], progress: StepProgress) -> list[str]:
     """The worst frames as parts of the file, as ``verefine-viz share`` has them; of a good run the worst one."""
-    worst = [entry for entry in gallery.sorted_by("error") if entry.can_be_opened]
+    entries = gallery.entries
+    worst = [key for key in answers["orders"][0]["keys"] if entries[key].can_be_opened]
     # Where there is no answer there is less to see.
-    wrong = sorted((e for e in worst if e.is_wrong), key=lambda e: e.row.status != "ok") or worst[:1]
-    frames = list(dict.fromkeys(map(_made_by, wrong)))[:most]
+    wrong = sorted((k for k in worst if entries[k].is_wrong), key=lambda k: entries[k].row.status != "ok") or worst[:1]
+    frames: dict[tuple[str, str, str, int | None], list[int]] = {}
+    for key in wrong:
+        row = entries[key].row
+        # Several runs may have the frame, or a folder of run files several of it.
+        frames.setdefault((entries[key].run, row.frame, row.method, row.seed), []).append(key)
     parts = list[str]()
-    for done, one in enumerate(frames):
-        progress("failures", done, len(frames))
-        mine = {
-            key: entry for key, entry in enumerate(gallery.entries)
-            if entry in wrong and _made_by(entry) == one
-        }  # fmt: skip
-        first = min(mine)
-        objects = {entry.row.instance_id for entry in mine.values() if entry.row.instance_id is not None}
+    for done, ((run, *_), keys) in enumerate(list(frames.items())[:most]):
+        progress("failures", done, min(most, len(frames)))
+        objects = {i for key in keys if (i := entries[key].row.instance_id) is not None}
         try:
-            debugger = opened_answer(gallery, mine[first])
-            known = shared(debugger, answers["rows"][first]["command"], "end", objects, f"p{done}-")
+            debugger = opened_answer(gallery, entries[keys[0]])
+            known = shared(debugger, answers["rows"][keys[0]]["command"], "end", objects, f"p{done}-")
         except VerefineError as error:
             notes.append(f"Wrong answers cannot be opened in the report: {error}.")
             continue
-        messages = [message | {"run": one[0]} if message["t"] == "frame" else message for message in known.messages]
+        messages = [message | {"run": run} if message["t"] == "frame" else message for message in known.messages]
         parts += [*known.elements, part(f"part {done}", messages, known.answers)]
-        for key in mine:
+        for key in keys:
             answers["rows"][key]["part"] = done
     return parts
 
@@ -176,8 +176,3 @@ def _run_file(gallery: Gallery, entry: Entry) -> str:
     folder = gallery.runs[entry.run].folder
     path = gallery.loose_record(entry) or Runs(folder / "runs").path(entry.row.frame)
     return str(path.relative_to(folder.parent))
-
-
-def _made_by(entry: Entry) -> tuple[str, str, str, int | None]:
-    """What tells the frame of an answer from others: several runs may have it."""
-    return entry.run, entry.row.frame, entry.row.method, entry.row.seed
