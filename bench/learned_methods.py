@@ -169,17 +169,17 @@ def complete(cells: list[Cell]) -> list[Cell]:
 
 
 def sums(cells: list[Cell], value: str) -> Cells:
-    """A value's sums by frame and seed: ``right``, ``auc`` (both as 0 to 1), ``ar``."""
-    of = {(f"{c.dataset} {a.frame}", c.seed): [] for c in cells for a in c.answers}
+    """A value's sums by frame and object: ``right``, ``auc`` (both as 0 to 1), ``ar``."""
+    of = {(f"{c.dataset} {a.frame}", a.name): [] for c in cells for a in c.answers}
     for c in cells:
         for a in c.answers:
             values = {"right": float(a.relative < RIGHT), "auc": max(1 - a.add_s_mm / AUC_MM, 0.0), "ar": a.ar}
-            of[f"{c.dataset} {a.frame}", c.seed].append(values[value])
-    frames, seeds = sorted({f for f, _ in of}), sorted({s for _, s in of})
-    total, n = np.zeros((2, len(frames), len(seeds)))
-    for (frame, seed), values in of.items():
-        total[frames.index(frame), seeds.index(seed)] = sum(values)
-        n[frames.index(frame), seeds.index(seed)] = len(values)
+            of[f"{c.dataset} {a.frame}", a.name].append(values[value])
+    frames, names = sorted({f for f, _ in of}), sorted({name for _, name in of})
+    total, n = np.zeros((2, len(frames), len(names)))
+    for (frame, name), values in of.items():
+        total[frames.index(frame), names.index(name)] = sum(values)
+        n[frames.index(frame), names.index(name)] = len(values)
     return Cells(total, n)
 
 

@@ -6,8 +6,8 @@ DATASET_FOLDER is a BOP data set whose models have colours. Ground truth is dist
 30 mm, five hypotheses an object, or they are those of results files; each frame is solved with the score of the paper,
 with each term, and with all of them, with the same calls of the refiner. An answer is right if its error is below 10 %
 of the diameter: ADD(-S) as the data set declares symmetries, and ADD of the object as it looks, without any, which a
-turned label fails. Differences to another row are in points, with 95 % intervals over frames and seeds; each answer
-that changed sides is listed.
+turned label fails. Differences to another row are in points, with 95 % intervals over frames and objects, each with all
+its seeds; each answer that changed sides is listed.
 """
 
 from __future__ import annotations
@@ -131,11 +131,11 @@ def main() -> None:
 
 
 def cells(of: list[Answer], field: str) -> Cells:
-    """A field's sums by frame and seed."""
-    frames, seeds = sorted({a.frame for a in of}), sorted({a.seed for a in of})
-    total, n = np.zeros((2, len(frames), len(seeds)))
+    """A field's sums by frame and object."""
+    frames, names = sorted({a.frame for a in of}), sorted({a.name for a in of})
+    total, n = np.zeros((2, len(frames), len(names)))
     for a in of:
-        at = frames.index(a.frame), seeds.index(a.seed)
+        at = frames.index(a.frame), names.index(a.name)
         total[at] += getattr(a, field)
         n[at] += 1
     return Cells(total, n)

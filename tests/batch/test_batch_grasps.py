@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 
 from tests.batch.frames import batch_here, make_frames, write_session
-from tests.report.pages import GONE, figures
-from tests.report.runs import row, write_run
 from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.session_check import check
 from verefine_viz.batch.solve_frame import solve_frame
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
-from verefine_viz.report.build_report import write_report
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
 
@@ -73,19 +70,3 @@ def test_a_file_that_holds_no_grasps_of_an_object_is_noted_and_the_answer_stays(
     notes = [note for note in result.notes if said in note]
     assert notes
     assert all("\n" not in note and note.startswith("no grasp of ") for note in notes)
-
-
-def test_the_report_counts_how_grasps_end(tmp_path: Path) -> None:
-    ends = ("success", "slipped", "collided with a neighbour", "slipped")
-    rows = [row(k, grasp=end, grasp_ground_truth="success", add_s_mm=40.0) for k, end in enumerate(ends)]
-    write_report(write_run(tmp_path / "a", rows, GONE), None, tmp_path / "r.html")
-    html = (tmp_path / "r.html").read_text(encoding="utf-8")
-    bars = {bar["name"]: dict(zip(bar["y"], bar["x"], strict=True)) for bar in figures(html)["grasps"]["data"]}
-    assert bars["answer"] == {"success": 1, "slipped": 2, "collided with a neighbour": 1}
-    assert bars["ground truth"] == {"success": 4, "slipped": 0, "collided with a neighbour": 0}
-    assert html.count("grasp: slipped (ground truth: success)") == 2
-
-
-def test_a_report_of_a_run_without_grasps_has_no_such_chart(tmp_path: Path) -> None:
-    write_report(write_run(tmp_path / "a", [row(1)], GONE), None, tmp_path / "r.html")
-    assert "grasps" not in figures((tmp_path / "r.html").read_text(encoding="utf-8"))

@@ -10,6 +10,7 @@ import pytest
 
 from tests.batch.frames import batch_here
 from tests.made_runs import answer, finished
+from tests.report.pages import section
 from tests.scenes.test_pose_sequence import write_sequence
 from tests.scenes.test_trace import pose, write_box, write_trace
 from verefine_viz import cli
@@ -154,9 +155,9 @@ def test_a_batch_of_a_sequence_writes_its_motion_and_again_where_it_is_gone(tmp_
     assert "nothing was left to do" in batch_here(folder, out, "--workers", 1).stdout
     assert (out / SEQUENCE_FILE).is_file()
     assert cli.main(["report", str(out)]) == 0
-    html = (out / "report.html").read_text(encoding="utf-8")
-    assert '<td class="bad">1</td><td>33.3</td>' in html
-    assert "figure-motion-1" in html
+    (motion,) = section(out / "report.html")["tracks"]
+    assert (motion["flips"], motion["per_100"], motion["jumps"]) == (1, 33.33, 0)
+    assert [kind for *_, kind in motion["moved"]] == ["moved", "moved", "flip"]
 
 
 @pytest.mark.usefixtures("processes")

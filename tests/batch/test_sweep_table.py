@@ -10,12 +10,12 @@ from rich.console import Console
 
 from tests.made_runs import answer
 from tests.report.runs import row, write_run
-from verefine_viz.batch.batch_command import sweep_row, sweep_table, what_next
+from verefine_viz.batch.batch_command import sweep_row, sweep_table
 from verefine_viz.batch.jobs import Job
 from verefine_viz.batch.run_batch import Outcome
-from verefine_viz.core.settings import SceneSettings
-from verefine_viz.report.group_comparison import FrameRecalls, compare
-from verefine_viz.report.groups import load_groups
+from verefine_viz.report.bop_recalls import BopRecalls
+from verefine_viz.report.group_numbers import compare
+from verefine_viz.report.groups import read_runs, sections_of
 from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import resolve
 
@@ -45,13 +45,13 @@ def runs(folder: Path) -> dict[str, list[Path]]:
 
 def test_the_report_has_the_same_numbers(tmp_path: Path) -> None:
     folders = runs(tmp_path)
-    groups = load_groups([path for mine in folders.values() for path in mine]).groups
-    for line in compare(groups, FrameRecalls()).lines:
+    read, _ = read_runs([path for mine in folders.values() for path in mine], only_finished=True)
+    (section,) = sections_of(read)
+    assert len(section.groups) == 2
+    for line in compare(section, BopRecalls()).lines:
         mine = sweep_row(run.rows for run in line.group.runs)
-        theirs = [line.recall, line.median_mm, line.score, line.ms_per_frame]
-        assert [mine.recall, mine.median_mm, mine.score, mine.ms_per_frame] == pytest.approx(
-            [spread.value for spread in theirs if spread is not None]
-        )
+        theirs = [line.numbers[name].value for name in ("recall", "median_mm", "score", "ms_per_frame")]
+        assert [mine.recall, mine.median_mm, mine.score, mine.ms_per_frame] == pytest.approx(theirs)
         assert mine.n_runs == len(line.group.runs)
 
 
@@ -82,9 +82,3 @@ def test_the_best_comes_first(tmp_path: Path) -> None:
 def test_of_nothing_nothing_is_said() -> None:
     found = sweep_row([[answer(scene_id=1, im_id=1, status="failed", message="no depth")]])
     assert (found.recall, found.ends, found.median_mm, found.score, found.ms_per_frame) == (None,) * 5
-
-
-def test_only_runs_on_the_same_data_are_said_to_compare() -> None:
-    mug, duck = SceneSettings(source="demo", demo="mug"), SceneSettings(source="demo", demo="duck")
-    assert what_next([mug, mug], Path("out")) == "Compare them: verefine-viz report out"
-    assert what_next([mug, duck], Path("out")) == "View them: verefine-viz view out"

@@ -51,7 +51,7 @@ class Screen:
         page.on("console", lambda line: line.type == "error" and self.errors.append(line.text))
         page.on("request", self._requested)
         page.goto(f"{address}{link}")
-        self.until("state.frame !== null && state.connection === 'open'")
+        self.until("(state.frame !== null || state.report) && state.connection === 'open'")
 
     @property
     def app(self) -> App:

@@ -149,10 +149,11 @@ def test_a_value_of_thousands_of_letters_is_cut(bad_input: BadInput) -> None:
         assert len(bad_input.refused("view", *words)) < 500
 
 
-def test_failures_that_no_report_shows(bad_input: BadInput) -> None:
-    for n in ("-1", "10001"):
-        said = bad_input.refused("report", bad_input.folder, "--failures", n)
-        assert said == f"--failures is {n}, expected 0 to 10000"
+def test_frames_and_pictures_that_no_report_holds(bad_input: BadInput) -> None:
+    for flag, most in (("--embed", 200), ("--pictures", 10_000)):
+        for n in (-1, most + 1):
+            said = bad_input.refused("report", bad_input.folder, flag, str(n))
+            assert said == f"{flag} is {n}, expected 0 to {most}"
 
 
 # view

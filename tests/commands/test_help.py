@@ -52,7 +52,7 @@ def test_an_unknown_section_names_those_that_exist(capsys: pytest.CaptureFixture
 
 
 def test_commands_without_settings_have_their_help_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "--failures INT" in shown(capsys, "report", "--help")
+    assert "--embed INT" in shown(capsys, "report", "--help")
 
 
 def test_settings_can_be_asked_for_without_a_command(capsys: pytest.CaptureFixture[str]) -> None:

@@ -62,7 +62,7 @@ def test_runs_that_are_left_out_are_reported(
     (tmp_path / "old").mkdir()
     batch_run(tmp_path / "old" / "sir", "sir", (5.0, 40.0))
     assert main(["view", str(tmp_path)]) == 0
-    assert served["gallery"].has_several_runs is False
+    assert len(served["gallery"].runs) == 1
     assert f"to view them, name their folder: {tmp_path / 'old'} (1 run)." in capsys.readouterr().err
 
 

@@ -20,7 +20,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.page import protocol as p
 from verefine_viz.page import share as sharing
 from verefine_viz.page.blobs import Blobs
-from verefine_viz.page.bundle import InlinedBlobs, json_element
+from verefine_viz.page.bundle import InlinedBlobs, bundle, part
 from verefine_viz.page.share import STEPS, opened, share, shared
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.pixel_maps import maps
@@ -37,17 +37,15 @@ def fake_parts(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) 
         monkeypatch.setattr(sharing, "_real_parts", lambda: (FakeTools, Checks()))
 
 
-def part(html: str, name: str) -> Any:
-    """Return a part of a file that holds JSON."""
-    found = re.search(rf'<script type="application/json" id="{name}">(.*?)</script>', html, re.DOTALL)
-    assert found is not None
-    return msgspec.json.decode(found[1])
-
-
-def unpacked(html: str, key: str) -> bytes:
-    found = re.search(rf'<script type="text/plain" id="blob {key}">(.*?)</script>', html)
+def unpacked(html: str, name: str) -> bytes:
+    """Return a part of a file."""
+    found = re.search(rf'<script type="text/plain" id="{name}">(.*?)</script>', html)
     assert found is not None
     return gzip.decompress(base64.b64decode(found[1]))
+
+
+def messages_in(html: str) -> list[dict[str, Any]]:
+    return msgspec.json.decode(unpacked(html, "page"))["messages"]
 
 
 def test_a_frame_of_a_batch_is_shared_alike_each_time_and_names_no_place_of_this_machine(tmp_path: Path):
@@ -58,9 +56,9 @@ def test_a_frame_of_a_batch_is_shared_alike_each_time_and_names_no_place_of_this
     html = files[0].read_text("utf-8")
     assert html == files[1].read_text("utf-8")
     assert str(tmp_path) not in html
-    frame = next(message for message in part(html, "messages") if message["t"] == "frame")
+    frame = next(message for message in messages_in(html) if message["t"] == "frame")
     assert (frame["frame"], frame["frames"], frame["sessions"]) == ("0/2", ["0/2"], [])
-    run = next(message for message in part(html, "messages") if message["t"] == "run")
+    run = next(message for message in messages_in(html) if message["t"] == "run")
     record = read_run_file(next((tmp_path / "batch" / "runs").glob("*_000002.vfrun")))
     assert [row["stages"][-1]["T"] for row in run["rows"]] == [
         iteration.stages[-1].T_cam_obj.ravel().tolist() for iteration in record.iterations
@@ -72,7 +70,7 @@ def test_a_run_file_and_a_record_are_shared_alike(tmp_path: Path, what: str):
     make_batch(tmp_path / "batch", frames=["0/1"])
     path = next((tmp_path / "batch" / "runs").glob("*.vfrun"))
     share(path if what == "run file" else read_run_file(path), tmp_path / "a.html", with_scene=False)
-    messages = part((tmp_path / "a.html").read_text("utf-8"), "messages")
+    messages = messages_in((tmp_path / "a.html").read_text("utf-8"))
     assert [message["t"] for message in messages] == ["hello", "file", "frame", "branches", "run", "verdict"]
 
 
@@ -100,9 +98,11 @@ def test_a_share_that_is_cancelled_ends(tmp_path: Path):
 
 
 def test_text_of_data_cannot_end_the_part_that_holds_it():
-    text = json_element("messages", {"title": "</script><script>alert(1)</script><!--"})
+    evil = "</script><script>alert(1)</script><!--"
+    text = part("page", [{"t": "note", "text": evil}], ())
     assert text.count("<") == 2  # The element itself.
-    assert msgspec.json.decode(text[text.index(">") + 1 : text.rindex("<")])["title"].startswith("</script>")
+    assert messages_in(text) == [{"t": "note", "text": evil}]
+    assert bundle([], title=evil).count("alert(1)</script>") == 0
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +132,7 @@ def test_maps_of_a_file_are_those_of_the_engine_to_the_digits_that_the_page_show
         exact = Blobs()
         live = maps(mug.space, msgspec.convert(of, p.Maps), exact)
         assert answer["score"] == live["score"]
-        sent, data = unpacked(elements, answer["blob"]), exact.data(live["blob"])
+        sent, data = unpacked(elements, f"blob {answer['blob']}"), exact.data(live["blob"])
         for (name, kind, offset, n, step), (_, exact_kind, at, _) in zip(answer["arrays"], live["arrays"], strict=True):
             values, true = np.frombuffer(sent, kind, n, offset), np.frombuffer(data, exact_kind, n, at)
             if step is None:
@@ -151,7 +151,7 @@ def test_far_depth_is_held_with_fewer_digits_rather_than_cut():
     key = exact.put(far.tobytes())
     answer = sharing._rounded(exact.data(key), [["rendered", "float32", 0, 4]], blobs := InlinedBlobs())
     (_, kind, offset, n, step) = answer["arrays"][0]
-    values = np.frombuffer(unpacked("".join(blobs.elements), answer["blob"]), kind, n, offset)
+    values = np.frombuffer(unpacked("".join(blobs.elements), f"blob {answer['blob']}"), kind, n, offset)
     assert values[2] == np.iinfo(values.dtype).max
     assert step * values[[0, 1, 3]] == pytest.approx([0, 20, 3], abs=step)
 

@@ -1,9 +1,8 @@
-"""Headline numbers and differences."""
+"""Numbers of groups, against what the rows say."""
 
 from __future__ import annotations
 
-import math
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,129 +10,173 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.changing import replace
-from tests.made_runs import answer, written
-from tests.report.runs import row, write_run
-from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.runs import BatchInfo, Runs
-from verefine_viz.evaluation.pose_table import read_pose_table
-from verefine_viz.report.bop_recalls import run_rows
-from verefine_viz.report.charts import time_figure
-from verefine_viz.report.run_difference import difference
-from verefine_viz.report.run_results import (
+from tests.made_runs import answer
+from tests.report.runs import row
+from tests.report.sections import NO_ANSWER, WRONG, group, section_of
+from verefine_viz.report.bop_recalls import BopRecalls
+from verefine_viz.report.group_numbers import (
     THRESHOLDS,
-    LoadedRun,
-    by_object,
-    load,
-    load_pair,
-    numbers_of,
-    recall_curve,
+    Comparison,
+    Line,
+    cause_counts,
+    compare,
+    hardest,
+    object_numbers,
+    score_misleads,
     stage_times,
 )
-from verefine_viz.report.run_sentences import headline
+from verefine_viz.report.groups import Group
 from verefine_viz.run.record import Answer
-from verefine_viz.run.session_file import resolve
-from verefine_viz.scenes.results_csv import write_results
-
-WRONG = {"add_s_mm": 40.0}
-NO_ANSWER = {"status": "no_answer", "add_s_mm": None, "score": None}
 
 
-def run_of(*rows: Answer, label: str = "") -> LoadedRun:
-    return LoadedRun(label, BatchIndex(Path("run"), resolve({}), BatchInfo(), rows))
+def compared(*groups: Group) -> Comparison:
+    return compare(section_of(*groups), BopRecalls())
 
 
-def test_an_object_without_an_answer_is_not_found() -> None:
-    numbers = numbers_of(run_of(row(1), row(2, **WRONG), row(3, **NO_ANSWER), row(4)))
-    assert numbers.recall == 0.5
-    assert numbers.n_without_answer == 1
-    assert numbers.median_mm == 2.0
-    assert numbers.mean_mm == pytest.approx((2 + 40 + 2) / 3)
+def line(*rows: Answer, method: str = "rir") -> Line:
+    return compared(group(method, rows)).lines[0]
 
 
-def test_failed_frames_and_what_they_held_are_counted_apart() -> None:
-    failed = answer(scene_id=1, im_id=9, status="failed", message="no depth")
-    numbers = numbers_of(run_of(row(1), failed))
-    assert (numbers.n_frames, numbers.n_failed_frames, numbers.n_objects) == (2, 1, 1)
-    failed = [row(9, k, status="failed", add_s_mm=None, score=None, ms_total=0.0) for k in range(2)]
+def frames(n: int, wrong: tuple[int, ...] = (), **values: Any) -> tuple[Answer, ...]:
+    return tuple(row(k, **(values | (WRONG if k in wrong else {}))) for k in range(n))
+
+
+def value(of: Line, name: str) -> float | None:
+    return of.numbers[name].value if name in of.numbers else None
+
+
+def test_numbers_say_what_the_rows_do() -> None:
+    rows = (row(1, 0), row(1, 1, **WRONG), row(2, 0, **NO_ANSWER), row(3, 0, add_s_mm=9.9, n_iterations=5))
+    found = compared(group("rir", rows, rows[:2])).lines[0]
+    errors = [2, 40, 9.9, 2, 40]
+    assert value(found, "recall") == 3 / 6
+    assert value(found, "mean_mm") == pytest.approx(np.mean(errors))
+    assert value(found, "median_mm") == pytest.approx(np.median(errors))
+    assert value(found, "calls") == pytest.approx(np.mean([25, 25, 5, 25, 25]))
+    # Frames take 80, 40 and 40 ms, with another seed 80.
+    assert value(found, "ms_per_frame") == 60.0
+    assert "ar" not in found.numbers
+    assert "lifted" not in found.numbers
+
+
+def test_an_object_without_an_answer_is_missed_and_so_are_those_of_failed_frames() -> None:
+    failed = row(9, 0, status="failed", add_s_mm=None, score=None, ms_total=0.0)
     left_out = row(1, 5, status="left_out", add_s_mm=None, score=None, ms_total=0.0)
-    run = run_of(row(1), *failed, left_out)
-    numbers = numbers_of(run)
-    assert (numbers.n_failed_frames, numbers.n_objects, numbers.n_in_failed_frames, numbers.n_left_out) == (1, 4, 2, 1)
-    assert numbers.recall == 1 / 4
-    assert run.failures == ()
-    assert headline(run, numbers) == (
-        "rir got 1 of 4 objects right (error below 10 % of the diameter); 1 left out as their mask or model cannot be "
-        "used, 1 of 2 frames failed as a whole with 2 objects."
-    )
+    found = line(row(1), row(2, **NO_ANSWER), failed, left_out)
+    assert value(found, "recall") == 1 / 4
+    assert [r.frame for r in found.group.failures] == ["1/2"]
+    unknown = answer(scene_id=1, im_id=9, status="failed", message="no depth")
+    assert value(line(row(1), unknown), "recall") == 1.0
+    assert line(unknown).numbers == {}
 
 
-def test_a_run_that_is_half_done_says_so_in_its_headline(tmp_path: Path) -> None:
-    run = load(write_run(tmp_path / "a", [row(1), row(2)]))
-    half = replace(run.index, notes=("2 of 5 frames are finished",))
-    assert headline(LoadedRun("", half), numbers_of(run)).endswith(" 2 of 5 frames are finished.")
-
-
-def test_solving_takes_as_long_as_results_csv_says(tmp_path: Path) -> None:
-    rows = [row(1, 0), row(1, 1), row(2, 0), row(3, 0, **NO_ANSWER), row(9, status="failed", add_s_mm=None)]
-    folder = write_run(tmp_path / "a", rows)
-    stages_ms = {"read": 900.0, "start": 300.0, "iterate": 100.0, "record": 500.0}
-    for k, record in enumerate(list(Runs(folder / "runs").records(["1/1", "1/2", "1/3", "1/9"])), start=1):
-        end = replace(record.end, stages_ms={name: k * ms for name, ms in stages_ms.items()})
-        written(folder, replace(record, end=end))
-    run = load(folder)
-    # The time of results.csv is that of first scores and iterations, of images with an answer.
-    assert numbers_of(run).solving_ms == pytest.approx(600.0)
-    write_results(tmp_path / "results.csv", list(run_rows(run, run.frames)))
-    assert read_pose_table(tmp_path / "results.csv").mean_time_s == pytest.approx(0.6)
+def test_without_ground_truth_there_are_scores_and_times_alone() -> None:
+    found = compared(group("rir", frames(4, has_truth=False, add_s_mm=None, rotation_deg=None, translation_mm=None)))
+    assert not found.has_truth
+    assert set(found.lines[0].numbers) == {"score", "ms_per_frame", "calls"}
+    assert found.lines[0].curve is None
+    assert cause_counts(found.lines[0].group) == {}
 
 
 def test_search_trees_do_not_count_refiner_calls() -> None:
-    run = LoadedRun("", BatchIndex(Path("run"), resolve({"method": {"name": "physim_mcts"}}), BatchInfo(), (row(1),)))
-    assert numbers_of(run).calls_per_object is None
-    assert numbers_of(run_of(row(1))).calls_per_object == 25.0
+    assert value(line(*frames(2, method="physim_mcts"), method="physim_mcts"), "calls") is None
 
 
-def test_objects_are_counted_by_model_with_their_most_frequent_cause() -> None:
-    rows = row(1, 0, cause="pool"), row(2, 0, cause="score"), row(3, 0, cause="score"), row(1, 1)
-    first, second = by_object(run_of(*rows), {1: 0.25})
-    assert (first.obj_id, first.numbers.n_objects, first.most_frequent_cause, first.numbers.ar) == (1, 3, "score", 0.25)
-    assert (second.obj_id, second.numbers.ar, second.most_frequent_cause) == (2, None, "")
+def test_grasps_count_where_they_were_tried() -> None:
+    ends = ("success", "success", "success", "slipped")
+    found = line(*(row(k, grasp=end, grasp_ground_truth="success") for k, end in enumerate(ends)), row(9))
+    assert value(found, "lifted") == 0.75
 
 
 @given(st.lists(st.none() | st.floats(0, 100), min_size=1, max_size=20))
-def test_recall_never_falls_and_agrees_with_the_headline(errors_mm: list[float | None]) -> None:
-    rows = [row(k, **({"add_s_mm": e} if e is not None else NO_ANSWER)) for k, e in enumerate(errors_mm)]
-    curve = recall_curve(rows)
-    assert (np.diff(curve) >= 0).all()
-    at_ten = curve[np.argmin(abs(THRESHOLDS - 0.1))]
-    assert at_ten == pytest.approx(numbers_of(run_of(*rows)).recall, abs=sum(e == 10.0 for e in errors_mm))
+def test_the_curve_of_recall_is_the_share_below_each_limit(errors_mm: list[float | None]) -> None:
+    found = line(*(row(k, **({"add_s_mm": e} if e is not None else NO_ANSWER)) for k, e in enumerate(errors_mm)))
+    assert found.curve is not None
+    recall, band = found.curve
+    shares = np.array([np.inf if e is None else e / 100.0 for e in errors_mm])
+    assert recall == pytest.approx([(shares < limit).mean() for limit in THRESHOLDS])
+    if len(errors_mm) > 1:
+        low, high = band
+        assert (low <= high).all()
+        assert (np.diff(low) >= 0).all()
+        assert (np.diff(high) >= 0).all()
 
 
-def test_stages_add_up(tmp_path: Path) -> None:
-    times = stage_times(load(write_run(tmp_path / "a", [row(1, 0), row(1, 1), row(2, 0), row(2, 1)])))
-    assert sum(times.values()) == pytest.approx(30.0 + 10.0 + 200.0)
-    assert times["refine"] == pytest.approx(20.0)
-    assert list(times)[:2] == ["read", "start"]
+def test_the_best_group_has_most_right_then_the_least_error_and_the_others_are_measured_against_it() -> None:
+    found = compared(group("pir", frames(20, tuple(range(10)))), group("rir", frames(20, (3,))))
+    assert found.best.name == "rir"
+    other, best = found.lines
+    assert best.behind is None
+    assert other.behind.value == pytest.approx(-0.45)
+    assert other.behind.is_clear
+    assert compared(group("pir", frames(5)), group("rir", frames(5, add_s_mm=1.0))).best.name == "rir"
 
 
-def test_the_preparation_of_models_has_a_time_of_its_own(tmp_path: Path) -> None:
-    run = load(write_run(tmp_path / "a", [row(1, 0)]))
-    totals = run.index.run.totals
-    stages = {**totals.mean_stages_ms_per_frame, "prepare": 900.0}
-    first_use = totals.model_copy(update={"mean_stages_ms_per_frame": stages})
-    index = replace(run.index, run=run.index.run.model_copy(update={"totals": first_use}))
-    times = stage_times(replace(run, index=index))
-    assert list(times)[:3] == ["read", "prepare", "start"]
-    assert (times["read"], times["prepare"]) == (30.0, 900.0)
-    assert "prepare models" in {bar.name.partition(" (")[0] for bar in time_figure([replace(run, index=index)]).data}
+def test_groups_are_compared_over_the_objects_of_both() -> None:
+    found = compared(group("pir", frames(10, (1,))), group("rir", frames(5)))
+    assert found.best.name == "rir"
+    assert value(found.lines[0], "recall") == 0.9
+    assert found.lines[0].behind.value == pytest.approx(-1 / 5)
 
 
-def test_who_got_better_and_who_got_worse(tmp_path: Path) -> None:
-    a = [row(1, 0, **WRONG), row(1, 1), row(2, 0, **NO_ANSWER), row(2, 1), row(3, 0), row(4, 0)]
-    b = [row(1, 0), row(1, 1, add_s_mm=2.1), row(2, 0), row(2, 1, **WRONG), row(3, 0, **NO_ANSWER), row(5, 0)]
-    found = difference(*load_pair(write_run(tmp_path / "a", a), write_run(tmp_path / "b", b)))
-    assert [(c.frame, c.turned) for c in found.better] == [("1/2", "now right"), ("1/1", "now right")]
-    assert [(c.frame, c.turned) for c in found.worse] == [("1/3", "now wrong"), ("1/2", "now wrong")]
-    assert (found.only_a, found.only_b) == (1, 1)
-    assert found.better[0].by == -math.inf
-    assert {f.frame: (f.n_right_a, f.n_right_b) for f in found.frames} == {"1/1": (1, 2), "1/2": (1, 1), "1/3": (1, 0)}
+def test_one_frame_of_one_object_has_no_interval() -> None:
+    assert line(row(1)).numbers["recall"].low is None
+
+
+def test_stages_are_those_of_a_frame_with_the_iterations_split_up() -> None:
+    def timed(rows: tuple[Answer, ...], stages_ms: dict[str, float]) -> dict[str, float]:
+        mine = group("rir", rows)
+        totals = mine.runs[0].run.totals.model_copy(update={"mean_stages_ms_per_frame": stages_ms})
+        info = mine.runs[0].run.model_copy(update={"totals": totals})
+        return stage_times(Group("rir", (replace(mine.runs[0], run=info),)))
+
+    rows = (row(1, 0), row(1, 1), row(2, 0), row(2, 1))
+    found = timed(rows, {"record": 5.0, "read": 30.0, "iterate": 200.0, "prepare": 900.0})
+    assert list(found) == ["read", "prepare", "refine", "simulate", "score", "rest", "record"]
+    assert (found["refine"], found["simulate"], found["score"]) == (20.0, 10.0, 30.0)
+    assert sum(found.values()) == pytest.approx(30 + 900 + 200 + 5)
+    assert timed((answer(scene_id=1, im_id=9, status="failed", message="no depth"),), {"read": 1.0}) == {}
+
+
+def test_objects_have_their_numbers_in_each_group_and_their_most_frequent_cause() -> None:
+    pir = group("pir", (row(1, 0, cause="pool", **WRONG), row(2, 0, cause="score", **WRONG), row(1, 1)))
+    rir = group("rir", (row(1, 0), row(2, 0, cause="score", **WRONG)))
+    bop = BopRecalls({(pir.runs[0].folder, "1/1", 1): (1, 0.25), (pir.runs[0].folder, "1/2", 1): (3, 0.75)})
+    found = compare(section_of(pir, rir), bop)
+    first, second = object_numbers(found)
+    assert (first["id"], first["name"]) == (1, "object 1")
+    assert [(cell["n"], cell["right"], cell["ar"]) for cell in first["cells"]] == [(2, 0.0, 62.5), (2, 50.0, None)]
+    assert first["cells"][1]["cause"] == "score ranks a wrong pose above the ground truth"
+    assert (first["cells"][0]["median_mm"], first["cells"][1]["median_mm"]) == (40.0, 21.0)
+    assert [None if cell is None else cell["right"] for cell in second["cells"]] == [100.0, None]
+    assert found.lines[0].numbers["ar"].value == pytest.approx(0.625)
+
+
+def test_an_object_that_is_asked_for_and_was_not_even_seen_counts_in_bop_scores() -> None:
+    rir = group("rir", (row(1, 0),))
+    folder = rir.runs[0].folder
+    bop = BopRecalls({(folder, "1/1", 1): (1, 1.0), (folder, "1/1", 77): (1, 0.0)})
+    assert compare(section_of(rir), bop).lines[0].numbers["ar"].value == 0.5
+
+
+def test_hard_is_what_most_groups_get_wrong_with_most_seeds() -> None:
+    always = row(1, 0, cause="pool", **WRONG)
+    sometimes = row(1, 1, **WRONG), row(1, 1), row(1, 1)
+    groups = [
+        group(name, *((always, other) if name != "rir" else (row(1, 0), other) for other in sometimes))
+        for name in ("pir", "sir", "rir")
+    ]
+    (hard,) = hardest(section_of(*groups))
+    assert (hard["frame"], hard["row"].instance_id, hard["wrong_groups"], hard["groups"]) == ("1/1", 0, 2, 3)
+    assert (hard["best"], hard["right"], hard["n"]) == (["rir", 3, 3], 3, 9)
+    assert hard["cause"] == "no good hypothesis in the pool"
+
+
+def test_a_score_misleads_as_often_as_a_wrong_answer_scores_above_a_right_one() -> None:
+    scores = (0.9, 0.8, 0.5), (0.85, 0.1)
+    right, wrong = scores
+    rows = [row(k, score=s) for k, s in enumerate(right)] + [row(9 + k, score=s, **WRONG) for k, s in enumerate(wrong)]
+    assert score_misleads(group("rir", tuple(rows))) == pytest.approx(
+        np.mean([w > r for w in wrong for r in right]), abs=1e-4
+    )
+    assert score_misleads(group("rir", (row(1),))) is None

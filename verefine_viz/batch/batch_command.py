@@ -22,7 +22,6 @@ from verefine_viz.batch.run_batch import Backend, Outcome, run_batch
 from verefine_viz.batch.totals import Notes
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.batch.worker_process import TaskName
-from verefine_viz.core.settings import SceneSettings
 from verefine_viz.diagnosis.causes import Cause, cause_title
 from verefine_viz.run.record import Answer
 
@@ -60,12 +59,6 @@ def run_jobs(
         return _run_all(jobs, out, backend, retry_failed, task, pool)
 
 
-def what_next(scenes: Sequence[SceneSettings], out: Path) -> str:
-    """The command that shows several runs, one of each scene: only runs on the same data compare."""
-    data = {(s.source, s.demo if s.source == "demo" else Path(s.dataset).name, s.split) for s in scenes}
-    return f"Compare them: verefine-viz report {out}" if len(data) == 1 else f"View them: verefine-viz view {out}"
-
-
 def _run_all(
     jobs: Sequence[Job], out: Path, backend: Backend, retry_failed: bool, task: TaskName, pool: Pool | None
 ) -> int:
@@ -91,7 +84,7 @@ def _run_all(
     n_unreadable = sum(outcome.n_unreadable for _, outcome in outcomes)
     if n_unreadable:
         console.print(unreadable(n_unreadable))
-    console.print(escape(what_next([job.session.scene for job in jobs], out)))
+    console.print(escape(f"Side by side: verefine-viz report {out}"))
     return 0 if all(outcome.is_whole for _, outcome in outcomes) else 1
 
 

@@ -14,35 +14,39 @@ from verefine_viz.commands.flags import check_workers
 from verefine_viz.core.errors import SettingsError, quoted
 from verefine_viz.core.paths import check_file
 
-MOST_FAILURES = 10_000
-"""The file holds their pictures: so many are a gigabyte."""
+MOST_EMBEDDED, MOST_PICTURES = 200, 10_000
+"""The file holds them: so many are a gigabyte, and a hundred megabytes."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """Write the report of a batch, of two side by side, or of many compared: one HTML file with scores, causes and
-    failures.
+    """Write the report of a batch, of two side by side, or of many compared: one HTML file with scores, causes and all
+    answers, that opens offline; the worst failures open in it.
     """
 
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN_DIR")]
-    """The folder of a batch run, or of several (a sweep): runs that differ only in their seeds are one group, and the
-    groups are compared."""
+    """The folder of a batch run, or of several (a sweep, several scenes): runs on the same data are compared, those
+    that differ only in their seeds as one group; other data stand beside each other."""
     other: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[RUN_DIR_B]")] = None
-    """Another run of the same frames, to compare with: who got better, who got worse. Or another folder of runs."""
+    """Another run, to compare with: who got better, who got worse. Or another folder of runs."""
     out: Path | None = None
     """The file to write; by default report.html in RUN_DIR, for two of them report-against-NAME.html."""
-    failures: int = 60
-    """Failures that are shown with pictures, worst first, as many of each group, at most 10000; 0 = none."""
+    embed: int = 8
+    """Frames with a wrong answer that open in the file, the worst first, at most 200: 1 to 3 MB and a few seconds
+    each. The others name the command that opens them. 0 = none."""
+    pictures: int = 300
+    """Answers that have a picture, the worst first, at most 10000: about 8 kB each."""
     workers: int = max(os.cpu_count() or 1, 1)
     """Threads for the BOP scores, no more than 4 per core; they are the same for any number."""
 
     def run(self, arguments: Sequence[str]) -> int:
-        if not 0 <= self.failures <= MOST_FAILURES:
-            raise SettingsError(f"--failures is {quoted(self.failures)}, expected 0 to {MOST_FAILURES}")
+        for flag, value, most in (("embed", self.embed, MOST_EMBEDDED), ("pictures", self.pictures, MOST_PICTURES)):
+            if not 0 <= value <= most:
+                raise SettingsError(f"--{flag} is {quoted(value)}, expected 0 to {most}")
         check_workers(self.workers)
         if self.out is not None:
             check_file(self.out, "report.html")
-        from verefine_viz.report.build_report import print_report
+        from verefine_viz.report.write_report import print_report
 
-        print_report(self.folder, self.other, self.out, self.failures, self.workers)
+        print_report(self.folder, self.other, self.out, self.embed, self.pictures, self.workers)
         return 0

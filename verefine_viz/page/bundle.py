@@ -74,12 +74,8 @@ def bundle(
     imports = {module: _address(module) for module in _modules()}
     script = f'<script type="importmap">{json.dumps({"imports": imports})}</script>\n    '
     page = _SCRIPT.sub(lambda m: f'{script}<script type="module">import "web/{m[1]}";</script>', page)
-    parts = (
-        *elements,
-        json_element("answers", list(answers)),
-        json_element("messages", list(messages)),
-    )
-    return page.replace("</body>", "\n".join(parts) + "\n</body>")
+    parts = "\n".join((*elements, part("page", messages, answers)))
+    return page.replace("</body>", f"{parts}\n</body>")
 
 
 def element(name: str, media_type: str, text: str) -> str:
@@ -87,10 +83,10 @@ def element(name: str, media_type: str, text: str) -> str:
     return f'<script type="{media_type}" id="{_escaped(name)}">{text}</script>'
 
 
-def json_element(name: str, value: Any) -> str:
-    """Return data as a part of the document."""
-    # Only "</" and "<!" could end a script; no JSON needs a bare "<".
-    return element(name, "application/json", msgspec.json.encode(value).decode().replace("<", "\\u003c"))
+def part(name: str, messages: Iterable[Json], answers: Iterable[tuple[Json, Json]]) -> str:
+    """Return what a server would send, and wants with what answers them, as a part of the document."""
+    content = {"messages": list(messages), "answers": list(answers)}
+    return element(name, "text/plain", compressed(msgspec.json.encode(content)))
 
 
 def picture(path: str, data: bytes, media_type: str) -> str:

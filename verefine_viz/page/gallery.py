@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -9,7 +10,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from verefine_viz.batch.answer_cards import WRONG
 from verefine_viz.batch.answer_tags import TagFile, answer_key, checked_name, read_tags, save_tags
 from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.index import BatchIndex, Order, find_runs, has_finished_frame, read_batch, sort_key
@@ -18,9 +18,12 @@ from verefine_viz.batch.totals import doubts_in_words
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.page.workspace import Records
-from verefine_viz.run.record import Answer
+from verefine_viz.run.record import WAITING, Answer
 from verefine_viz.run.run_file import SUFFIX, read_run_file
 from verefine_viz.run.session_file import load_session
+
+WRONG, RIGHT, UNKNOWN = "wrong or no answer", "right", "unknown"
+"""Results, to filter by."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,11 @@ class Entry:
     def is_wrong(self) -> bool:
         """Whether the answer is wrong or missing; False also where that is unknown."""
         return not self.is_waiting and (self.row.status != "ok" or self.row.is_correct is False)
+
+    @property
+    def result(self) -> str:
+        """What came of it, to filter by."""
+        return WRONG if self.is_wrong else WAITING if self.is_waiting else RIGHT if self.row.is_correct else UNKNOWN
 
     @property
     def can_be_opened(self) -> bool:
@@ -70,7 +78,11 @@ class Gallery:
         overrides: Mapping[str, Any] | None = None,
         notes: Sequence[str] = (),
     ) -> None:
-        self.runs = {index.folder.name: index for index in indices}
+        names = Counter(index.folder.name for index in indices)
+        self.runs = {
+            index.folder.name if names[index.folder.name] == 1 else str(index.folder): index for index in indices
+        }
+        """By the name of their folder."""
         self.n_unfinished = n_unfinished
         self.notes = (*notes, *(note for index in indices for note in index.notes))
         """What is missing."""
@@ -112,10 +124,6 @@ class Gallery:
                         files[run, row.frame, row.method, row.seed] = path
         return files
 
-    @property
-    def has_several_runs(self) -> bool:
-        return len(self.runs) > 1
-
     @cached_property
     def worst(self) -> Entry:
         """What is opened first; of frames that can be opened, if there are any."""
@@ -124,21 +132,8 @@ class Gallery:
 
     @cached_property
     def outcome(self) -> str:
-        """How many objects are right, in words; as in a batch, one without an answer is not."""
-        solved = [e for e in self.entries if not e.is_waiting]
-        objects = [e.row for e in solved if e.row.is_object]
-        known = [row for row in objects if row.has_truth or row.is_correct is not None]
-        n_right, missing = sum(row.is_correct is True for row in known), sum(row.status != "ok" for row in objects)
-        n_frames, failed = len({e.row.frame for e in solved}), len(solved) - len(objects)
-        words = f"{n_right} of {len(known)} objects" if known else f"{len(objects)} objects"
-        words += (
-            f" of {len(self.runs)} runs" if self.has_several_runs else f" in {n_frames} frame{'s' * (n_frames != 1)}"
-        )
-        words += " are right" if known else ""
-        words += f"; {missing} {'has' if missing == 1 else 'have'} no answer" if missing else ""
-        words += f"; {failed} frame{'s' * (failed != 1)} failed" if failed else ""
-        n_waiting = len(self.entries) - len(solved)
-        return words + (f"; {n_waiting} frame{'s' * (n_waiting != 1)} not solved yet" if n_waiting else "")
+        """How many objects are right, in words."""
+        return outcome_words([entry.row for entry in self.entries], len(self.runs))
 
     @cached_property
     def doubt(self) -> str:
@@ -199,6 +194,22 @@ class Gallery:
             scene = session.scene.model_copy(update={"frames": index.frames})
             self._sessions[run] = session.model_copy(update={"scene": scene})
         return self._sessions[run]
+
+
+def outcome_words(rows: Sequence[Answer], n_runs: int) -> str:
+    """How many objects of some answers are right; as in a batch, one without an answer is not."""
+    solved = [row for row in rows if not row.is_waiting]
+    objects = [row for row in solved if row.is_object]
+    known = [row for row in objects if row.has_truth or row.is_correct is not None]
+    n_right, missing = sum(row.is_correct is True for row in known), sum(row.status != "ok" for row in objects)
+    n_frames, failed = len({row.frame for row in solved}), len(solved) - len(objects)
+    words = f"{n_right} of {len(known)} object{'s' * (len(known) != 1)}" if known else f"{len(objects)} objects"
+    words += f" of {n_runs} runs" if n_runs > 1 else f" in {n_frames} frame{'s' * (n_frames != 1)}"
+    words += f" {'is' if len(known) == 1 else 'are'} right" if known else ""
+    words += f"; {missing} {'has' if missing == 1 else 'have'} no answer" if missing else ""
+    words += f"; {failed} frame{'s' * (failed != 1)} failed" if failed else ""
+    n_waiting = len(rows) - len(solved)
+    return words + (f"; {n_waiting} frame{'s' * (n_waiting != 1)} not solved yet" if n_waiting else "")
 
 
 def read_gallery(folder: Path, overrides: Mapping[str, Any] | None = None) -> Gallery:

@@ -21,7 +21,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.bundle import InlinedBlobs, bundle, compressed, element, webp
-from verefine_viz.page.gallery import Gallery
+from verefine_viz.page.gallery import Entry, Gallery
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.pixel_maps import ALIGNED
 from verefine_viz.page.wants import ANSWERS
@@ -143,6 +143,15 @@ def opened_batch(gallery: Gallery, frame: str | None = None) -> Debugger:
     entry = next((e for e in gallery.sorted_by("error") if e.can_be_opened and frame in (None, e.row.frame)), None)
     if entry is None:
         raise InputError(f"{f'frame {frame}' if frame else 'the batch'} failed: there is nothing to show")
+    return opened_answer(gallery, entry)
+
+
+def opened_answer(gallery: Gallery, entry: Entry) -> Debugger:
+    """Open an answer of a batch.
+
+    Raises:
+        VerefineError: it cannot be opened.
+    """
     given = {"frame": entry.row.frame, "records": gallery.records(entry.run)}
     space = Workspace(gallery.session(entry.run), None, *_real_parts(), recording=gallery.loose_record(entry), **given)
     debugger = Debugger(space, gallery=gallery)

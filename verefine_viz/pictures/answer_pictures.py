@@ -1,32 +1,19 @@
-"""Pictures of an answer: the camera's image with contours, and the depth that the answer leaves unexplained.
-
-For the report's cards, and smaller for the page's gallery.
-"""
+"""Small pictures of answers, for the cards of page and report: the camera's image with contours."""
 
 from __future__ import annotations
 
-import base64
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image as PilImage
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.observation import Observation
-from verefine_viz.core.palette import (
-    CLASS_COLORS,
-    RGB,
-    SIDE_COLORS,
-    STAGE_COLORS,
-    Image,
-    depth_scale,
-    difference_scale,
-)
+from verefine_viz.core.palette import STAGE_COLORS, Image, depth_scale
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.settings import Session
 from verefine_viz.pictures.contours import draw_contours
@@ -34,7 +21,7 @@ from verefine_viz.scenes.segments import draw_placed
 from verefine_viz.scenes.source import SceneSource, open_scene
 
 WIDTH_PX, HEIGHT_PX = 360, 270
-"""Size of the report's pictures; smaller ones have the same shape."""
+"""Shape of a picture, and its size unless another is asked for."""
 MARGIN = 0.25
 """Shown around the object, as a share of its size."""
 SMALLEST_PX = 48
@@ -100,32 +87,18 @@ def window_around(target: Target, poses: Sequence[Float]) -> Window:
     return Window(float(u0), float(v0), float(size[0]), float(size[1]))
 
 
-@dataclass(frozen=True)
-class Pictures:
-    """Two images as data URIs."""
-
-    camera: str
-    """With the contours of the answers and of the ground truth."""
-    depth: str
-    """Observed − rendered depth of the first answer over the grey image."""
-
-
-def pictures(target: Target, answers: Sequence[tuple[Float, str]], tau_m: float) -> Pictures:
-    """The pictures of one object.
-
-    Args:
-        target: with ground truth or without.
-        answers: T_cam_obj (4, 4) and what it is: "best" where one run is shown, else its side "A" or "B".
-        tau_m: depth tolerance of the score, which sets the scale of the depth picture [m].
-    """
-    drawn = _Drawn(target, answers, WIDTH_PX)
-    return Pictures(data_uri(drawn.contours()), data_uri(drawn.depth_difference(tau_m)))
-
-
 def thumbnail(target: Target, T_cam_obj: Float | None, width_px: int) -> bytes:
     """The camera's image with the contours of an answer, if there is one, and of the ground truth, as WebP."""
-    answers = [] if T_cam_obj is None else [(T_cam_obj, "best")]
-    return webp(_Drawn(target, answers, width_px).contours())
+    drawn = {"ground truth": target.instance.T_cam_obj_gt, "accepted": T_cam_obj}
+    poses = {kind: T for kind, T in drawn.items() if T is not None}
+    window, size = window_around(target, [*poses.values()]), (width_px, height_of(width_px))
+    camera = window.camera(target.observation.camera, width_px)
+    whole = PilImage.fromarray(camera_image(target.observation))
+    image = np.array(whole.resize(size, PilImage.Resampling.BICUBIC, window.box))
+    for kind, T in poses.items():
+        depth_m = draw_placed([Placed(0, target.model, T)], camera)[0]
+        image = draw_contours(image, depth_m > 0, STAGE_COLORS[kind])
+    return webp(image)
 
 
 def picture_source(session: Session, frames: Sequence[str]) -> SceneSource:
@@ -136,21 +109,6 @@ def picture_source(session: Session, frames: Sequence[str]) -> SceneSource:
     """
     hypotheses = session.hypotheses.model_copy(update={"source": "perturb", "estimate": ()})
     return open_scene(session.scene.model_copy(update={"frames": tuple(frames)}), hypotheses)
-
-
-def color_of(kind: str) -> RGB:
-    """The contour's colour of an answer."""
-    return SIDE_COLORS[kind] if kind in SIDE_COLORS else STAGE_COLORS["accepted"]
-
-
-def data_uri(image: Image) -> str:
-    """An image (H, W, 3) as a small WebP that a page can hold."""
-    return in_uri(webp(image))
-
-
-def in_uri(picture: bytes) -> str:
-    """A WebP file as a data URI."""
-    return "data:image/webp;base64," + base64.b64encode(picture).decode("ascii")
 
 
 def webp(image: Image) -> bytes:
@@ -171,48 +129,3 @@ def camera_image(observation: Observation) -> Image:
     colors = depth_scale(low, high).colors(np.where(depth_m > 0, depth_m, np.nan))
     facing = np.abs(observation.normals_cam[..., 2:])
     return (colors * (SHADE + (1 - SHADE) * facing)).astype(np.uint8)
-
-
-class _Drawn:
-    """The part of the image that is shown, and the models in it."""
-
-    def __init__(self, target: Target, answers: Sequence[tuple[Float, str]], width_px: int) -> None:
-        T_gt = target.instance.T_cam_obj_gt
-        T_gts = [] if T_gt is None else [T_gt]
-        self._observation, self._model = target.observation, target.model
-        self._size = width_px, height_of(width_px)
-        self._window = window_around(target, [*T_gts, *(T for T, _ in answers)])
-        self._background = self._camera_image()
-        self._ground_truth = [(self._depth_m(T), STAGE_COLORS["ground truth"]) for T in T_gts]
-        self._answers = [(self._depth_m(T), color_of(kind)) for T, kind in answers]
-
-    def contours(self) -> Image:
-        image = self._background
-        for depth_m, color in (*self._ground_truth, *self._answers):
-            image = draw_contours(image, depth_m > 0, color)
-        return image
-
-    def depth_difference(self, tau_m: float) -> Image:
-        """Of the first answer."""
-        grey = self._background.mean(axis=2, keepdims=True) * 0.35 + 20
-        out = np.repeat(grey, 3, axis=2).astype(np.uint8)
-        if not self._answers:
-            return out
-        depth = PilImage.fromarray(np.ascontiguousarray(self._observation.depth_m, np.float32))
-        observed_m = np.asarray(depth.resize(self._size, PilImage.Resampling.NEAREST, self._window.box))
-        rendered_m, _ = self._answers[0]
-        covered = rendered_m > 0
-        both = covered & (observed_m > 0)
-        difference_mm = np.where(both, (observed_m - rendered_m) * 1e3, np.nan)
-        out[both] = difference_scale(tau_m).colors(difference_mm)[both]
-        out[covered & ~both] = CLASS_COLORS["unknown"]
-        return out
-
-    def _depth_m(self, T_cam_obj: Float) -> NDArray[np.float32]:
-        camera = self._window.camera(self._observation.camera, self._size[0])
-        return draw_placed([Placed(0, self._model, T_cam_obj)], camera)[0]
-
-    def _camera_image(self) -> Image:
-        """The window of the camera's image, or of the depth image where there is none."""
-        image = PilImage.fromarray(camera_image(self._observation))
-        return np.array(image.resize(self._size, PilImage.Resampling.BICUBIC, self._window.box))

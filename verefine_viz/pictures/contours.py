@@ -1,4 +1,4 @@
-"""Contours of posed models, drawn alike by the page's image pane, the gallery and the report."""
+"""Contours of posed models, drawn alike by the page's image pane and on the cards of answers."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""How far a number would move on other frames and with other seeds: the bootstrap over both.
+"""How far a number would move on other frames and with other objects: the bootstrap over both.
 
-Frames (or whole scenes) and seeds are drawn with replacement, each by itself, and every group is measured under the
-same draws: differences between groups are therefore paired.
+Frames (or whole scenes) and object models are drawn with replacement, each by itself, and every group is measured under
+the same draws: differences between groups are therefore paired. All seeds go along with what is drawn: a seed is no
+further object, and more seeds make no interval narrower.
 """
 
 from __future__ import annotations
@@ -34,12 +35,12 @@ class Spread:
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Sums of something by frame (or scene) and seed, and of how many things they are the sum."""
+    """Sums of something by frame (or scene) and object model, and of how many things they are the sum."""
 
     total: Float
-    """(U, S)."""
+    """(U, M)."""
     n: Float
-    """(U, S)."""
+    """(U, M)."""
 
     @property
     def mean(self) -> float | None:
@@ -55,50 +56,55 @@ class Cells:
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """How often each frame (or scene) and each seed was drawn."""
+    """How often each frame (or scene) and each object model was drawn."""
 
     units: Float
     """(B, U)."""
-    seeds: Float
-    """(B, S)."""
+    models: Float
+    """(B, M)."""
 
     @property
-    def say_something(self) -> bool:
-        """Whether there is more than one frame or seed."""
-        return self.units.shape[1] > 1 or self.seeds.shape[1] > 1
+    def are_several(self) -> bool:
+        """Whether there is more than one frame or model: nothing is drawn from one."""
+        return self.units.shape[1] > 1 or self.models.shape[1] > 1
 
     def sums(self, cells: Float) -> Float:
-        """(B, …) sums of (U, S, …) under each draw."""
-        by_seed = np.tensordot(self.units, cells, axes=(1, 0))
-        return np.einsum("bs...,bs->b...", by_seed, self.seeds)
+        """(B, …) sums of (U, M, …) under each draw."""
+        by_model = np.tensordot(self.units, cells, axes=(1, 0))
+        return np.einsum("bm...,bm->b...", by_model, self.models)
 
     def mean(self, cells: Cells) -> Spread | None:
         """The mean with its interval; None of nothing."""
         return None if cells.mean is None else self._spread(cells.mean, self._means(cells))
 
     def difference(self, a: Cells, b: Cells) -> Spread | None:
-        """The mean of a less that of b, over the frames and seeds that both have; None where there are none."""
+        """The mean of a less that of b, over the objects that both have; None where there are none."""
         a, b = a.where(b), b.where(a)
         if a.mean is None or b.mean is None:
             return None
         return self._spread(a.mean - b.mean, self._means(a) - self._means(b))
 
-    def median(self, values: Float, unit: np.ndarray, seed: np.ndarray) -> Spread | None:
-        """The median of N values of these frames (N,) and seeds (N,), with its interval; None of nothing."""
+    def median(self, values: Float, unit: np.ndarray, model: np.ndarray | None) -> Spread | None:
+        """The median of N values of these frames (N,) and models (N,), with its interval; None of nothing.
+
+        Without models the values are of whole frames.
+        """
         if not len(values):
             return None
         order = np.argsort(values, kind="stable")
-        ordered, unit, seed = values[order], unit[order], seed[order]
+        ordered, unit, model = values[order], unit[order], None if model is None else model[order]
         drawn = np.full(len(self.units), np.nan)
-        for k, (of_unit, of_seed) in enumerate(zip(self.units, self.seeds, strict=True)):
-            weight = np.cumsum(of_unit[unit] * of_seed[seed])
+        for k, (of_unit, of_model) in enumerate(zip(self.units, self.models, strict=True)):
+            weight = np.cumsum(of_unit[unit] * (1.0 if model is None else of_model[model]))
             if weight[-1]:
-                drawn[k] = ordered[np.searchsorted(weight, weight[-1] / 2)]
+                # The mean of the middle two, where the half lies between them.
+                middle = [np.searchsorted(weight, weight[-1] / 2, side) for side in ("left", "right")]
+                drawn[k] = ordered[middle].mean()
         return self._spread(float(np.median(values)), drawn)
 
     def band(self, hits: Float, n: Float) -> tuple[Float, Float] | None:
-        """The interval (T,), (T,) of the shares of (U, S, T) ``hits`` in (U, S) ``n``; None where nothing is drawn."""
-        if not self.say_something:
+        """The interval (T,), (T,) of the shares of (U, M, T) ``hits`` in (U, M) ``n``; None where nothing is drawn."""
+        if not self.are_several:
             return None
         with np.errstate(invalid="ignore", divide="ignore"):
             shares = self.sums(hits) / self.sums(n)[:, None]
@@ -111,15 +117,15 @@ class Draws:
 
     def _spread(self, value: float, drawn: Float) -> Spread:
         known = drawn[np.isfinite(drawn)]
-        if not self.say_something or not len(known):
+        if not self.are_several or not len(known):
             return Spread(value)
         low, high = np.percentile(known, CONFIDENCE)
         return Spread(value, float(low), float(high))
 
 
-def draws(n_units: int, n_seeds: int) -> Draws:
+def draws(n_units: int, n_models: int) -> Draws:
     """The draws, the same at each call."""
     rng = np.random.default_rng(0)
     units = rng.multinomial(n_units, np.full(n_units, 1 / n_units), DRAWS).astype(np.float64)
-    seeds = rng.multinomial(n_seeds, np.full(n_seeds, 1 / n_seeds), DRAWS).astype(np.float64)
-    return Draws(units, seeds)
+    models = rng.multinomial(n_models, np.full(n_models, 1 / n_models), DRAWS).astype(np.float64)
+    return Draws(units, models)

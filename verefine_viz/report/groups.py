@@ -1,29 +1,30 @@
-"""Groups of runs that differ only in their seeds, named by what differs among the groups."""
+"""What a report is about: runs by data, and in groups that differ only in their seeds, named by what differs."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from verefine_viz.batch.runs import read_run
+from verefine_viz.batch.index import BatchIndex, read_batch, sort_key
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import Session
-from verefine_viz.report.run_results import LoadedRun, check_same_data, load
+from verefine_viz.core.text_format import first_of
 from verefine_viz.run.record import Answer
 
-Progress = Callable[[int, int], None]
-"""Called with how many parts of a long work are done, and how many there are."""
 Seeds = tuple[int, int]
 """hypotheses.seed and method.seed of a run."""
+Key = tuple[str, int | None, int | None]
+"""Frame, instance_id, obj_id: the same object in two runs."""
 SEEDS = ("hypotheses.seed", "method.seed")
 WITHOUT_EFFECT = ("title", "recording", "breakpoints")
 """Settings that change no result."""
 FIRST = ("method.name", "preset")
 """Settings that name a group before any other."""
+MOST_FRAMES_NAMED = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,74 +32,147 @@ class Group:
     """Runs of the same session with different seeds."""
 
     name: str
-    runs: tuple[LoadedRun, ...]
+    runs: tuple[BatchIndex, ...]
     """By seed."""
-
-    @property
-    def method(self) -> str:
-        return self.runs[0].method
 
     @property
     def session(self) -> Session:
         """Of the first run."""
-        return self.runs[0].index.session
+        return self.runs[0].session
+
+    @property
+    def method(self) -> str:
+        return self.session.method.name
+
+    @cached_property
+    def rows(self) -> tuple[Answer, ...]:
+        return tuple(row for run in self.runs for row in run.rows)
 
     @cached_property
     def objects(self) -> tuple[Answer, ...]:
-        """Objects of all runs."""
-        return tuple(row for run in self.runs for row in run.objects)
+        """Also those that were left out or are in failed frames: they are missed."""
+        return tuple(row for row in self.rows if row.is_object)
+
+    @cached_property
+    def with_truth(self) -> tuple[Answer, ...]:
+        """Objects that can be right or wrong."""
+        return tuple(row for row in self.objects if row.can_be_right)
+
+    @cached_property
+    def failures(self) -> tuple[Answer, ...]:
+        """Objects whose answer is wrong or missing, worst first; without any ground truth all objects, by score.
+
+        Only those that were asked for: what is left out or in a failed frame is no failure of the method.
+        """
+        worst_first = [row for row in sorted(self.rows, key=sort_key("error")) if row.was_asked_for]
+        if not self.with_truth:
+            return tuple(worst_first)
+        return tuple(row for row in worst_first if row.status == "no_answer" or row.is_correct is False)
 
 
 @dataclass(frozen=True, eq=False)
-class Groups:
-    """What a report compares."""
+class Section:
+    """Groups of runs on the same data: they can be compared."""
 
+    data: str
+    """Which, in words."""
     groups: tuple[Group, ...]
-    """By name."""
-    left_out: tuple[tuple[str, str], ...]
-    """Runs that are not part of it: folder and reason."""
+    """By name; of two runs that the user named, in that order."""
 
     @property
-    def runs(self) -> tuple[LoadedRun, ...]:
+    def runs(self) -> tuple[BatchIndex, ...]:
         return tuple(run for group in self.groups for run in group.runs)
 
+    @cached_property
+    def frames(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(row.frame for group in self.groups for row in group.rows))
 
-def load_groups(folders: Sequence[Path], progress: Progress = lambda done, of: None) -> Groups:
-    """The finished runs in ``folders``, grouped.
+    @cached_property
+    def has_same_objects(self) -> bool:
+        """Whether all runs are about the same objects of the same frames."""
+        return len({frozenset(keys_of(run)) for run in self.runs}) == 1
+
+    @property
+    def pair(self) -> tuple[Group, Group] | None:
+        """Two runs that can be compared object by object; None of one run, or of more."""
+        return (self.groups[0], self.groups[1]) if len(self.groups) == len(self.runs) == 2 else None
+
+
+def key(row: Answer) -> Key:
+    """What makes two rows be about the same object."""
+    return row.frame, row.instance_id, row.obj_id
+
+
+def keys_of(run: BatchIndex) -> set[Key]:
+    """What a run is about."""
+    return {key(row) for row in run.rows}
+
+
+def read_runs(folders: Sequence[Path], only_finished: bool) -> tuple[list[BatchIndex], list[tuple[str, str]]]:
+    """The batches in these folders, and which of them cannot be used, with the reason.
+
+    Args:
+        folders: of batches.
+        only_finished: leave out batches that are not finished.
 
     Raises:
-        InputError: none is finished, or they are about different data sets.
+        InputError: none can be used.
     """
-    runs: list[LoadedRun] = []
-    left_out: list[tuple[str, str]] = []
-    for done, folder in enumerate(folders):
-        progress(done, len(folders))
+    runs, left_out = list[BatchIndex](), list[tuple[str, str]]()
+    for folder in folders:
         try:
-            status = read_run(folder).status
-            if status == "finished":
-                runs.append(load(folder))
+            run = read_batch(folder)
+            if only_finished and run.run.status not in ("finished", "unknown"):
+                left_out.append((folder.name, f"not finished ({run.run.status})"))
             else:
-                left_out.append((folder.name, f"not finished ({status})"))
+                runs.append(run)
         except VerefineError as error:
+            if not only_finished:
+                raise
             left_out.append((folder.name, str(error)))
-    progress(len(folders), len(folders))
     if not runs:
         name, why = left_out[0]
         raise InputError(f"none of the {len(folders)} runs in {folders[0].parent} can be used; {name}: {why}")
-    check_same_data(runs)
-    return Groups(_grouped(runs), tuple(left_out))
+    return runs, left_out
 
 
-def seeds_of(run: LoadedRun) -> Seeds:
+def sections_of(runs: Sequence[BatchIndex], as_named: bool = False) -> tuple[Section, ...]:
+    """Runs by data: together are those on the same data set that have an object of a frame in common.
+
+    Args:
+        runs: at least one.
+        as_named: two runs that the user named: A and B, also where they differ in nothing but their seeds.
+    """
+    by_data: list[tuple[str, set[Key], list[BatchIndex]]] = []
+    for run in runs:
+        keys, data = keys_of(run), data_set(run)
+        mine = next((one for one in by_data if one[0] == data and one[1] & keys), None)
+        if mine is None:
+            by_data.append((data, keys, [run]))
+        else:
+            mine[1].update(keys)
+            mine[2].append(run)
+    named = dict(zip(map(id, runs), _pair_names(runs), strict=True)) if as_named else {}
+    sections = list[Section]()
+    for data, _, members in by_data:
+        is_alone = sum(other == data for other, _, _ in by_data) == 1
+        frames = first_of(tuple(dict.fromkeys(row.frame for run in members for row in run.rows)), MOST_FRAMES_NAMED)
+        groups = tuple(Group(named[id(run)], (run,)) for run in members) if named else _grouped(members)
+        sections.append(Section(data if is_alone else f"{data}, frames {frames}", groups))
+    return tuple(sections)
+
+
+def data_set(run: BatchIndex) -> str:
+    """Which data a run is about, in words."""
+    scene = run.session.scene
+    if scene.source == "demo":
+        return f"the built-in scene {scene.demo}"
+    return f"{Path(scene.dataset).name}/{scene.split}" if scene.source == "bop" else Path(scene.dataset).name
+
+
+def seeds_of(run: BatchIndex) -> Seeds:
     """How the runs of a group differ."""
-    session = run.index.session
-    return session.hypotheses.seed, session.method.seed
-
-
-def seed_words(run: LoadedRun) -> str:
-    """``seed 3``; ``seeds 3, 4`` where hypotheses and method have different ones."""
-    of_poses, of_method = seeds_of(run)
-    return f"seed {of_poses}" if of_poses == of_method else f"seeds {of_poses}, {of_method}"
+    return run.session.hypotheses.seed, run.session.method.seed
 
 
 def names(sessions: Sequence[Session]) -> list[str]:
@@ -119,18 +193,27 @@ def names(sessions: Sequence[Session]) -> list[str]:
     return [" · ".join(mine) or method for mine in parts]
 
 
-def differing(sessions: Sequence[Session]) -> dict[str, tuple[str, ...]]:
+def differing(sessions: Sequence[Session]) -> dict[str, list[str]]:
     """Settings in which sessions differ, and what each has."""
     flat = [_settings(session) for session in sessions]
-    return {field: tuple(_words(mine[field]) for mine in flat) for field in _differing(flat)}
+    return {field: [_words(mine[field]) for mine in flat] for field in _differing(flat)}
 
 
-def _grouped(runs: Sequence[LoadedRun]) -> tuple[Group, ...]:
-    by_settings: dict[str, list[LoadedRun]] = {}
+def _pair_names(runs: Sequence[BatchIndex]) -> list[str]:
+    """``A: rir`` and ``B: pir``; by seeds, or by folders, where nothing else differs."""
+    named = names([run.session for run in runs])
+    seeds = [f"seed {a}" if a == b else f"seeds {a}, {b}" for a, b in map(seeds_of, runs)]
+    folders = [run.folder.name for run in runs]
+    shown = next((one for one in (named, seeds, folders) if len(set(one)) > 1), [str(run.folder) for run in runs])
+    return [f"{label}: {name}" for label, name in zip("AB", shown, strict=True)]
+
+
+def _grouped(runs: Sequence[BatchIndex]) -> tuple[Group, ...]:
+    by_settings: dict[str, list[BatchIndex]] = {}
     for run in runs:
-        by_settings.setdefault(json.dumps(_settings(run.index.session), default=str), []).append(run)
+        by_settings.setdefault(json.dumps(_settings(run.session), default=str), []).append(run)
     members = [sorted(mine, key=seeds_of) for mine in by_settings.values()]
-    group_names = names([mine[0].index.session for mine in members])
+    group_names = names([mine[0].session for mine in members])
     groups = [Group(name, tuple(mine)) for name, mine in zip(group_names, members, strict=True)]
     return tuple(sorted(groups, key=lambda group: group.name))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from verefine_viz.batch.answer_cards import values_of
 from verefine_viz.batch.index import ORDERS, Order, sort_key
 from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.page.gallery import Entry, Gallery
@@ -48,7 +47,7 @@ def _row(gallery: Gallery, key: int, entry: Entry) -> Json:
         "name": row.name,
         "method": row.method,
         "tone": tone,
-        "result": values_of(row)["result"][0],
+        "result": entry.result,
         "score": row.score,
         "err": row.add_s_mm,
         "limit": None if row.diameter_mm is None else 0.1 * row.diameter_mm,

@@ -15,11 +15,12 @@ import { ImagePane } from "./image.js";
 import { MapsPane } from "./maps.js";
 import { ScenePane } from "./scene.js";
 import { Gallery } from "./gallery.js";
+import { Report } from "./report.js";
 import { tabs, idOf } from "./tabs/all.js";
 
 function Page() {
-  const [preset, full, sizes, frame, connection, busy] = useStore((s) =>
-    [s.view.preset, s.view.full, s.sizes, s.frame, s.connection, s.busy]);
+  const [preset, full, sizes, frame, connection, busy, report] = useStore((s) =>
+    [s.view.preset, s.view.full, s.sizes, s.frame, s.connection, s.busy, s.report]);
   const size = sizesOf(state);
   const gallery = preset === "gallery";
   const fr = (share) => `minmax(0, ${share}fr)`;
@@ -37,6 +38,7 @@ function Page() {
     <${Guard} name="scene"><${ScenePane} /><//>
     <${Splitter} axis="y" area="split-maps" share=${size.maps} invert onShare=${(x) => setSize("maps", x)} />
     <${Guard} name="maps"><${MapsPane} /><//>
+    ${preset === "report" && html`<main class="pane report scroll"><${Guard}><${Report} /><//></main>`}
     ${gallery && html`<section class="pane gallery"><${Guard}><${Gallery} /><//></section>`}
     <${Splitter} axis="y" area="split-timeline" share=${size.timeline} invert
       onShare=${(x) => setSize("timeline", x)} />
@@ -47,7 +49,7 @@ function Page() {
     <${Status} />
     <${Toasts} />
     <${Overlay} />
-    ${!frame && html`<div class="veil opening">
+    ${!frame && !report && html`<div class="veil opening">
       <p>${connection === "lost" ? "The server does not answer." : busy.text || "Opening"}</p>
       ${connection !== "lost" && busy.text && html`<${Meter} share=${busy.share} /><div
         class="group"><${BusyButtons} busy=${busy} /></div>`}</div>`}

@@ -5,7 +5,7 @@ import { toast } from "./messages.js";
 Object.assign(state, { file: null }); // { command that opens it live, maps: "end", "marked" or "all" }
 
 const textOf = (id) => document.getElementById(id)?.textContent ?? null;
-export const isFile = textOf("messages") != null;
+export const isFile = textOf("page") != null;
 
 // By what is asked, with sorted names: { answer }; outlines by object and pose.
 const answers = new Map();
@@ -44,12 +44,13 @@ const server = {
   send(verb) {
     if (verb.verb === "want") later(verb.id, verb.of);
     else if (verb.link != null) openLink(verb.link);
+    else if (verb.verb === "open" && verb.answer != null) openAnswer(state.answers.rows[verb.answer]);
     else if (verb.verb !== "look") toast("note", `This needs the program: ${state.file.command}`);
     return true;
   },
   load: (key) => bytes(`blob ${key}`),
   // Pictures lie in the file as addresses of their own.
-  address: (path) => textOf(path) ?? path,
+  address: (path) => textOf(path.split("?")[0]) ?? path,
 };
 
 on("file", ({ command, maps }) => update({ file: { command, maps } }));
@@ -57,11 +58,28 @@ on("file", ({ command, maps }) => update({ file: { command, maps } }));
 // The 3D view, a page of its own; null where the file has none.
 export const scenePage = () => bytes("scene3d").then((page) => page && new TextDecoder().decode(page));
 
+// Open a part of the document: what a server would send, and answers to what is then asked.
+let opened = 0;
+async function open(part) {
+  const given = JSON.parse(new TextDecoder().decode(await bytes(part)));
+  answers.clear(); // they name iterations and objects of the frame that was open
+  outlines.clear();
+  for (const [of, one] of given.answers) {
+    if (of.what === "outlines") of.poses.forEach((T, i) => outlines.set(poseKey(of.obj, T), one.outlines[i]));
+    else answers.set(keyOf(of), one);
+  }
+  opened += 1;
+  for (const message of given.messages) receive(message.t === "frame" ? { ...message, id: opened } : message);
+}
+
+// A report holds some frames, each a part of its own.
+async function openAnswer({ part, obj, k, command }) {
+  if (part == null) return toast("note", `The report does not hold this frame. It opens by ${command}`);
+  await open(`part ${part}`);
+  return receive({ t: "view", patch: { obj }, at: k });
+}
+
 export function openFile() {
   answeredBy(server);
-  for (const [of, given] of JSON.parse(textOf("answers"))) {
-    if (of.what === "outlines") of.poses.forEach((T, i) => outlines.set(poseKey(of.obj, T), given.outlines[i]));
-    else answers.set(keyOf(of), given);
-  }
-  for (const message of JSON.parse(textOf("messages"))) receive(message);
+  return open("page");
 }

@@ -1,6 +1,6 @@
 // The answers of a batch: cards with filters, a plot of score over error, and tags. Sorts and filters without the server.
 import { html, useState, useEffect, useMemo, useRef } from "./vendor/htm-preact.js";
-import { state, useStore, update, listen, send } from "./store.js";
+import { state, useStore, update, listen, send, addressOf } from "./store.js";
 import { momentOf } from "./moment.js";
 import { Button, Icon, IconButton, Select, number } from "./ui.js";
 import { addKeys } from "./keys.js";
@@ -10,13 +10,14 @@ export const TONES = {
   wrong: ["cross", "wrong", "--bad"], none: ["cross", "no answer", "--doubt"], right: ["check", "right", "--good"],
   unknown: ["question", "no ground truth", "--dim"], waiting: ["dot", "not solved yet", "--faint"],
 };
-const FACETS = [["result", "Result"], ["object", "Object"], ["cause", "Cause"], ["tag", "Tag"], ["run", "Run"], ["method", "Method"]];
+const FACETS = [["result", "Result"], ["object", "Object"], ["cause", "Cause"], ["tag", "Tag"], ["run", "Run"], ["method", "Method"],
+  ["group", "Group"], ["compared", "Compared"]]; // the last two of a report
 const MOST_LINES = 12; // of a facet before it is unfolded
 const valuesOf = (row, by) => (by === "tag" ? row.tags : by === "object" ? [row.name || "all objects"] : row[by] ? [row[by]] : []);
 
 // What is chosen; `only`: filter → values, any of which passes. `at`: the card that keys move from.
 Object.assign(state, { gallery: { order: "error", only: {}, search: "", selected: new Set(), at: null, tagging: false } });
-const choose = (patch) => update({ gallery: { ...state.gallery, ...patch } });
+export const choose = (patch) => update({ gallery: { ...state.gallery, ...patch } });
 
 // Rows by what is chosen; without one filter for the counts of its own values.
 function passes(row, { only, words }, except) {
@@ -101,13 +102,13 @@ listen(() => {
     }
     if (!known) {
       choose({ only: Object.fromEntries(Object.entries(answers.first).map(([by, value]) => [by, [value]])) });
-      if (!hadLink) setPreset("gallery");
+      if (!hadLink && !state.report) setPreset("gallery");
     }
     known = answers;
   }
   if (leaving && state.frame?.id !== leaving.frame) {
     leaving = null;
-    if (state.view.preset === "gallery") setPreset("inspect");
+    if (["gallery", "report"].includes(state.view.preset)) setPreset("inspect");
   }
 });
 
@@ -117,7 +118,8 @@ const errorWords = (row) =>
   : row.err == null ? "" : `${number(row.err, 1)} of ${number(row.limit, 1)} mm`;
 const tipOf = (row) => [
   `${row.name || "all objects"} · frame ${row.frame} · ${row.run}`,
-  row.cause, row.evidence || row.message, row.opens ? (row.k ? `Opens at iteration ${row.k}.` : "Opens before iteration 1.") : "Cannot be opened.",
+  row.cause, row.evidence || row.message, !row.opens ? "Cannot be opened."
+    : row.command && row.part == null ? row.command : row.k ? `Opens at iteration ${row.k}.` : "Opens before iteration 1.",
 ].filter(Boolean).join("\n");
 
 export function Gallery() {
@@ -210,7 +212,7 @@ function Cards() {
   const live = useRef();
   live.current = { move, columns, current: rows[at] };
   useEffect(() => {
-    const when = () => state.view.preset === "gallery";
+    const when = () => state.view.preset === "gallery" || (state.view.preset === "report" && host.current.matches(":hover"));
     const inGallery = (keys, title, action, more) => ({ id: `gallery-${keys[0]}`, keys, title, group: "Gallery", action, when, ...more });
     return addKeys([
       inGallery(["ArrowLeft"], "Card before", () => live.current.move(-1)),
@@ -255,7 +257,7 @@ function Card({ row, place, several, selected, current, open }) {
     else openAnswer(row);
   };
   // The answer stands in the address of its picture: another one that gets its number has another picture.
-  const picture = `/thumb/${row.key}?${encodeURIComponent(`${row.run} ${row.frame} ${row.obj} ${row.score ?? ""}`)}`;
+  const picture = addressOf(`/thumb/${row.key}?${encodeURIComponent(`${row.run} ${row.frame} ${row.obj} ${row.score ?? ""}`)}`);
   return html`<article class=${`card ${row.tone} ${selected ? "selected" : ""} ${current ? "current" : ""} ${row.opens ? "opens" : ""}`} style=${place} title=${tipOf(row)} onClick=${click}>
     <div class="thumb">${row.thumb ? html`<img src=${picture} alt="" loading="lazy" draggable=${false} />` : html`<span>${errorWords(row)}</span>`}
       <i class="tone-mark" title=${words}><${Icon} name=${icon} /></i>
@@ -317,13 +319,14 @@ function Facet({ value, count = { all: 0 }, most, on, dim, onClick }) {
 const LOW = 0.003; // ends of the axis of errors, as a share of the diameter; what lies beyond is drawn at the end
 const HIGH = 2;
 const REACH = 14; // pixels from a point within which the pointer is about it
-function Plot() {
+// of: some of the answers; all of them where it is left out.
+export function Plot({ of }) {
   const [answers, gallery, theme, open] = useStore((s) => [s.answers, s.gallery, s.theme, openRow(s)?.key]);
   const canvas = useRef();
   const [near, setNear] = useState(null);
   const points = useRef([]);
   const rows = visible(state);
-  const known = useMemo(() => answers.rows.filter((row) => row.err != null && row.limit && row.score != null), [answers]);
+  const known = useMemo(() => (of ?? answers.rows).filter((row) => row.err != null && row.limit && row.score != null), [answers, of?.length]);
   useEffect(() => {
     const draw = () => {
       const c = canvas.current;
@@ -365,7 +368,7 @@ function Plot() {
       }
       ctx.setLineDash([]);
       ctx.fillText("error [share of the diameter]", (left + right) / 2, low + 1.3 * rem);
-      const strong = new Set(rows);
+      const strong = new Set(of ?? rows);
       points.current = known.map((row) => ({ row, x: x((0.1 * row.err) / row.limit), y: y(row.score) }));
       const size = (known.length > 1000 ? 0.25 : 0.42) * rem;
       for (const isStrong of [false, true]) {
@@ -393,12 +396,12 @@ function Plot() {
   const find = (e) => {
     const box = canvas.current.getBoundingClientRect();
     const [u, v] = [e.clientX - box.left, e.clientY - box.top];
-    const passing = new Set(rows);
+    const passing = new Set(of ?? rows);
     const distance = (p) => Math.hypot(p.x - u, p.y - v) + (passing.has(p.row) ? 0 : 4);
     const best = points.current.reduce((a, b) => (a && distance(a) <= distance(b) ? a : b), null);
     return best && distance(best) <= REACH ? best : null;
   };
-  return html`<section class="plot"><h3>Score over error</h3>
+  return html`<section class="plot">${!of && html`<h3>Score over error</h3>`}
     <div class="rings">${points.current.filter((p) => p.row.key === open || p.row.key === near?.row.key).map((p) => html`
       <i key=${p.row.key} style=${{ transform: `translate(${p.x}px, ${p.y}px)` }} />`)}</div>
     <canvas ref=${canvas} class=${near ? "near" : ""} onPointerMove=${(e) => setNear(find(e))} onPointerLeave=${() => setNear(null)} onClick=${(e) => openAnswer(find(e)?.row)} />

@@ -5,7 +5,7 @@ import { back, isBusy, pause, run, runOf, seek, step, stepStage, stopReplay, tog
   toNextEvent } from "./moment.js";
 import { Dialog, fillPane } from "./ui.js";
 import { tabs, idOf } from "./tabs/all.js";
-import { setPreset, PRESETS, switchTheme } from "./layout.js";
+import { setPreset, presets, switchTheme } from "./layout.js";
 import { copyLink } from "./messages.js";
 
 // when: whether it can be done now; silent: not in the lists. The first key is the one that titles name.
@@ -137,7 +137,7 @@ function everything() {
   const items = ACTIONS.filter((a) => a.id !== "palette" && !a.silent && (!a.when || a.when()))
     .map((a) => ({ kind: a.group, words: a.title, key: a.keys[0] && keyName(a.keys[0]), action: a.action }));
   const add = (kind, words, action, key = "") => items.push({ kind, words, action, key });
-  for (const preset of PRESETS) add("Preset", preset.title, () => setPreset(preset.id));
+  for (const preset of presets(state)) add("Preset", preset.title, () => setPreset(preset.id));
   for (const o of state.frame?.objects ?? []) add("Object", o.label, () => setView({ obj: o.id, arm: null }));
   tabs.forEach((t, i) => add("Tab", t.title, () => setView({ tab: idOf(t) }), i < 9 ? String(i + 1) : ""));
   for (const { index, name } of state.branches) {

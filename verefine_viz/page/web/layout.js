@@ -1,9 +1,10 @@
 // The sizes of panes, remembered per preset and browser; the theme.
 import { state, setView, update } from "./store.js";
 
+const SIZES = { image: 0.5, inspector: 0.27, maps: 0.32, timeline: 0.26 };
 export const PRESETS = [
-  { id: "inspect", title: "Inspect", hint: "image, 3D and maps",
-    sizes: { image: 0.5, inspector: 0.27, maps: 0.32, timeline: 0.26 } },
+  { id: "report", title: "Report", hint: "what came out (R)", sizes: SIZES },
+  { id: "inspect", title: "Inspect", hint: "image, 3D and maps", sizes: SIZES },
   { id: "maps", title: "Maps",
     hint: "large score maps", sizes: { image: 0.5, inspector: 0.27, maps: 0.5, timeline: 0.22 } },
   { id: "compare", title: "Compare", hint: "two runs side by side", tab: "compare",
@@ -11,6 +12,9 @@ export const PRESETS = [
   { id: "gallery", title: "Gallery", hint: "all answers of a batch",
     sizes: { image: 0.5, inspector: 0.27, maps: 0.32, timeline: 0.24 } },
 ];
+// Those that there is something to show in: a report has no frame until an answer is opened.
+export const presets = (s) =>
+  PRESETS.filter((p) => (p.id === "report" ? s.report : s.frame || p.id === "gallery" || !s.report));
 const LIMITS = { image: [0.12, 0.88], inspector: [0.17, 0.5], maps: [0.12, 0.7], timeline: [0.13, 0.5] };
 
 const KEY = "verefine-layout";

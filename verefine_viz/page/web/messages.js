@@ -127,7 +127,7 @@ function hashLink() {
 }
 
 export function linkOf(s) {
-  if (!s.frame) return "";
+  if (!s.frame || s.report) return ""; // a report begins with its numbers
   const parts = [];
   if (s.frame.frame) parts.push(`frame=${s.frame.frame}`);
   const object = s.frame.objects.find((o) => o.id === s.view.obj);

@@ -6,7 +6,7 @@ import { Button, Icon, IconButton, Menu, MenuItem, number } from "./ui.js";
 import { Failures, neighbour, openAnswer } from "./gallery.js";
 import { addKeys, nameToOpen, titled } from "./keys.js";
 import { copyLink } from "./messages.js";
-import { PRESETS, setPreset, switchTheme } from "./layout.js";
+import { presets, setPreset, switchTheme } from "./layout.js";
 
 const failureBeside = (by) => (state.answers ? neighbour(state, by) : null);
 addKeys([
@@ -32,7 +32,7 @@ export function Verdict() {
     <${Opener} frame=${frame} />
     ${moment ? html`<${Words} moment=${moment} />` : html`<span class="spring" />`}
     <${Failures} />
-    <nav class="presets" aria-label="Layout">${PRESETS.map((p) => html`
+    <nav class="presets" aria-label="Layout">${presets(state).map((p) => html`
       <${Button} on=${p.id === preset}
         title=${`${p.hint}${p.id === "gallery" ? " (G)" : ""}${p.id === preset ? "; click: sizes as designed" : ""}`}
         onClick=${() => setPreset(p.id)}>${p.title}<//>`)}</nav>

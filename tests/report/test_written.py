@@ -1,0 +1,237 @@
+"""The report as a file: whole, small, the same again, and with nothing from elsewhere."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.made_runs import answer
+from tests.report.pages import GONE, messages, parts, report, section
+from tests.report.runs import row, write_run
+from tests.report.sections import NO_ANSWER, WRONG
+from verefine_viz import cli
+from verefine_viz.page.thumbnails import Painter
+from verefine_viz.report.write_report import write_report
+from verefine_viz.run.session_file import resolve
+from verefine_viz.scenes.demo import demo_problem
+
+
+def sweep(folder: Path, methods: tuple[str, ...], n_seeds: int, n_frames: int, n_objects: int = 1) -> Path:
+    """Runs of made-up errors; each method is a little worse than the one before it."""
+    for k, method in enumerate(methods):
+        for seed in range(n_seeds):
+            errors = np.random.default_rng(seed).gamma(1.0, 4.0 + 2 * k, (n_frames, n_objects))
+            why = {True: {"cause": "pool", "evidence": "All were far off."}, False: {}}
+            rows = [
+                row(f, i, add_s_mm=float(error), method=method, **why[bool(error >= 10)])
+                for (f, i), error in np.ndenumerate(errors)
+            ]
+            settings = {"method": {"name": method, "seed": seed}, "hypotheses": {"seed": seed}}
+            write_run(folder / f"{method}-{seed}", rows, {**GONE, **settings})
+    return folder
+
+
+def made(*words: object) -> Path:
+    """Write a report by the command, and return the file."""
+    assert cli.main(["report", *map(str, words)]) == 0
+    first = Path(str(words[0]))
+    return max(first.glob("report*.html"), key=lambda path: path.stat().st_mtime)
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    """The one line with which these words are refused."""
+    assert cli.main(["report", *map(str, words)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    return lines[0]
+
+
+def test_what_is_no_run_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "is no folder of a batch" in refused(capsys, tmp_path)
+    assert "does not exist; expected the folder of a batch run" in refused(capsys, tmp_path / "nowhere")
+    assert "has no finished frame yet" in refused(capsys, write_run(tmp_path / "a", []))
+    run = write_run(tmp_path / "b", [row(1)])
+    assert "are the same folder" in refused(capsys, run, run)
+    assert "expected the name of a file" in refused(capsys, run, "--out", tmp_path)
+
+
+def test_without_its_data_set_a_report_has_everything_but_pictures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = write_run(
+        tmp_path / "a", [row(1), row(2, add_s_mm=40.0, cause="pool", evidence="All were far off.")], GONE
+    )
+    path = made(folder)
+    said = capsys.readouterr().out
+    assert said.count("No pictures: ") == 1
+    assert said.count("cannot be opened in the report: ") == 1
+    assert "No BOP scores: " in said
+    only = section(path)
+    assert only["headline"] == "1 of 2 objects in 2 frames are right."
+    assert only["next"]["text"].startswith("The only wrong answer of 2 has the cause “no good hypothesis in the pool”")
+    assert (only["next"]["key"], only["next"]["begin"]) == (1, "object 1 in frame 1/2")
+    (group,) = only["groups"]
+    assert group["causes"] == [["no good hypothesis in the pool", 1]]
+    assert group["curve"]["recall"][20] == 50.0
+    rows = messages(path)["answers"]["rows"]
+    assert [(r["result"], r["thumb"], r["part"]) for r in rows] == [
+        ("right", False, None), ("wrong or no answer", False, None)
+    ]  # fmt: skip
+    assert rows[1]["evidence"] == "All were far off."
+    assert rows[1]["command"] == "verefine-viz view a/runs/000001_000002.vfrun"
+
+
+def test_the_same_runs_make_the_same_file(tmp_path: Path) -> None:
+    folder = sweep(tmp_path / "runs", ("rir", "sir"), 2, 5)
+    assert made(folder).read_bytes() == made(folder, "--workers", 1).read_bytes()
+
+
+def test_what_files_say_is_text(tmp_path: Path) -> None:
+    name = "</script><b>object</b>"
+    for method in ("rir", "sir"):
+        rows = [row(1, name=name, add_s_mm=40.0, cause="odd", evidence="<!--why")]
+        write_run(tmp_path / "runs" / method, rows, GONE | {"title": "<u>run</u>", "method": {"name": method}})
+    path = made(tmp_path / "runs")
+    html = path.read_text("utf-8")
+    assert not any(markup in html for markup in ("<b>object", "<!--why", "<u>run"))
+    assert section(path)["objects"][0]["name"] == name
+    assert report(path)["session_title"] == "<u>run</u>"
+
+
+def test_a_folder_of_runs_is_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = sweep(tmp_path / "runs", ("rir", "sir", "pir", "refine"), 3, 10)
+    (folder / "notes").mkdir()
+    run = folder / "pir-2" / "run.json"
+    run.write_text(json.dumps({**json.loads(run.read_text()), "status": "stopped"}))
+    path = made(folder)
+    said = capsys.readouterr().out
+    assert "pir, refine, rir and sir on all/test: 4 groups, 11 runs, 10 frames." in said
+    assert "1 of 12 runs left out" in said
+    assert report(path)["left_out"] == [["pir-2", "not finished (stopped)"]]
+    only = section(path)
+    assert [group["name"] for group in only["groups"]] == ["pir", "refine", "rir", "sir"]
+    assert only["best"] == 2
+    assert only["change"] is None
+    assert only["differing"] == [["method.name", ["pir", "refine", "rir", "sir"]]]
+    assert {r["group"] for r in messages(path)["answers"]["rows"]} == {"pir", "refine", "rir", "sir"}
+
+
+def test_several_scenes_stand_side_by_side(tmp_path: Path) -> None:
+    for name in ("mug", "duck"):
+        scene = {"scene": {"source": "bop", "dataset": f"/nowhere/{name}"}, "title": f"A {name}"}
+        for method in ("rir", "pir"):
+            rows = [row(0, scene_id=0, method=method, **({} if name == "mug" else WRONG))]
+            write_run(tmp_path / "runs" / f"{name}-{method}", rows, {**scene, "method": {"name": method}})
+    path = made(tmp_path / "runs", "--embed", 0, "--pictures", 0)
+    found = report(path)["sections"]
+    assert [(s["data"], s["session_title"]) for s in found] == [
+        ("duck/test", "A duck"),
+        ("mug/test", "A mug"),
+    ]
+    assert [[group["runs"] for group in s["groups"]] for s in found] == [
+        [["duck-pir"], ["duck-rir"]],
+        [["mug-pir"], ["mug-rir"]],
+    ]
+    assert [s["groups"][0]["numbers"]["recall"][0] for s in found] == [0.0, 100.0]
+    assert [s["change"]["both_wrong"] for s in found] == [1, 0]
+    assert len(messages(path)["answers"]["rows"]) == 4
+
+
+def test_two_runs_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    runs = [write_run(tmp_path / parent / "run", [row(1, add_s_mm=e)], GONE) for parent, e in (("a", 1.0), ("b", 40.0))]
+    path = made(*runs)
+    assert path.name == "report-against-run.html"
+    assert [[o["turned"] for o in section(path)["change"]["objects"]]] == [["wrong"]]
+    assert [r["run"] for r in messages(path)["answers"]["rows"]] == [str(run) for run in runs]
+    assert [r["compared"].partition(" ")[0] for r in messages(path)["answers"]["rows"]] == ["only", "only"]
+
+
+def test_where_the_runs_lie_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sweep(tmp_path / "runs" / "may", ("rir", "sir"), 1, 5)
+    made(tmp_path / "runs")
+    assert f"The runs in {tmp_path / 'runs/may'} (2 runs)." in capsys.readouterr().out
+    sweep(tmp_path / "runs" / "june", ("pir",), 1, 5)
+    assert f"name one of them: {tmp_path / 'runs/june'} (1 run: pir-0); " in refused(capsys, tmp_path / "runs")
+
+
+def test_without_ground_truth_it_says_so(tmp_path: Path) -> None:
+    rows = [row(k, has_truth=False, add_s_mm=None, score=0.1 * k) for k in (2, 1)]
+    for name in ("rir", "sir"):
+        write_run(tmp_path / "runs" / name, rows, GONE | {"method": {"name": name}})
+    only = section(made(tmp_path / "runs"))
+    assert not only["has_truth"]
+    assert only["change"] is None
+    assert all(group["curve"] is None for group in only["groups"])
+    assert only["bop"] == "BOP scores need ground truth, which this data does not have."
+
+
+def test_a_run_of_failed_frames_only_has_a_report(tmp_path: Path) -> None:
+    rows = [answer(scene_id=1, im_id=k, status="failed", message="no depth") for k in (1, 2)]
+    only = section(made(write_run(tmp_path / "a", rows, GONE)))
+    assert only["headline"] == "0 objects in 2 frames; 2 frames failed."
+    assert only["groups"][0]["numbers"] == {}
+
+
+def test_data_in_doubt_come_first_with_a_run_that_says_so(tmp_path: Path) -> None:
+    for name, evidence in (("rir-0", ""), ("sir-0", "Look at the data first: objects look small: check cam_K.")):
+        write_run(tmp_path / name, [row(1, evidence=evidence), row(2)], {**GONE, "method": {"name": name[:3]}})
+    said = "Look at the data first: in frame 1/1 of sir-0, objects look small: check cam_K."
+    assert section(made(tmp_path))["doubt"] == said
+
+
+def test_grasps_are_counted_by_how_they_end(tmp_path: Path) -> None:
+    ends = ("success", "slipped", "collided with a neighbour", "slipped")
+    rows = [row(k, grasp=end, grasp_ground_truth="success", add_s_mm=40.0) for k, end in enumerate(ends)]
+    path = tmp_path / "r.html"
+    write_report([write_run(tmp_path / "a", rows, GONE)], path)
+    (group,) = section(path)["groups"]
+    assert group["grasps"] == [["success", 1, 4], ["slipped", 2, 0], ["collided with a neighbour", 1, 0]]
+    assert group["numbers"]["lifted"][0] == 25.0
+    write_report([write_run(tmp_path / "b", [row(1)], GONE)], path)
+    assert section(path)["groups"][0]["grasps"] == []
+
+
+def test_a_large_run_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # The largest picture: noise is what compresses worst.
+    picture = np.random.default_rng(0).integers(0, 256, 20_000, np.uint8).tobytes()
+    monkeypatch.setattr(Painter, "__call__", lambda *_: picture)
+    sizes = []
+    for n in (50, 100):
+        errors = np.random.default_rng(0).gamma(1.0, 8.0, (n, 6))
+        rows = [row(k, i, add_s_mm=float(errors[k, i]), score=0.5) for k in range(n) for i in range(6)]
+        path = made(write_run(tmp_path / f"a{n}", rows, GONE), "--pictures", 100)
+        assert len(parts(path, "/thumb/")) == 100
+        shown = [r for r in messages(path)["answers"]["rows"] if r["thumb"]]
+        assert min(r["err"] for r in shown) >= np.sort(errors.ravel())[-100]
+        sizes.append(path.stat().st_size)
+    # Of 1000 frames with 6 objects each.
+    assert sizes[1] + 900 * (sizes[1] - sizes[0]) / 50 < 12e6
+
+
+@pytest.mark.usefixtures("processes")
+def test_with_its_data_a_report_has_pictures_bop_scores_and_what_went_wrong(tmp_path: Path) -> None:
+    session = resolve({})
+    instance = demo_problem("mug", session.scene, session.hypotheses).instances[0]
+    ids: dict[str, Any] = {"scene_id": 0, "obj_id": instance.obj_id}
+    found = {}
+    for name, off_m in (("right", 0.0), ("wrong", 0.3)):
+        T_cam_obj = np.array(instance.T_cam_obj_gt)
+        T_cam_obj[0, 3] += off_m
+        error = {"add_s_mm": 1e3 * off_m}
+        folder = write_run(tmp_path / name, [row(0, instance.instance_id, **ids, **error)], {"title": name}, T_cam_obj)
+        path = tmp_path / f"{name}.html"
+        assert write_report([folder], path).notes == ()
+        assert parts(path, "/thumb/") == ["0"]
+        assert section(path)["bop"].startswith("BOP scores over all instances that are at least 10 % visible")
+        found[name] = section(path)["groups"][0]["numbers"]["ar"][0]
+    assert found == {"right": 100.0, "wrong": 0.0}
+
+
+def test_no_answer_is_no_picture(tmp_path: Path) -> None:
+    path = made(write_run(tmp_path / "a", [row(1, **NO_ANSWER)], GONE))
+    assert [r["status"] for r in messages(path)["answers"]["rows"]] == ["no_answer"]
+    assert section(path)["groups"][0]["numbers"]["recall"][0] == 0.0

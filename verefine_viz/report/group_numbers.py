@@ -1,0 +1,289 @@
+"""The numbers of groups on the same data, side by side: all from the table of answers and the BOP scores."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from verefine_viz.batch.totals import misranked_share
+from verefine_viz.core.arrays import Float
+from verefine_viz.diagnosis.causes import cause_title
+from verefine_viz.methods.registry import method_of
+from verefine_viz.report.bootstrap import Cells, Draws, Spread, draws
+from verefine_viz.report.bop_recalls import BopRecalls
+from verefine_viz.report.groups import Group, Section, key
+from verefine_viz.run.record import Answer
+
+Json = dict[str, Any]
+FEWEST_SCENES = 8
+"""With at least so many scenes whole scenes are drawn, whose frames look alike; otherwise frames."""
+THRESHOLDS = np.linspace(0.0, 0.5, 101)
+"""Of the recall curve: ADD(-S) as a share of the diameter."""
+MOST_HARD = 40
+"""Objects that are listed as hard."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A number of a group."""
+
+    id: str
+    label: str
+    hint: str
+    unit: str
+    factor: float
+    digits: int
+    better: int
+    """1: more is better, −1: less, 0: neither."""
+    value: Callable[[Answer], float | None] = lambda row: None
+    """Of one answer; None where it is unknown. The number is its mean."""
+
+
+def _solved(name: str) -> Callable[[Answer], float | None]:
+    return lambda row: getattr(row, name) if row.status == "ok" else None
+
+
+COLUMNS = (
+    Column("recall", "right", "share of objects whose ADD(-S) is below 10 % of the diameter", "%", 100, 1, 1,
+           lambda row: float(row.is_correct is True) if row.can_be_right else None),
+    Column("ar", "BOP AR", "average recall over VSD, MSSD and MSPD, as in the BOP challenge", "%", 100, 1, 1),
+    Column("median_mm", "median ADD(-S)", "ADD, for symmetric objects ADD-S, of the objects with an answer", "mm", 1, 1,
+           -1),
+    Column("mean_mm", "mean ADD(-S)", "of the objects with an answer", "mm", 1, 1, -1, _solved("add_s_mm")),
+    Column("rotation_deg", "rotation", "mean error of the answers", "°", 1, 1, -1, lambda row: row.rotation_deg),
+    Column("translation_mm", "translation", "mean error of the answers", "mm", 1, 1, -1,
+           lambda row: row.translation_mm),
+    Column("lifted", "lifted", "share of answers by which a simulated grasp succeeds", "%", 100, 0, 1,
+           lambda row: float(row.grasp == "success") if row.grasp else None),
+    Column("score", "score", "mean of the answers", "", 1, 2, 0, _solved("score")),
+    Column("ms_per_frame", "time a frame", "computing time of the iterations for all objects of a frame, without "
+           "first scores; median", "ms", 1, 0, -1),
+    Column("calls", "refiner calls", "for one object, mean", "", 1, 1, 0,
+           lambda row: None if row.status != "ok" or method_of(row.method).has_tree else float(row.n_iterations)),
+)  # fmt: skip
+
+
+class Axes:
+    """What the objects of all groups are summed over: frames, or whole scenes, and object models."""
+
+    def __init__(self, groups: Sequence[Group], asked: Iterable[int] = ()) -> None:
+        """``asked``: object models that BOP scores are about, also where no answer is."""
+        rows = [row for group in groups for row in group.rows]
+        self.by_scene = len({row.scene_id for row in rows}) >= FEWEST_SCENES
+        self._units = {unit: k for k, unit in enumerate(dict.fromkeys(self._unit(row.frame) for row in rows))}
+        models = {row.obj_id or 0 for row in rows if row.is_object} | set(asked) or {0}
+        self.models = {obj_id: k for k, obj_id in enumerate(sorted(models))}
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return len(self._units), len(self.models)
+
+    def unit(self, frame: str) -> int:
+        """Where a frame is in cells."""
+        return self._units[self._unit(frame)]
+
+    def place(self, row: Answer) -> tuple[int, int]:
+        """Where an object is in cells."""
+        return self.unit(row.frame), self.models[row.obj_id or 0]
+
+    def cells(self, rows: Iterable[Answer], value: Callable[[Answer], float | None]) -> Cells:
+        """Sums of what is known of some objects."""
+        total, n = np.zeros(self.shape), np.zeros(self.shape)
+        for row in rows:
+            known = value(row)
+            if known is not None:
+                total[self.place(row)] += known
+                n[self.place(row)] += 1
+        return Cells(total, n)
+
+    def _unit(self, frame: str) -> str:
+        return frame.partition("/")[0] if self.by_scene else frame
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """One group in numbers."""
+
+    group: Group
+    numbers: dict[str, Spread]
+    """By :data:`COLUMNS`, as far as they are known."""
+    behind: Spread | None
+    """Recall less that of the best group, over the objects of both; None of the best itself."""
+    curve: tuple[Float, tuple[Float, Float] | None] | None
+    """Recall over :data:`THRESHOLDS`, and its 95 % interval."""
+    recall: Cells
+    ar: Cells
+
+    @property
+    def name(self) -> str:
+        return self.group.name
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """All groups of a section."""
+
+    section: Section
+    lines: tuple[Line, ...]
+    """In the order of the groups."""
+    best: Line
+    axes: Axes
+
+    @property
+    def has_truth(self) -> bool:
+        return any("recall" in line.numbers for line in self.lines)
+
+
+def compare(section: Section, bop: BopRecalls) -> Comparison:
+    """The groups of a section, each as a whole, and all against the best one."""
+    axes = Axes(section.groups, (obj_id for _, _, obj_id in bop.by_place))
+    drawn = draws(*axes.shape)
+    recalls = [axes.cells(group.objects, COLUMNS[0].value) for group in section.groups]
+    errors = [axes.cells(group.objects, _solved("add_s_mm")).mean for group in section.groups]
+    ranks = [(-1.0 if r.mean is None else r.mean, -np.inf if e is None else -e)
+             for r, e in zip(recalls, errors, strict=True)]  # fmt: skip
+    best = ranks.index(max(ranks))
+    lines = tuple(
+        _line(group, axes, drawn, recalls[k], None if k == best else recalls[best], _ar(group, axes, bop))
+        for k, group in enumerate(section.groups)
+    )
+    return Comparison(section, lines, lines[best], axes)
+
+
+def _line(group: Group, axes: Axes, drawn: Draws, recall: Cells, best: Cells | None, ar: Cells) -> Line:
+    objects = group.objects
+    errors = [(row.add_s_mm, *axes.place(row)) for row in objects if row.status == "ok" and row.add_s_mm is not None]
+    values, units, models = np.array(errors).reshape(-1, 3).T
+    frame_ms = _frame_ms(group, axes)
+    numbers = {column.id: drawn.mean(axes.cells(objects, column.value)) for column in COLUMNS}
+    numbers["ar"] = drawn.mean(ar)
+    numbers["median_mm"] = drawn.median(values, units.astype(int), models.astype(int))
+    numbers["ms_per_frame"] = drawn.median(frame_ms[:, 0], frame_ms[:, 1].astype(int), None)
+    hits = _hits(group.with_truth, axes)
+    curve = (hits.sum(axis=(0, 1)) / recall.n.sum(), drawn.band(hits, recall.n)) if recall.n.any() else None
+    behind = None if best is None else drawn.difference(recall, best)
+    return Line(group, {name: one for name, one in numbers.items() if one is not None}, behind, curve, recall, ar)
+
+
+def _ar(group: Group, axes: Axes, bop: BopRecalls) -> Cells:
+    total, n = np.zeros(axes.shape), np.zeros(axes.shape)
+    folders = {run.folder for run in group.runs}
+    for (folder, frame, obj_id), (n_targets, ar) in bop.by_place.items():
+        if folder in folders:
+            place = axes.unit(frame), axes.models[obj_id]
+            total[place] += n_targets * ar
+            n[place] += n_targets
+    return Cells(total, n)
+
+
+def _frame_ms(group: Group, axes: Axes) -> Float:
+    """(N, 2) computing time of the iterations of each frame of each run [ms], and where the frame is in cells."""
+    times: dict[tuple[int, str], tuple[float, int]] = {}
+    for k, run in enumerate(group.runs):
+        for row in run.rows:
+            if row.status != "failed":
+                ms, _ = times.get((k, row.frame), (0.0, 0))
+                times[k, row.frame] = ms + row.ms_total, axes.unit(row.frame)
+    return np.array(list(times.values())).reshape(-1, 2)
+
+
+def _hits(rows: Sequence[Answer], axes: Axes) -> Float:
+    """(U, M, T) objects below each of the thresholds; without an answer an object is below none."""
+    hits = np.zeros((*axes.shape, len(THRESHOLDS)))
+    for row in rows:
+        if row.relative_error is not None:
+            # An error counts from the first threshold above it on.
+            hits[axes.place(row)][np.searchsorted(THRESHOLDS, row.relative_error, side="right") :] += 1
+    return hits
+
+
+def stage_times(group: Group) -> dict[str, float]:
+    """Milliseconds a frame by stage, in the order of a frame's life, the mean of the runs; empty = unknown.
+
+    The iterations are split up into the parts that the rows have: refining, simulating, scoring.
+    """
+    times = list[dict[str, float]]()
+    for run in group.runs:
+        n = len({row.frame for row in run.rows if row.status != "failed"})
+        if not n:
+            continue
+        stages = dict(run.run.totals.mean_stages_ms_per_frame)
+        refine, simulate, score, total = (
+            sum(getattr(row, f"ms_{part}") for row in run.rows) / n for part in ("refine", "simulate", "score", "total")
+        )
+        rest = max(stages.pop("iterate", total) - refine - simulate - score, 0.0)
+        first = {name: stages.pop(name) for name in ("read", "prepare", "start") if name in stages}
+        times.append({**first, "refine": refine, "simulate": simulate, "score": score, "rest": rest, **stages})
+    names = dict.fromkeys(name for mine in times for name in mine)
+    return {name: float(np.mean([mine.get(name, 0.0) for mine in times])) for name in names}
+
+
+def cause_counts(group: Group) -> Counter[str]:
+    """Failures by cause, "" of those that are not explained; of none where there is no ground truth."""
+    return Counter(cause_title(row.cause) for row in group.failures) if group.with_truth else Counter()
+
+
+def object_numbers(comparison: Comparison) -> list[Json]:
+    """Each object model: its numbers in each group, None where a group does not have it."""
+    rows = list[Json]()
+    for obj_id, place in comparison.axes.models.items():
+        cells = [_object_cell(line, obj_id, place) for line in comparison.lines]
+        name = next((r.name for line in comparison.lines for r in line.group.objects if (r.obj_id or 0) == obj_id), "")
+        if any(cells):
+            rows.append({"id": obj_id, "name": name, "cells": cells})
+    return rows
+
+
+def _object_cell(line: Line, obj_id: int, place: int) -> Json | None:
+    mine = [row for row in line.group.objects if (row.obj_id or 0) == obj_id]
+    errors = [row.add_s_mm for row in mine if row.status == "ok" and row.add_s_mm is not None]
+    scores = [row.score for row in mine if row.status == "ok" and row.score is not None]
+    causes = Counter(row.cause for row in mine if row.cause)
+
+    def share(cells: Cells) -> float | None:
+        n = cells.n[:, place].sum()
+        return round(float(100 * cells.total[:, place].sum() / n), 2) if n else None
+
+    return {
+        "n": len(mine),
+        "right": share(line.recall),
+        "ar": share(line.ar),
+        "median_mm": round(float(np.median(errors)), 2) if errors else None,
+        "score": round(float(np.mean(scores)), 3) if scores else None,
+        "cause": cause_title(causes.most_common(1)[0][0]) if causes else "",
+    } if mine else None  # fmt: skip
+
+
+def hardest(section: Section) -> list[Json]:
+    """Objects of a frame that most groups get wrong with most seeds, the hardest first; ``row``: the worst answer."""
+    by_object: dict[Any, dict[str, list[Answer]]] = {}
+    for group in section.groups:
+        for row in group.with_truth:
+            by_object.setdefault(key(row), {}).setdefault(group.name, []).append(row)
+    hard = list[Json]()
+    for by_group in by_object.values():
+        rows = [row for mine in by_group.values() for row in mine]
+        right = {name: sum(row.is_correct is True for row in mine) for name, mine in by_group.items()}
+        n_wrong = sum(2 * right[name] < len(mine) for name, mine in by_group.items())
+        if 2 * n_wrong > len(by_group):
+            best = max(by_group, key=lambda name: right[name] / len(by_group[name]))
+            causes = Counter(row.cause for row in rows if row.cause)
+            worst = max(rows, key=lambda row: np.inf if row.relative_error is None else row.relative_error)
+            hard.append({
+                "row": worst, "frame": worst.frame, "name": worst.name,
+                "wrong_groups": n_wrong, "groups": len(by_group),
+                "right": sum(right.values()), "n": len(rows),
+                "best": [best, right[best], len(by_group[best])] if right[best] else None,
+                "cause": cause_title(causes.most_common(1)[0][0]) if causes else "",
+            })  # fmt: skip
+    return sorted(hard, key=lambda one: (-one["wrong_groups"], one["right"] / one["n"], one["frame"]))
+
+
+def score_misleads(group: Group) -> float | None:
+    """Of all pairs of a wrong and a right answer, the share in which the wrong one scores higher."""
+    share = misranked_share(group.objects)
+    return None if share is None else round(share, 4)

@@ -1,0 +1,122 @@
+"""Two runs, object by object: which got better, which got worse."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from verefine_viz.report.groups import Group, key
+from verefine_viz.run.record import Answer
+
+Json = dict[str, Any]
+SAME = 0.005
+"""Errors that differ by less than this share of the diameter count as the same."""
+MOST_ROWS = 1000
+"""Objects and frames that are listed, those that changed most; more are in frames.csv."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """One object of one frame in both runs."""
+
+    a: Answer
+    b: Answer
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """As shares of the diameter; infinite without an answer."""
+        return error_or_infinite(self.a), error_or_infinite(self.b)
+
+    @property
+    def by(self) -> float:
+        """Error of B less that of A, as a share of the diameter: negative where B is better."""
+        a, b = self.errors
+        if math.isinf(a) or math.isinf(b):
+            return 0.0 if a == b else math.copysign(math.inf, b - a)
+        return b - a
+
+    @property
+    def turned(self) -> str:
+        """Whether it became right or wrong; "" where it stayed what it was."""
+        before, after = self.a.is_correct is True, self.b.is_correct is True
+        return "" if before == after else ("right" if after else "wrong")
+
+
+def error_or_infinite(row: Answer) -> float:
+    """ADD(-S) of the answer as a share of the diameter; infinite where there is no answer or no ground truth."""
+    return math.inf if row.relative_error is None else row.relative_error
+
+
+def changes_of(a: Group, b: Group) -> list[Change]:
+    """The objects with ground truth that both groups are about, the most improved first."""
+    of_b = {key(row): row for row in b.objects}
+    with_truth = {key(row) for row in (*a.with_truth, *b.with_truth)}
+    both = [Change(row, of_b[key(row)]) for row in a.objects if key(row) in of_b and key(row) in with_truth]
+    return sorted(both, key=lambda change: (change.by, change.a.frame))
+
+
+def difference(a: Group, b: Group, keys: Mapping[int, int]) -> Json:
+    """What changed from A to B.
+
+    Args:
+        a: one run.
+        b: another one.
+        keys: id of an answer → its key in the gallery.
+    """
+    changes = changes_of(a, b)
+    shown = changes if len(changes) <= MOST_ROWS else [*changes[: MOST_ROWS // 2], *changes[-MOST_ROWS // 2 :]]
+    of_a, of_b = ({key(row) for row in group.objects} for group in (a, b))
+    return {
+        "n": len(changes),
+        "better": sum(change.by < -SAME for change in changes),
+        "worse": sum(change.by > SAME for change in changes),
+        "now_right": sum(change.turned == "right" for change in changes),
+        "now_wrong": sum(change.turned == "wrong" for change in changes),
+        "both_wrong": sum(not change.a.is_correct and not change.b.is_correct for change in changes),
+        "only": [len(of_a - of_b), len(of_b - of_a)],
+        "same": 100 * SAME,
+        "objects": [
+            {
+                "frame": change.a.frame, "name": change.a.name, "turned": change.turned,
+                "errors": [_percent(error) for error in change.errors], "by": _percent(change.by),
+                "keys": [keys[id(change.a)], keys[id(change.b)]],
+            }
+            for change in shown
+        ],
+        "frames": _frames(changes)[:MOST_ROWS],
+    }  # fmt: skip
+
+
+def wrong_in(a: Group, b: Group) -> dict[int, str]:
+    """Which of two runs got an object wrong, in words, by the id of its answers."""
+    of_a, of_b = ({key(row) for row in group.failures} for group in (a, b))
+    words = {(True, True): "both wrong", (True, False): f"only {a.name} wrong", (False, True): f"only {b.name} wrong"}
+    return {
+        id(row): words[key(row) in of_a, key(row) in of_b]
+        for row in (*a.objects, *b.objects)
+        if key(row) in of_a or key(row) in of_b
+    }
+
+
+def _frames(changes: Sequence[Change]) -> list[Json]:
+    """Both runs frame by frame, the most improved first; errors are means over objects that both have an answer for."""
+    by_frame: dict[str, list[Change]] = {}
+    for change in changes:
+        by_frame.setdefault(change.a.frame, []).append(change)
+    frames = list[tuple[float, Json]]()
+    for frame, mine in by_frame.items():
+        both = [change.errors for change in mine if all(map(math.isfinite, change.errors))]
+        a, b = np.mean(both, axis=0).tolist() if both else (math.nan, math.nan)
+        right = [sum(row.is_correct is True for row in rows) for rows in zip(*((c.a, c.b) for c in mine), strict=True)]
+        by = 0.0 if math.isnan(b - a) else b - a
+        frames.append((by, {"frame": frame, "n": len(mine), "errors": [_percent(a), _percent(b)], "right": right}))
+    return [frame for _, frame in sorted(frames, key=lambda one: (one[0], one[1]["frame"]))]
+
+
+def _percent(share: float) -> float | None:
+    """Of the diameter; None without an answer."""
+    return round(100 * share, 3) if math.isfinite(share) else None
