@@ -28,7 +28,7 @@ function Page() {
     gridTemplateColumns: `${fr(size.image)} 1px ${fr(1 - size.image)} 1px minmax(0, ${100 * size.inspector}vw)`,
     gridTemplateRows: `auto ${fr(1 - size.maps - size.timeline)} 1px ${fr(size.maps)} 1px ${fr(size.timeline)} auto`,
   };
-  const classes = `page ${gallery ? "shows-gallery" : full ? `full full-${full}` : ""}`;
+  const classes = `page ${gallery ? `shows-gallery ${frame ? "" : "alone"}` : full ? `full full-${full}` : ""}`;
   // The 3D pane stays where it is in every layout: taken out, it would be loaded again.
   return html`<div class=${classes} style=${grid}>
     <${Verdict} />
