@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from tests.made_up_frames import SETTINGS, Thing, frame_of, model, standing
-from verefine_viz.calibration.camera_check import depth_notes, ground_truth_notes, outline_fits, verdict
+from verefine_viz.calibration.camera_check import depth_notes, outline_fits, verdict
+from verefine_viz.calibration.plausibility import doubts
 from verefine_viz.calibration.registration import FEWEST, colour_fits, registration_notes
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
@@ -32,8 +33,7 @@ from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.demo import demo_frames, demo_names, demo_problem
 from verefine_viz.scenes.demo_layout import Viewpoint
-from verefine_viz.scenes.hypothesis_pool import ResultsFile, perturbed
-from verefine_viz.scenes.instance_notes import unit_notes
+from verefine_viz.scenes.hypothesis_pool import perturbed
 from verefine_viz.scenes.source import open_scene
 
 Fault = Callable[[Problem], Problem]
@@ -183,8 +183,8 @@ def has_cause(*causes: str) -> Check:
 
 
 def is_elsewhere(p: Problem) -> bool:
-    """Whether depth lies nowhere near the ground-truth poses."""
-    return bool(ground_truth_notes(p.instances, p.models, Path(), False))
+    """Whether depth does not lie at the ground-truth poses."""
+    return bool(doubts(p))
 
 
 def is_not_registered(p: Problem) -> bool:
@@ -203,8 +203,8 @@ def has_prints(p: Problem) -> bool:
 
 
 def is_in_centimetres(p: Problem) -> bool:
-    """Whether a results file is said to be in centimetres."""
-    return bool(unit_notes((ResultsFile("est.csv", "est", {}),), p.instances))
+    """Whether translations of initial poses are doubted."""
+    return any("translations" in doubt for doubt in doubts(p))
 
 
 def is_far_from_initial_poses(p: Problem) -> bool:

@@ -43,6 +43,13 @@ TRUE: dict[bytes, Float] = {}
 """By the points of an instance, where it is: the fakes go by that, and the frames below lack it or have it wrong."""
 
 
+@pytest.fixture(autouse=True)
+def trusted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The ground truth of some frames below is wrong on purpose."""
+    monkeypatch.setattr("verefine_viz.calibration.plausibility.data_doubts", lambda problem: ())
+    monkeypatch.setattr("verefine_viz.diagnosis.data_doubts.doubts", lambda problem: ())
+
+
 def at_truth(target: Target) -> Target:
     T_gt = TRUE[target.instance.points_cam.tobytes()]
     return replace(target, instance=replace(target.instance, T_cam_obj_gt=T_gt))

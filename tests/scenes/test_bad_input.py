@@ -206,10 +206,6 @@ NOTED: dict[str, tuple[Spoil, str]] = {
         truth(cam_R_m2c=[1, 0, 0, 0, 1, 0, 0, 0, -1]),
         "the pose is not rigid: det(R) = -1.000",
     ),
-    "pose behind the camera": (
-        truth(cam_t_m2c=[0, 0, 0]),
-        "obj_000005 (#1): its ground truth lies behind the camera",
-    ),
     "pose out of reach": (
         truth(cam_t_m2c=[0, 0, 1e30]),
         "entry 1: 'cam_t_m2c' is 1e+27 m away, expected at most 100 m; is it in millimetres?",

@@ -9,10 +9,9 @@ bad mask or a poor estimate is off alone; so objects are taken together. Measure
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,7 @@ from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import apply, inverse
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.problem import Instance, Problem
+from verefine_viz.core.problem import Problem
 
 MOST, SMALLEST_PX = 6, 24
 """Objects of a frame that are compared, the largest first, and the smallest (square root of the mask's area)."""
@@ -37,9 +36,8 @@ MASK_PX, PLAIN_PX = 4, 2
 """All masks may be too wide by less on each side; and what explains places better by less is no better [px]."""
 BESIDE, LITTLE = 0.015, 0.25
 """Least displacement (share of the image's width), and least share of its larger side at which the other is named."""
-FAR, FEW = 0.25, 3
-"""Depth further from a model (share of its diameter; at ground truth of YCB-V it lies within 0.03) does not show it; of
-fewer objects chance, or one wrong detection, may look like a rule."""
+FEW = 3
+"""Of fewer objects chance may look like a rule."""
 OFF_DEPTH, OTHER_UNIT = 0.05, 5.0
 """Estimators' own distances may all be off by this share; what is off by a larger factor is of another unit."""
 IN_ORDER = "objects appear as large as their models in their ground-truth poses"
@@ -209,24 +207,6 @@ def depth_notes(problem: Problem) -> tuple[str, ...]:
         f"measured depth is {_percent(ratio)} {'larger' if ratio > 1 else 'smaller'} than the initial poses say: check "
         f"depth_scale in scene_camera.json ({_fitting(1 / ratio)}), and that cam_K is that of the camera the poses "
         "were estimated for",
-    )
-
-
-def ground_truth_notes(
-    instances: Sequence[Instance], models: Mapping[int, ObjectModel], dataset: Path, are_detected: bool
-) -> tuple[str, ...]:
-    """A note where the depth of a frame's objects lies nowhere near their ground-truth poses.
-
-    The folder ``dataset`` is for the advice; masks that ``are_detected`` may each be of something else.
-    """
-    known = [(i, i.T_cam_obj_gt) for i in instances if i.T_cam_obj_gt is not None and len(i.points_cam)]
-    off = [distance(i.points_cam, models[i.obj_id], T) for i, T in known]
-    if len(off) < (FEW if are_detected else 1) or np.median(off) < FAR:
-        return ()
-    return (
-        "depth in the objects' masks lies nowhere near their ground-truth poses: intrinsics, depth_scale and the units "
-        "of models and ground truth do not belong together, so scores or errors are wrong; "
-        f"`verefine-viz datasets check {dataset}` shows more",
     )
 
 

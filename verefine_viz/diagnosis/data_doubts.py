@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from verefine_viz.calibration.camera_check import depth_notes, distance
+from verefine_viz.calibration.plausibility import doubts
 from verefine_viz.calibration.registration import registration_notes
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply
@@ -31,18 +32,20 @@ walls in them 24-37 %, the board beside the box of the built-in failure 23 %."""
 
 
 def answer_doubts(problem: Problem, poses: Sequence[Float | None], colour_weight: float = 0.0) -> tuple[str, ...]:
-    """What is in doubt; of depth and plane nothing where there is ground truth, which shows more.
+    """What is in doubt: units and conventions; depth and plane only without ground truth, which shows more.
 
     Args:
         problem: the frame.
         poses: T_cam_obj (4, 4) that answers each target, None where there is none, as before a run.
         colour_weight: of the score; with 0 it does not matter where the colour image lies.
     """
+    if of_units := doubts(problem):
+        return of_units
     at_gt = [i.T_cam_obj_gt for i in problem.instances]
     has_gt = any(T is not None for T in at_gt)
-    doubts = () if has_gt else depth_notes(problem) or plane_notes(problem, poses)
-    if doubts or colour_weight == 0:
-        return doubts
+    of_depth = () if has_gt else depth_notes(problem) or plane_notes(problem, poses)
+    if of_depth or colour_weight == 0:
+        return of_depth
     return registration_notes(problem, at_gt if has_gt else poses)
 
 

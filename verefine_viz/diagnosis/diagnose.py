@@ -12,7 +12,7 @@ from dataclasses import replace
 from itertools import takewhile
 from time import perf_counter
 
-from verefine_viz.calibration.camera_check import camera_notes
+from verefine_viz.calibration.plausibility import data_doubts
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Best, PlacedPose
 from verefine_viz.diagnosis.ambiguity import ambiguous
@@ -72,8 +72,8 @@ def diagnose(
     diagnoses = [diagnosed(case, every_cause) for case in failed_cases(run, toolbox, threshold)]
     if not diagnoses:
         return ()
-    # A wrong camera changes all objects.
-    doubts = camera_notes(run.problem)
+    # A wrong camera or unit changes all objects.
+    doubts = data_doubts(run.problem)
     notes = "".join(f" {DATA_FIRST} {doubt}." for doubt in doubts)
     return tuple(
         replace(one, findings=(replace(one.main, text=one.main.text + notes), *one.findings[1:]), doubts=doubts)

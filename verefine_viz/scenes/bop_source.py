@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from verefine_viz.calibration.camera_check import ground_truth_notes
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.model import ObjectModel
@@ -24,7 +23,7 @@ from verefine_viz.scenes.hypothesis_pool import (
     pools_of_frame,
     results_of,
 )
-from verefine_viz.scenes.instance_notes import instance_notes, unit_notes
+from verefine_viz.scenes.instance_notes import instance_notes
 from verefine_viz.scenes.segments import (
     Segment,
     Segments,
@@ -125,8 +124,6 @@ class BopSource:
                 *up_notes,
                 *notes,
                 *model_notes,
-                *ground_truth_notes(instances, models, self._dataset.folder, self._detections is not None),
-                *unit_notes(self._results, instances),
                 *instance_notes(ids, instances, models, self._hypotheses.source, self._results),
             ),
             left_out=self._asked_for(of_frame.left_out) + without_model,

@@ -1,4 +1,4 @@
-"""Notes about single objects of a data set's frame, and about results files by the depth of its objects."""
+"""Notes about single objects of a data set's frame."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from verefine_viz.core.geometry import FARTHEST_M, distance_m
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.problem import Hypothesis, Instance
+from verefine_viz.core.problem import Instance
 from verefine_viz.core.text_format import listed
 from verefine_viz.scenes.frames import FrameIds
 from verefine_viz.scenes.hypothesis_pool import ResultsFile
@@ -18,8 +18,6 @@ from verefine_viz.scenes.segments import FEWEST_MASK_PX
 FAR = 2.5
 """Initial poses that are so many times as far away as the depth in their mask get a note. Estimates are wrong at times,
 but the worst of 36 real ones (YCB-V, four methods) lay at 1.16 times the depth."""
-TENFOLD = (5, 20)
-"""So many times further than its pose lies depth, where t is in centimetres: 10, give or take the object's size."""
 _FAR_FROM_DEPTH = "far from the depth inside its mask"
 
 
@@ -81,27 +79,6 @@ def within_reach(instance: Instance, model: ObjectModel) -> tuple[Instance, tupl
     return replace(instance, hypotheses=left), (note,)
 
 
-def unit_notes(files: Sequence[ResultsFile], instances: Sequence[Instance]) -> tuple[str, ...]:
-    """Which of ``files`` seem to give translations in centimetres, by the depth of a frame's ``instances``."""
-    notes: list[str] = []
-    for file in files:
-        first = [(i, next((h for h in i.hypotheses if h.source == file.method), None)) for i in instances]
-        posed = [(i, h) for i, h in first if h is not None and len(i.points_cam)]
-        if posed and all(_is_tenfold(i, h) for i, h in posed):
-            notes.append(
-                f"{file.name}: every pose lies at about a tenth of the depth in its object's mask, so t looks like "
-                "centimetres; BOP wants millimetres: multiply t by 10 (or depth_scale is 10 times too large)"
-            )
-    return tuple(notes)
-
-
-def _is_tenfold(instance: Instance, hypothesis: Hypothesis) -> bool:
-    """Whether a pose lies at a tenth of the depth of its object, and of its true depth where that is known."""
-    z_m, T_gt = float(hypothesis.T_cam_obj[2, 3]), instance.T_cam_obj_gt
-    known_m = [float(np.median(instance.points_cam[:, 2]))] + ([] if T_gt is None else [float(T_gt[2, 3])])
-    return all(TENFOLD[0] * z_m < known < TENFOLD[1] * z_m for known in known_m)
-
-
 def without(instance: Instance, model: ObjectModel) -> str:
     """How the note of an instance without hypotheses begins; the reason follows."""
     return f"{_name(instance, model)} has no hypothesis: "
@@ -130,7 +107,7 @@ def _why_none(ids: FrameIds, instance: Instance, instances: Sequence[Instance], 
 
 
 def _elsewhere(instance: Instance, seen_m: float, diameter_m: float) -> Iterator[str]:
-    """Sentences about initial poses, and ground truth, that are not where the depth inside the mask (``seen_m``) is."""
+    """A sentence about initial poses that are not where the depth inside the mask (``seen_m``) is."""
     away_m = [float(h.T_cam_obj[2, 3]) for h in instance.hypotheses]
     far = [k for k, z_m in enumerate(away_m) if z_m <= 0 or z_m > max(FAR * seen_m, seen_m + diameter_m)]
     if far:
@@ -138,13 +115,3 @@ def _elsewhere(instance: Instance, seen_m: float, diameter_m: float) -> Iterator
         n = f"{len(far)} of its {len(away_m)} poses lie{'s' * (len(far) == 1)}" if len(away_m) > 1 else "its pose lies"
         such = f"{'such as ' * (len(far) > 1)}{whose}'s " + (f"at {z_m:.3g} m" if z_m > 0 else "behind the camera")
         yield f"{n} {_FAR_FROM_DEPTH} ({seen_m:.3g} m), {such}"
-    if instance.T_cam_obj_gt is None:
-        return
-    gt_m = float(instance.T_cam_obj_gt[2, 3])
-    if gt_m <= 0:
-        yield f"its ground truth lies behind the camera ({gt_m:.3g} m)"
-    elif not 0.5 < seen_m / gt_m < 2 and abs(seen_m - gt_m) > diameter_m:
-        yield (
-            f"depth inside its mask is {seen_m:.3g} m, its ground truth says {gt_m:.3g} m; "
-            "check 'depth_scale' in scene_camera.json, and that 'cam_t_m2c' in scene_gt.json is in millimetres"
-        )
