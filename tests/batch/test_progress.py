@@ -240,17 +240,24 @@ def test_the_bar_leaves_room_for_a_typed_ctrl_c(width: int) -> None:
     assert " 7/300 " in bars[-1]
 
 
-def test_ctrl_c_says_how_far_it_came() -> None:
+@pytest.mark.parametrize(
+    ("counts", "said"),
+    [
+        (Counts(), ""),
+        (counted(), "run: stopped after 5 of 100 frames, recall 50%, 1 failed; the same command goes on\n"),
+    ],
+)
+def test_ctrl_c_says_how_far_it_came(counts: Counts, said: str) -> None:
     text = io.StringIO()
 
     def stopped() -> None:
         with BatchProgress(Console(file=text, width=200)).run("run") as report:
-            report(Progress(counted(), 100))
+            report(Progress(counts, 100))
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         stopped()
-    assert text.getvalue() == "run: stopped after 5 of 100 frames, recall 50%, 1 failed; the same command goes on\n"
+    assert text.getvalue() == said
 
 
 def wait_for(condition: Callable[[], bool]) -> None:

@@ -69,9 +69,10 @@ class BatchProgress:
                 yield report
             except KeyboardInterrupt:
                 bar.stop()
-                so_far = f"stopped after {self._n_done} of {'?' if self._total is None else self._total} frames"
-                parts = (f"{self._title}: {so_far}", self._recall(), self._failed())
-                self._print(f"{', '.join(part for part in parts if part)}; the same command goes on")
+                if self._n_done:
+                    so_far = f"{self._title}: stopped after {self._n_done} of {self._total} frames"
+                    parts = ", ".join(part for part in (so_far, self._recall(), self._failed()) if part)
+                    self._print(f"{parts}; the same command goes on")
                 raise
         self._n_before += 0 if self._now is None else self._now.n_frames
 
