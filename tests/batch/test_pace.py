@@ -6,11 +6,17 @@ import heapq
 import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
+from tests.batch.at_once import AtOnceBackend
+from tests.batch.conftest import N_FRAMES
+from verefine_viz.batch import run_batch as run_batch_module
 from verefine_viz.batch.pace import Pace
+from verefine_viz.batch.run_batch import run_batch
 from verefine_viz.run.record import RunEnd
+from verefine_viz.run.session_file import load_session
 
 FACTOR = 1.5
 EVERY_S = 0.3
@@ -173,3 +179,14 @@ def test_nothing_is_known_before_the_first_result() -> None:
     assert (pace.left_s(3, 5.0), pace.frame_s) == (None, None)
     pace.end("0/0", 6.0)
     assert (pace.left_s(2, 6.0), pace.frame_s) == (12.0, 6.0)
+
+
+def test_a_batch_counts_the_objects_of_its_frames(
+    session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected: list[Mapping[str, int]] = []
+    monkeypatch.setattr(Pace, "expect", lambda self, n_objects: expected.append(n_objects))
+    run_batch(load_session(session), tmp_path, AtOnceBackend())
+    monkeypatch.setattr(run_batch_module, "COUNT_S", -1.0)
+    run_batch(load_session(session), tmp_path / "late", AtOnceBackend())
+    assert expected == [{f"7/{k}": 3 for k in range(N_FRAMES)}, {}]

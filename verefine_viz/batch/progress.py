@@ -50,7 +50,7 @@ class BatchProgress:
         """A run with the callback that it reports to."""
         self._title, self._now = title, None
         colour = _bar()
-        live = _Live(self._rate, 14), _Live(self._left, 9), _Live(self._recall, 11), _Live(self._failed, 0, FAILING)
+        live = _Words(self._rate, 14), _Words(self._left, 9), _Words(self._recall, 11), _Words(self._failed, 0, FAILING)
         with _live(self._console, (*_counted(self._console, colour), *live)) as bar:
             row = bar.add_task(escape(title), total=self._n_frames, completed=self._n_before)
 
@@ -137,7 +137,7 @@ def counted_bar(what: str) -> Iterator[Callable[[str, int, int], None]]:
             part for part in (f"{what}: {n_done}/{n_all}" if n_all else f"{what}: starting", left()) if part
         )
 
-    with _printed_now_and_then(console, in_words), _live(console, (*_counted(console, _bar()), _Live(left, 9))) as bar:
+    with _printed_now_and_then(console, in_words), _live(console, (*_counted(console, _bar()), _Words(left, 9))) as bar:
         row = bar.add_task(escape(what), total=None)
 
         def report(now: str, done: int, total: int) -> None:
@@ -168,7 +168,7 @@ def two_digits(seconds: float) -> str:
     return f"{seconds:.{min(max(digits, 0), 3)}f}"
 
 
-class _Live(ProgressColumn):
+class _Words(ProgressColumn):
     """What a function returns at each refresh, also between two reports."""
 
     def __init__(self, words: Callable[[], str], width: int, style: str = "") -> None:
