@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.made_runs import answer, finished, written
+from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.run_batch import Backend, Workers
 from verefine_viz.batch.runs import file_stem
 from verefine_viz.batch.worker_process import TaskName
@@ -44,7 +45,7 @@ class AtOnce:
     out: Path = Path()
     """Folder of the batch."""
 
-    def solve(self, frames: Iterable[str]) -> Iterator[RunRecord | str | None]:
+    def solve(self, frames: Iterable[str], pace: Pace) -> Iterator[RunRecord | str | None]:
         return map(self.done, frames)
 
     def done(self, frame: str) -> RunRecord | str | None:

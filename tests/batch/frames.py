@@ -12,12 +12,14 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from itertools import pairwise
 from pathlib import Path
+from time import monotonic
 
 import pytest
 
 from tests.scenes.bop_folder import Made, make
 from verefine_viz import cli
 from verefine_viz.batch import batch_command, worker_pool
+from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.solve_frame import TASKS
 from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.settings import Session
@@ -88,9 +90,12 @@ class PoolHere:
     def switch_to(self, session: Session, out: Path) -> None:
         self._toolbox, self._out = Toolbox(session), out
 
-    def solve(self, frames: Iterable[str]) -> Iterator[RunRecord]:
+    def solve(self, frames: Iterable[str], pace: Pace) -> Iterator[RunRecord]:
         for frame in frames:
-            yield self._task(self._toolbox, frame, self._out)
+            pace.begin(frame, monotonic())
+            record = self._task(self._toolbox, frame, self._out)
+            pace.end(frame, monotonic(), record.end)
+            yield record
 
     def close(self) -> None:
         """Has nothing to end."""

@@ -27,6 +27,7 @@ from tests.batch.outputs import done, stop_in_the_middle
 from verefine_viz import cli
 from verefine_viz.batch import run_batch as runner
 from verefine_viz.batch import worker_pool as pool
+from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.run_batch import run_batch as run_here
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
@@ -54,7 +55,7 @@ def said(capsys: pytest.CaptureFixture[str]) -> str:
 class Answering(PoolHere):
     """Has an answer for every frame at once."""
 
-    def solve(self, frames: Iterable[str]) -> Iterator[RunRecord]:
+    def solve(self, frames: Iterable[str], pace: Pace) -> Iterator[RunRecord]:
         return (answering.answered(self._toolbox.session, frame, self._out) for frame in frames)
 
 

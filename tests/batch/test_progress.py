@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -13,11 +14,13 @@ from rich.console import Console
 from tests.made_runs import answer, finished
 from verefine_viz.batch import progress
 from verefine_viz.batch.batch_command import in_short
-from verefine_viz.batch.progress import in_words, shown_progress
+from verefine_viz.batch.pace import Pace
+from verefine_viz.batch.progress import BatchProgress, counted_bar, two_digits
 from verefine_viz.batch.run_batch import Outcome, Progress
 from verefine_viz.batch.totals import Counts, Totals
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
+from verefine_viz.run.kernel_compilation import COMPILING
 from verefine_viz.run.record import RunEnd, RunRecord, failed_run
 
 
@@ -89,50 +92,172 @@ def test_totals_see_every_result_once() -> None:
     assert totals.failures == [("0/3", "no depth")]
 
 
+class Clock:
+    """Time that passes when it is told to."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 100.0
+        monkeypatch.setattr(progress, "monotonic", lambda: self.now)
+
+    def solve(self, pace: Pace, n: int, frame_s: float) -> None:
+        """``n`` frames, one after the other."""
+        for _ in range(n):
+            pace.begin("0/0", self.now)
+            self.now += frame_s
+            pace.end("0/0", self.now)
+
+
+def test_rates_are_in_one_unit_whatever_their_size() -> None:
+    seconds = [0.0, 0.0012, 0.012, 0.25, 0.99, 1.0, 1.23, 9.9, 12.3, 125.4]
+    assert [two_digits(one) for one in seconds] == [
+        "0", "0.001", "0.012", "0.25", "0.99", "1.0", "1.2", "9.9", "12", "125",
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("frame_s", "n_frames", "said"),
     [
-        (None, 100, "starting, recall 50%, 1 failed"),
-        (0.25, 100, "4.0 frames/s, 0:24 left, recall 50%, 1 failed"),
-        (60.0, 105, "60.0 s a frame, 1:40:00 left, recall 50%, 1 failed"),
-        (2.0, 5, "2.0 s a frame, recall 50%, 1 failed"),
+        (0.25, 100, "0.25 s a frame, 0:24 left, recall 50%, 1 failed"),
+        (60.0, 105, "60 s a frame, 1:40:00 left, recall 50%, 1 failed"),
+        (2.0, 5, "2.0 s a frame, writing tables, recall 50%, 1 failed"),
     ],
 )
-def test_rate_rest_and_recall(frame_s: float | None, n_frames: int, said: str) -> None:
-    assert in_words(Progress(counted(), n_frames, 0, 10.0, frame_s)) == said
+def test_rate_rest_and_recall(frame_s: float, n_frames: int, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, shown = Clock(monkeypatch), BatchProgress(Console(file=io.StringIO()))
+    with shown.run("run") as report:
+        report(Progress(Counts(), n_frames))
+        assert shown.in_words() == f"run, 0/{n_frames} frames, starting"
+        clock.solve(shown.pace, 5, frame_s)
+        report(Progress(counted(), n_frames))
+        assert shown.in_words() == f"run, 5/{n_frames} frames, {said}"
 
 
-def test_what_takes_long_is_a_line_of_its_own() -> None:
+def test_several_runs_are_counted_together_and_the_recall_is_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, shown = Clock(monkeypatch), BatchProgress(Console(file=io.StringIO()), 20)
+    for k in range(2):
+        with shown.run(f"run {k}") as report:
+            clock.solve(shown.pace, 5, 2.0)
+            report(Progress(counted(), 5))
+            assert shown.in_words().startswith(f"run {k}, {5 * k + 5}/20 frames, 2.0 s a frame, 0:{30 - 10 * k} left, ")
+    with shown.run("run 2") as report:
+        report(Progress(Counts(), 5))
+        assert shown.in_words() == "run 2, 10/20 frames, 2.0 s a frame, 0:20 left"
+
+
+@pytest.mark.parametrize(("why", "doing"), [(COMPILING, "compiling"), ("Preparing a mug.", "preparing")])
+def test_what_is_done_once_is_a_line_of_its_own_and_not_in_the_time_left(
+    why: str, doing: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     text = io.StringIO()
-    with shown_progress("run", Console(file=text, width=200)) as tell:
-        for doing in ("", "Compiling.", ""):
-            tell(Progress(Counts(), 100, 0, 1.0, doing=doing))
-    assert text.getvalue().splitlines() == ["Compiling."]
+    clock, shown = Clock(monkeypatch), BatchProgress(Console(file=text, width=200))
+    with shown.run("run") as report:
+        clock.solve(shown.pace, 5, 2.0)
+        shown.pace.begin("0/1", clock.now)
+        shown.pace.slow_down("0/1", why)
+        for one in ("", why, ""):
+            report(Progress(counted(), 10, doing=one))
+        clock.now += 60.0
+        assert f"2.0 s a frame, 0:08 left + {doing}, " in shown.in_words()
+    assert text.getvalue().splitlines() == [why]
 
 
-def test_a_log_file_gets_a_line_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(progress, "EVERY_S", 30.0)
+def test_a_warning_is_printed_once() -> None:
     text = io.StringIO()
-    with shown_progress("run", Console(file=text, width=200)) as tell:
-        for seconds in (1.0, 31.0, 45.0, 62.0):
-            tell(Progress(counted(), 100, 0, seconds, 1.0, "too little memory"))
-    lines = text.getvalue().splitlines()
-    assert lines == [
-        "note: too little memory",
-        *["run: 5/100 frames, 1.0 frames/s, 1:35 left, recall 50%, 1 failed"] * 2,
-    ]
+    with BatchProgress(Console(file=text, width=200)).run("run") as report:
+        for _ in range(3):
+            report(Progress(counted(), 100, "too little memory"))
+    assert text.getvalue().splitlines() == ["note: too little memory"]
 
 
-def test_a_log_file_gets_a_line_also_while_one_frame_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_file_gets_a_line_now_and_then_also_while_one_frame_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress, "EVERY_S", 0.05)
     text = io.StringIO()
-    with shown_progress("run", Console(file=text, width=200)) as tell:
-        wait_for(lambda: text.getvalue().count("run: starting\n") >= 2)
-        tell(Progress(counted(), 100, 0, 0.01, 1.0))
-        wait_for(lambda: "run: 5/100 frames" in text.getvalue())
+    with BatchProgress(Console(file=text, width=200)).shown() as shown, shown.run("run") as report:
+        wait_for(lambda: text.getvalue().count("run, 0/? frames, starting\n") >= 2)
+        report(Progress(counted(), 100))
+        wait_for(lambda: text.getvalue().count("run, 5/100 frames, starting, recall 50%, 1 failed\n") >= 2)
     n = len(text.getvalue())
     time.sleep(0.2)
     assert len(text.getvalue()) == n, "it ends with the batch"
+
+
+def test_lines_come_at_least_every_half_minute() -> None:
+    assert progress.EVERY_S < 30.0
+
+
+def test_counted_things_are_lines_in_a_log_too(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(progress, "EVERY_S", 0.02)
+    clock, said = Clock(monkeypatch), ""
+
+    def wait_for_line(line: str) -> None:
+        nonlocal said
+
+        def is_there() -> bool:
+            nonlocal said
+            said += capsys.readouterr().err
+            return f"{line}\n" in said
+
+        wait_for(is_there)
+
+    with counted_bar("study") as report:
+        wait_for_line("study: starting")
+        report("study", 40, 60)
+        wait_for_line("study: 40/60")
+        for done in range(41, 51):  # 40 were done before
+            clock.now += 3.0
+            report("study", done, 60)
+        wait_for_line("study: 50/60, 0:30 left")
+        report("figures", 0, 4)
+        wait_for_line("figures: 0/4")
+
+
+def on_terminal(width: int, n_failed: int = 0) -> str:
+    """The last state of a bar, with its colours, and what comes after it."""
+    text = io.StringIO()
+    console = Console(file=text, width=width, force_terminal=True, color_system="standard", legacy_windows=False)
+    with BatchProgress(console, 300).run("run 12 of 100: a-long-name-of-a-method-17") as report:
+        report(Progress(Counts(frames_done=7, frames_failed=n_failed, objects_with_truth=3, objects_correct=3), 30))
+    return text.getvalue()
+
+
+@pytest.mark.parametrize("width", [80, 130])
+def test_the_bar_is_red_only_where_frames_fail(width: int) -> None:
+    red = re.compile(r"\x1b\[(\d+;)*(31|91|35)m")
+    assert not red.search(on_terminal(width))
+    assert red.search(on_terminal(width, n_failed=1))
+
+
+@pytest.mark.parametrize("width", [80, 130])
+def test_the_bar_leaves_room_for_a_typed_ctrl_c(width: int) -> None:
+    lines = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", on_terminal(width, n_failed=2)).replace("\r", "\n").splitlines()
+    bars = [line for line in lines if "━" in line]
+    assert max(len(line) for line in bars) <= width - 3
+    assert bars[-1].startswith("run 12 of 100: ")
+    assert bars[-1].rstrip().endswith("recall 100% 2 failed")
+    assert "━━" in bars[-1]
+    assert " 7/300 " in bars[-1]
+
+
+@pytest.mark.parametrize(
+    ("counts", "said"),
+    [
+        (Counts(), ""),
+        (counted(), "run: stopped after 5 of 100 frames, recall 50%, 1 failed; the same command goes on\n"),
+    ],
+)
+def test_ctrl_c_says_how_far_it_came(counts: Counts, said: str) -> None:
+    text = io.StringIO()
+
+    def stopped() -> None:
+        with BatchProgress(Console(file=text, width=200)).run("run") as report:
+            report(Progress(counts, 100))
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stopped()
+    assert text.getvalue() == said
 
 
 def wait_for(condition: Callable[[], bool]) -> None:

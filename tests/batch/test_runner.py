@@ -59,7 +59,7 @@ def test_tables_are_in_the_session_s_order_whatever_the_order_of_the_work(
 ) -> None:
     names = frames(9, monkeypatch)
     backwards = AtOnce()
-    backwards.solve = lambda frames: map(backwards.done, reversed(list(frames)))  # type: ignore[method-assign]
+    backwards.solve = lambda frames, pace: map(backwards.done, reversed(list(frames)))  # type: ignore[method-assign]
     outcome = run_batch(Session(), tmp_path, AtOnceBackend(made=backwards))
     assert backwards.is_closed
     assert outcome.totals["frames_done"] == len(names)
@@ -120,7 +120,7 @@ def test_a_batch_of_fewer_frames_than_before_is_counted_anew(tmp_path: Path, mon
 def test_what_takes_long_is_passed_on_and_no_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     names = frames(3, monkeypatch)
     made = AtOnce()
-    made.solve = lambda frames: iter(["Compiling.", *map(made.done, frames)])  # type: ignore[method-assign]
+    made.solve = lambda frames, pace: iter(["Compiling.", *map(made.done, frames)])  # type: ignore[method-assign]
     seen: list[Progress] = []
     outcome = run_batch(Session(), tmp_path, AtOnceBackend(made=made), seen.append)
     assert [now.doing for now in seen] == ["", "Compiling.", "", "", ""]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib.util
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
@@ -71,6 +73,23 @@ def test_each_hears_of_its_own_thread_and_only_inside() -> None:
         outer()
     after()
     assert (here.times, there.times) == (1, 1)
+
+
+def test_the_time_is_that_of_a_kernel_with_its_parts_and_of_the_report() -> None:
+    part = njit(lambda: 1)
+    kernel, events = njit(lambda: part() + 1), []
+
+    @contextmanager
+    def timed() -> Iterator[None]:
+        events.append("begin")
+        yield
+        events.append("end")
+
+    with compiling_reported(lambda: events.append("report"), timed):
+        kernel()
+        events.append("called")
+        kernel()
+    assert events == ["begin", "report", "report", "end", "called"]
 
 
 def test_one_compiles_and_the_others_wait_until_it_is_done(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import errno
 import json
 import signal
 import threading
+from collections.abc import Mapping, Sequence
 from multiprocessing import active_children
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -14,12 +15,15 @@ from pathlib import Path
 import psutil
 import pytest
 
+from verefine_viz import cli
 from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import load_session
+from verefine_viz.studies import run_study as run_study_module
 from verefine_viz.studies.run_study import STUDIES, STUDY_FILE, StudyJournal, StudyRequest, run_study
-from verefine_viz.studies.solve_unit import Outcome
+from verefine_viz.studies.solve_unit import Outcome, Quality, Solver
 from verefine_viz.studies.study_command import run_one
+from verefine_viz.studies.study_plan import Panel, Unit
 
 SMALL = {"scene": {"demo": "duck", "model_points": 200, "cloud_points": 200}, "preset": "published"}
 
@@ -154,6 +158,60 @@ def test_a_study_of_a_session_leaves_figure_and_numbers(tmp_path: Path, capsys: 
     assert len(objects) == len(rows)
     assert "PHYSIM-MCTS, 2" in capsys.readouterr().out
     assert not list(out.glob("*.part"))
+
+
+class StoppedSolver(Solver):
+    """Answers at once; Ctrl-C is typed while it is at the fourth unit."""
+
+    def __init__(self, sessions: Mapping[str, Session], panels: Sequence[Panel]) -> None:
+        self._curves = {panel.name: panel.curves for panel in panels}
+        self._n = 0
+
+    def solve(self, unit: Unit) -> tuple[Outcome, ...]:
+        self._n += 1
+        if self._n == 4:
+            raise KeyboardInterrupt
+        return tuple(
+            Outcome(
+                **unit.__dict__, curve=curve.label, instance_id=0, obj_id=1, ms=1.0, refiner_calls=1.0,
+                name="duck", quality=Quality(ar_vsd=1.0, ar_mssd=1.0, ar_mspd=1.0, add_s_mm=1.0, relative=0.01),
+                grasp="success" if study_is_grasped(unit) else "",
+            )
+            for curve in self._curves[unit.panel]
+        )  # fmt: skip
+
+
+def study_is_grasped(unit: Unit) -> bool:
+    return any(unit.panel == panel.name for panel in StudyRequest("grasping").study().panels)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_stopped_study_writes_what_it_has(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(run_study_module, "Solver", StoppedSolver)
+    session = tmp_path / "duck.toml"
+    session.write_text('[scene]\ndemo = "duck"\n')
+    out = tmp_path / "out"
+    words = f"study {name} --session {session} --out {out} --seeds 40 --workers 1"
+    assert cli.main(words.split()) == 128 + signal.SIGINT
+    objects = list(csv.DictReader((out / f"{name}_objects.csv").read_text().splitlines()))
+    assert len({(r["panel"], r["x"], r["seed"], r["scene"]) for r in objects}) == 3
+    rows = list(csv.DictReader((out / f"{name}.csv").read_text().splitlines()))
+    assert {(r["panel"], float(r["x"])) for r in rows} == {(r["panel"], float(r["x"])) for r in objects}
+    assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    n_all, said = 40 * n_points(name), capsys.readouterr()
+    assert said.err.splitlines() == [
+        f"study {name}: stopped after 3 of {n_all} runs; writing them, the same command goes on", "stopped",
+    ]  # fmt: skip
+    assert f"stopped after 3 of {n_all} runs" in (out / f"{name}.svg").read_text()
+    assert f"{name}.csv beside them" in said.out
+
+
+def n_points(name: str) -> int:
+    """Runs of a study for each scene and seed."""
+    scenes = 2 if name == "grasping" else 1
+    return scenes * sum(len(panel.xs) for panel in StudyRequest(name).study().panels)
 
 
 def test_claims_are_about_curves_of_their_panel() -> None:

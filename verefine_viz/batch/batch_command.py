@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from array import array
 from collections.abc import Iterable, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from rich.table import Table
 from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.jobs import Job, check_jobs
 from verefine_viz.batch.motion_table import MOTION
-from verefine_viz.batch.progress import clock, shown_progress
+from verefine_viz.batch.progress import BatchProgress
 from verefine_viz.batch.run_batch import Backend, Outcome, run_batch
 from verefine_viz.batch.totals import Notes
 from verefine_viz.batch.worker_pool import Pool
@@ -48,29 +47,34 @@ def run_jobs(
         VerefineError: a session or a folder cannot be used, or the cluster does not answer.
     """
     if len(jobs) == 1:
-        outcome = _run(jobs[0], jobs[0].folder.name, backend, retry_failed, task, None)
+        with BatchProgress(Console(stderr=True)).shown() as progress:
+            outcome = _run(jobs[0], jobs[0].folder.name, backend, retry_failed, task, None, progress)
         _print_summary(outcome)
         return 0 if outcome.is_whole else 1
-    check_jobs(jobs)
-    if backend.cluster:
-        return _run_all(jobs, out, backend, retry_failed, task, None)
-    first = jobs[0]
-    with closing(Pool(first.session, first.folder.absolute(), backend.n_workers, task, backend.limit_bytes)) as pool:
-        return _run_all(jobs, out, backend, retry_failed, task, pool)
+    n_frames, first = check_jobs(jobs), jobs[0]
+    with ExitStack() as stack:
+        pool = None
+        if not backend.cluster:
+            pool = Pool(first.session, first.folder.absolute(), backend.n_workers, task, backend.limit_bytes)
+            stack.enter_context(closing(pool))
+        progress = stack.enter_context(BatchProgress(Console(stderr=True), n_frames).shown())
+        return _run_all(jobs, out, backend, retry_failed, task, pool, progress)
 
 
 def _run_all(
-    jobs: Sequence[Job], out: Path, backend: Backend, retry_failed: bool, task: TaskName, pool: Pool | None
+    jobs: Sequence[Job],
+    out: Path,
+    backend: Backend,
+    retry_failed: bool,
+    task: TaskName,
+    pool: Pool | None,
+    progress: BatchProgress,
 ) -> int:
     outcomes: list[tuple[Job, Outcome]] = []
-    n_new, begun_s = 0, time.perf_counter()
     for k, job in enumerate(jobs):
-        left_s = (time.perf_counter() - begun_s) / n_new * (len(jobs) - k) if n_new else None
-        title = f"{job.folder.name} (run {k + 1} of {len(jobs)}{f', {clock(left_s)} left' if left_s else ''})"
-        outcome = _run(job, title, backend, retry_failed, task, pool)
-        outcomes.append((job, outcome))
-        n_new += outcome.n_resumed < outcome.totals["frames"]
-        _print_line(outcome)
+        title = f"run {k + 1} of {len(jobs)}: {job.folder.name}"
+        outcomes.append((job, _run(job, title, backend, retry_failed, task, pool, progress)))
+        _print_line(outcomes[-1][1])
     console = Console(highlight=False, soft_wrap=True)
     console.print(sweep_table(outcomes))
     notes = Notes()
@@ -88,11 +92,19 @@ def _run_all(
     return 0 if all(outcome.is_whole for _, outcome in outcomes) else 1
 
 
-def _run(job: Job, title: str, backend: Backend, retry_failed: bool, task: TaskName, pool: Pool | None) -> Outcome:
+def _run(
+    job: Job,
+    title: str,
+    backend: Backend,
+    retry_failed: bool,
+    task: TaskName,
+    pool: Pool | None,
+    progress: BatchProgress,
+) -> Outcome:
     if pool is not None:
         pool.switch_to(job.session, job.folder.absolute())
-    with shown_progress(title, Console(stderr=True)) as report:
-        return run_batch(job.session, job.folder, backend, report, retry_failed, task, pool)
+    with progress.run(title) as report:
+        return run_batch(job.session, job.folder, backend, report, retry_failed, task, pool, progress.pace)
 
 
 def _print_line(outcome: Outcome) -> None:

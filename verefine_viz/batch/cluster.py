@@ -25,6 +25,7 @@ import verefine_viz
 from verefine_viz.batch.dask_worker import WorkerTools, solve_on_worker
 from verefine_viz.batch.frame_queue import FrameQueue
 from verefine_viz.batch.machine import gigabytes
+from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.runs import file_stem
 from verefine_viz.batch.worker_pool import interrupts_ignored
 from verefine_viz.batch.worker_process import ONE_THREAD, TaskName
@@ -150,7 +151,7 @@ class ClusterWorkers:
             return ""
         return f"the cluster at {self._address} has no workers; waiting for the first"
 
-    def solve(self, frames: Iterable[str]) -> Iterator[RunRecord | None]:
+    def solve(self, frames: Iterable[str], pace: Pace) -> Iterator[RunRecord | None]:
         """See :class:`verefine_viz.batch.run_batch.Workers`."""
         self._set_up()
         queue = FrameQueue(frames, self._session.method.track)
@@ -162,6 +163,7 @@ class ClusterWorkers:
                 if frame is None:
                     break
                 running[self._submitted(frame)] = frame
+                pace.begin(frame, time.monotonic())
             if not running:
                 return
             done = self._done(list(running))
@@ -169,7 +171,9 @@ class ClusterWorkers:
                 yield None
             for future in done:
                 frame = running.pop(future)
-                yield self._result(frame, future)
+                result = self._result(frame, future)
+                pace.end(frame, time.monotonic(), result.end)
+                yield result
                 future.release()
 
     def close(self) -> None:

@@ -75,21 +75,24 @@ def sweep_jobs(
     return jobs
 
 
-def check_jobs(jobs: Sequence[Job]) -> None:
+def check_jobs(jobs: Sequence[Job]) -> int:
     """Checks everything that can be wrong: a mistake in the last of many runs should not show after hours.
+
+    Returns:
+        How many frames they have in all.
 
     Raises:
         VerefineError: a session cannot be used, or a folder holds another run.
     """
-    checked: set[str] = set()
+    n_frames: dict[str, int] = {}
     for job in jobs:
         # Seeds change nothing that could be wrong.
-        if job.group not in checked:
-            checked.add(job.group)
-            check(job.session)
+        if job.group not in n_frames:
+            n_frames[job.group] = len(check(job.session)[0])
         if (job.folder / SESSION_FILE).exists():
             with closing(RunFolder(job.folder, job.session)):
                 pass
+    return sum(n_frames[job.group] for job in jobs)
 
 
 def check_outside(out: Path, session: Session) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from functools import cache, partial
 from pathlib import Path
+from typing import Protocol
 
 from msgspec import structs
 
@@ -24,39 +25,60 @@ from verefine_viz.grasping.grasp_answer import AnswerGrasps, answer_grasps
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.run.answers import left_out_answer
 from verefine_viz.run.engine import Run
+from verefine_viz.run.kernel_compilation import compiling_reported
 from verefine_viz.run.record import Answer, RunEnd, RunRecord, failed_run, header_of
 from verefine_viz.run.run_file import RunFile
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.run.track import EarlierPose, with_its_tracked
 
-FrameTask = Callable[[Toolbox, str, Path], RunRecord]
-"""(tools, "scene/image", folder of the batch) → record without its iterations. That of a frame that fails is not yet on
-the disk; it never raises."""
+
+class FrameTask(Protocol):
+    """What a worker does with a frame; it never raises."""
+
+    def __call__(
+        self, toolbox: Toolbox, frame: str, out: Path, compiling: Callable[[], None] = lambda: None, /
+    ) -> RunRecord:
+        """Do it.
+
+        Args:
+            toolbox: the session's tools.
+            frame: "scene/image".
+            out: the folder of the batch.
+            compiling: called whenever a kernel is about to be compiled.
+
+        Returns:
+            The record without its iterations. That of a frame that fails is not yet on the disk.
+        """
+        ...
 
 
-def solve_frame(toolbox: Toolbox, frame: str, out: Path) -> RunRecord:
+def solve_frame(toolbox: Toolbox, frame: str, out: Path, compiling: Callable[[], None] = lambda: None) -> RunRecord:
     """Runs the session's method on one frame and records it below ``out``."""
-    return _result(lambda: _solved(toolbox, frame, out, explain=False), toolbox, frame, out)
+    return _result(partial(_solved, toolbox, frame, out, False), toolbox, frame, out, compiling)
 
 
-def explain_frame(toolbox: Toolbox, frame: str, out: Path) -> RunRecord:
+def explain_frame(toolbox: Toolbox, frame: str, out: Path, compiling: Callable[[], None] = lambda: None) -> RunRecord:
     """The same, with the causes of wrong answers where ground truth is known; their re-runs take time."""
-    return _result(lambda: _solved(toolbox, frame, out, explain=True), toolbox, frame, out)
+    return _result(partial(_solved, toolbox, frame, out, True), toolbox, frame, out, compiling)
 
 
-def estimate_frame(toolbox: Toolbox, frame: str, out: Path) -> RunRecord:
+def estimate_frame(toolbox: Toolbox, frame: str, out: Path, compiling: Callable[[], None] = lambda: None) -> RunRecord:
     """Initial poses only: all hypotheses of a frame as estimates, with the estimator's confidence as their score."""
-    return _result(lambda: _estimated(toolbox, frame, out), toolbox, frame, out)
+    return _result(partial(_estimated, toolbox, frame, out), toolbox, frame, out, compiling)
 
 
 TASKS: dict[TaskName, FrameTask] = {"solve": solve_frame, "explain": explain_frame, "estimate": estimate_frame}
 """What a worker runs for each frame."""
 
 
-def _result(solve: Callable[[], RunRecord], toolbox: Toolbox, frame: str, out: Path) -> RunRecord:
+def _result(
+    solve: Callable[[_Stopwatch], RunRecord], toolbox: Toolbox, frame: str, out: Path, compiling: Callable[[], None]
+) -> RunRecord:
     """What ``solve`` returns, or why it failed."""
+    watch = _Stopwatch()
     try:
-        return solve()
+        with compiling_reported(compiling, partial(watch, "compile")):
+            return solve(watch)
     except VerefineError as error:
         return failed_run(toolbox.session, frame, str(error))
     except Exception as error:
@@ -99,8 +121,8 @@ def with_causes(end: RunEnd, run: Run, toolbox: Toolbox) -> RunEnd:
     return structs.replace(end, answers=tuple(rows), doubts=doubts)
 
 
-def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool) -> RunRecord:
-    session, watch, started = toolbox.session, _Stopwatch(), time.perf_counter()
+def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool, watch: _Stopwatch) -> RunRecord:
+    session, started = toolbox.session, time.perf_counter()
     keep, settings, runs = session.recording.keep, session.grasp, Runs(out / "runs")
     if session.method.track:
         toolbox.track.recall = partial(_answers, runs)
@@ -208,8 +230,10 @@ class _Timed:
             self._watcher.on_finish(state)
 
 
-def _estimated(toolbox: Toolbox, frame: str, out: Path) -> RunRecord:
-    started, session, problem = time.perf_counter(), toolbox.session, toolbox.problem(frame)
+def _estimated(toolbox: Toolbox, frame: str, out: Path, watch: _Stopwatch) -> RunRecord:
+    started, session = time.perf_counter(), toolbox.session
+    with watch("read"):
+        problem = toolbox.problem(frame, lambda: watch("prepare"))
     estimator = session.hypotheses.source
     answers = [
         Answer(
@@ -225,7 +249,7 @@ def _estimated(toolbox: Toolbox, frame: str, out: Path) -> RunRecord:
     record = RunRecord(
         header_of(problem, None, session),
         (),
-        RunEnd(answers=tuple(answers), seconds=seconds, n_unreadable=n_unreadable),
+        RunEnd(answers=tuple(answers), seconds=seconds, stages_ms=watch.stages_ms, n_unreadable=n_unreadable),
     )
     Runs(out / "runs").save(session, record)
     return record

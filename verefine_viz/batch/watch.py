@@ -18,6 +18,7 @@ from typing import Any
 
 from verefine_viz.batch.folder import SESSION_FILE, RunFolder
 from verefine_viz.batch.index import BatchIndex
+from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.run_batch import Backend, Progress, run_batch
 from verefine_viz.batch.runs import BatchInfo, Runs
 from verefine_viz.batch.worker_pool import Pool
@@ -280,8 +281,8 @@ class _Newest:
     pool: Pool
     watched: Watched
 
-    def solve(self, frames: Iterable[str]) -> Iterator[RunRecord | str | None]:
-        return self.pool.solve(self._wanted(self.watched.session))
+    def solve(self, frames: Iterable[str], pace: Pace) -> Iterator[RunRecord | str | None]:
+        return self.pool.solve(self._wanted(self.watched.session), pace)
 
     def _wanted(self, session: Session) -> Iterator[str]:
         """Until nothing is ready, or needs another session."""

@@ -10,9 +10,11 @@ from dataclasses import dataclass
 from multiprocessing import connection, get_context
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from time import monotonic
 
 from verefine_viz.batch.frame_queue import FrameQueue
 from verefine_viz.batch.machine import SHARE, gigabytes, machine_bytes, peak_bytes, resident_bytes
+from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.worker_process import TaskName, work
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord, failed_run
@@ -110,9 +112,9 @@ class Pool:
         self._session, self._out = session, out
         self._tries.clear()
 
-    def solve(self, frames: Iterable[str]) -> Iterator[RunRecord | str | None]:
+    def solve(self, frames: Iterable[str], pace: Pace | None = None) -> Iterator[RunRecord | str | None]:
         """See :class:`verefine_viz.batch.run_batch.Workers`."""
-        in_order = self._session.method.track
+        in_order, pace = self._session.method.track, pace or Pace()
         queue = FrameQueue(frames, in_order)
         idle, busy = list(self._workers), list[_Worker]()
 
@@ -123,6 +125,7 @@ class Pool:
                     return
                 busy.append(idle.pop() if idle else self._added())
                 busy[-1].give(frame, self._session, self._out)
+                pace.begin(frame, monotonic())
 
         give_out()
         while busy:
@@ -132,11 +135,13 @@ class Pool:
             for worker in [w for w in busy if w.channel in ready]:
                 result = worker.answer()
                 if isinstance(result, str):
+                    pace.slow_down(worker.frame, result)
                     if result not in self._reported:
                         self._reported.add(result)
                         yield result
                     continue
                 busy.remove(worker)
+                pace.end(worker.frame, monotonic(), result and result.end)
                 if result is not None and self._fits(worker):
                     idle.append(worker)
                 else:

@@ -32,7 +32,7 @@ def work(channel: connection.Connection, session: Session, out: Path, task: Task
 
     from verefine_viz.batch.solve_frame import TASKS
     from verefine_viz.core.progress_token import ProgressToken
-    from verefine_viz.run.kernel_compilation import COMPILING, CompilingTurn, compiling_reported
+    from verefine_viz.run.kernel_compilation import COMPILING, CompilingTurn
     from verefine_viz.run.toolbox import Toolbox
 
     progress = ProgressToken(report_once=channel.send)
@@ -44,15 +44,14 @@ def work(channel: connection.Connection, session: Session, out: Path, task: Task
         turn.take()
 
     try:
-        with compiling_reported(compiling):
-            while True:
-                received = channel.recv()
-                if isinstance(received, str):
-                    channel.send(solve(toolbox, received, out))
-                    turn.end()
-                else:
-                    session, out = received
-                    toolbox = Toolbox(session, progress)
+        while True:
+            received = channel.recv()
+            if isinstance(received, str):
+                channel.send(solve(toolbox, received, out, compiling))
+                turn.end()
+            else:
+                session, out = received
+                toolbox = Toolbox(session, progress)
     except (EOFError, BrokenPipeError):
         return
 

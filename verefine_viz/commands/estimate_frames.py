@@ -13,7 +13,7 @@ from rich.markup import escape
 from verefine_viz.batch.batch_command import unreadable
 from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.jobs import check_outside
-from verefine_viz.batch.progress import shown_progress
+from verefine_viz.batch.progress import BatchProgress
 from verefine_viz.batch.run_batch import Backend, Outcome, run_batch
 from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.errors import SettingsError
@@ -51,8 +51,8 @@ def write_pools(
     check_outside(out, session)
     clear_parts(out.parent, out.name)
     journal = out.with_name(f"{out.name}.journal")
-    with shown_progress(out.name, Console(stderr=True)) as report:
-        outcome = run_batch(session, journal, Backend(n_workers), report, retry_failed, "estimate")
+    with BatchProgress(Console(stderr=True)).shown() as progress, progress.run(out.name) as report:
+        outcome = run_batch(session, journal, Backend(n_workers), report, retry_failed, "estimate", pace=progress.pace)
     rows = read_batch(journal).rows
     n_hypotheses = sum(row.n_hypotheses for row in rows)
     if n_hypotheses:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 
 import platformdirs
@@ -19,27 +19,40 @@ COMPILING = "Compiling kernels (once after installing); a minute or two in all."
 
 
 @contextmanager
-def compiling_reported(report: Callable[[], None]) -> Iterator[None]:
+def compiling_reported(
+    report: Callable[[], None], timed: Callable[[], AbstractContextManager[object]] = nullcontext
+) -> Iterator[None]:
     """Inside, ``report`` is called whenever this thread begins to compile a kernel, also as part of another one.
 
-    Kernels that are read from the cache on disk are not reported.
+    ``timed`` is entered while it compiles one, with its parts and with what ``report`` takes. Kernels that are read
+    from the cache on disk are not reported.
     """
-    with install_listener("numba:compile", _OfThread(threading.get_ident(), report)):
+    with install_listener("numba:compile", _OfThread(threading.get_ident(), report, timed)):
         yield
 
 
 class _OfThread(Listener):
     """Listeners get the events of all threads."""
 
-    def __init__(self, thread: int, report: Callable[[], None]) -> None:
-        self._thread, self._report = thread, report
+    def __init__(
+        self, thread: int, report: Callable[[], None], timed: Callable[[], AbstractContextManager[object]]
+    ) -> None:
+        self._thread, self._report, self._timed = thread, report, timed
+        self._depth = 0
+        self._watch = ExitStack()
 
     def on_start(self, event: Event) -> None:
         if threading.get_ident() == self._thread:
+            if self._depth == 0:
+                self._watch.enter_context(self._timed())
+            self._depth += 1
             self._report()
 
     def on_end(self, event: Event) -> None:
-        pass
+        if threading.get_ident() == self._thread:
+            self._depth -= 1
+            if self._depth == 0:
+                self._watch.close()
 
 
 class CompilingTurn:

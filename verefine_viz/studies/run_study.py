@@ -174,13 +174,8 @@ def run_study(
     Raises:
         VerefineError: a session, a frame or the journal cannot be used.
     """
-    frames = {name: Toolbox(session).frames for name, session in sessions.items()}
-    units = units_of(request.study(), frames, seeds)
-    about = {
-        "study": asdict(request),
-        "sessions": {name: session.model_dump(mode="json") for name, session in sessions.items()},
-    }
-    with closing(StudyJournal(journal_folder, about)) as journal:
+    units = _units(request, sessions, seeds)
+    with closing(StudyJournal(journal_folder, _about(request, sessions))) as journal:
         done = {unit: outcomes for unit in units if (outcomes := journal.read(unit)) is not None}
         report(len(done), len(units))
         with closing(_solved(request, sessions, [unit for unit in units if unit not in done], workers)) as results:
@@ -189,6 +184,30 @@ def run_study(
                 done[unit] = outcomes
                 report(len(done), len(units))
     return [outcome for unit in sorted(done) for outcome in done[unit]]
+
+
+def saved_outcomes(
+    request: StudyRequest, sessions: Mapping[str, Session], seeds: int, journal_folder: Path
+) -> list[Outcome]:
+    """The outcomes that :func:`run_study` has saved, in the same order, where it was stopped.
+
+    Raises:
+        VerefineError: the journal cannot be used.
+    """
+    with closing(StudyJournal(journal_folder, _about(request, sessions))) as journal:
+        units = sorted(_units(request, sessions, seeds))
+        return [outcome for unit in units for outcome in journal.read(unit) or ()]
+
+
+def _units(request: StudyRequest, sessions: Mapping[str, Session], seeds: int) -> list[Unit]:
+    return units_of(request.study(), {name: Toolbox(session).frames for name, session in sessions.items()}, seeds)
+
+
+def _about(request: StudyRequest, sessions: Mapping[str, Session]) -> Mapping[str, object]:
+    return {
+        "study": asdict(request),
+        "sessions": {name: session.model_dump(mode="json") for name, session in sessions.items()},
+    }
 
 
 def _solved(

@@ -18,7 +18,7 @@ from verefine_viz.run.session_file import load_session
 from verefine_viz.studies.figure import Points, draw, points_of, rows, save, verdicts
 from verefine_viz.studies.grasp_table import report_grasps
 from verefine_viz.studies.paper_tables import PAPER_AR, missing_rows
-from verefine_viz.studies.run_study import StudyRequest, run_study
+from verefine_viz.studies.run_study import StudyRequest, run_study, saved_outcomes
 from verefine_viz.studies.solve_unit import Outcome
 from verefine_viz.studies.study_plan import Study
 
@@ -52,7 +52,7 @@ def run_one(
     seeds: int | None = None,
     workers: int = 1,
 ) -> int:
-    """Runs a study into ``out``; the exit code.
+    """Runs a study into ``out``; the exit code. Stopped by Ctrl-C, it writes what it has before it ends.
 
     Raises:
         VerefineError: the session, a frame or ``out`` cannot be used.
@@ -65,28 +65,49 @@ def run_one(
     n_seeds = seeds if seeds is not None else of_study[quick]
     if request.own_initial_poses and name == "tables":
         n_seeds = 1  # nothing is drawn
-    study = request.study()
-    with counted_bar(f"study {name}") as report:
-        outcomes = run_study(
-            request,
-            sessions,
-            n_seeds,
-            workers,
-            out / f"{name}.journal",
-            lambda done, total: report(f"study {name}", done, total),
-        )
-    points = points_of(outcomes)
+    journal, n_done, n_all = out / f"{name}.journal", 0, 0
+    try:
+        with counted_bar(f"study {name}") as report:
+
+            def progress(done: int, total: int) -> None:
+                nonlocal n_done, n_all
+                n_done, n_all = done, total
+                report(f"study {name}", done, total)
+
+            outcomes = run_study(request, sessions, n_seeds, workers, journal, progress)
+    except KeyboardInterrupt:
+        if n_done:
+            part = f"stopped after {n_done} of {n_all} runs"
+            stderr = Console(stderr=True, highlight=False, soft_wrap=True)
+            stderr.print(f"study {name}: {part}; writing them, the same command goes on")
+            _write_results(request, sessions, n_seeds, saved_outcomes(request, sessions, n_seeds, journal), out, part)
+        raise
+    _write_results(request, sessions, n_seeds, outcomes, out)
+    return 0
+
+
+def _write_results(
+    request: StudyRequest,
+    sessions: Mapping[str, Session],
+    seeds: int,
+    outcomes: Sequence[Outcome],
+    out: Path,
+    part: str = "",
+) -> None:
+    """Writes and prints the outcomes; ``part`` says which these are, where it is not all of them."""
+    name, study = request.name, request.study().only({(o.panel, o.x) for o in outcomes})
+    about = ", ".join(text for text in (_about(sessions, outcomes, seeds), part) if text)
     clear_parts(out, name)
     write_objects(outcomes, out / f"{name}_objects.csv")
     if name == "grasping":
-        report_grasps(study, outcomes, out, _about(sessions, outcomes, n_seeds))
-        return 0
+        report_grasps(study, outcomes, out, about)
+        return
+    points = points_of(outcomes)
     missing = missing_rows(sessions.values()) if name == "tables" else ()
     notes = ("Rows of the paper that are not here:", *missing) if missing else ()
     write_csv(study, points, out / f"{name}.csv")
-    png, svg = save(draw(study, points, _about(sessions, outcomes, n_seeds), notes), out, name)
+    png, svg = save(draw(study, points, about, notes), out, name)
     _print_results(study, points, notes, (png, svg))
-    return 0
 
 
 def scenes(study: str, session: Path | None, overrides: Mapping[str, Any], quick: bool) -> dict[str, Session]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from verefine_viz.core.problem import Problem
@@ -55,6 +55,11 @@ class Study:
     name: str
     title: str
     panels: tuple[Panel, ...]
+
+    def only(self, points: Collection[tuple[str, float]]) -> Study:
+        """The part with these (panel, x)."""
+        xs = {panel.name: tuple(x for x in panel.xs if (panel.name, x) in points) for panel in self.panels}
+        return replace(self, panels=tuple(replace(p, xs=xs[p.name]) for p in self.panels if xs[p.name]))
 
 
 @dataclass(frozen=True, order=True)
