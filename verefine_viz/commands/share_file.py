@@ -41,7 +41,5 @@ class Share:
         out = self.out or Path(f"{batch}{what.stem}{frame}.html")
         with Console(stderr=True).status("Working out what the file shows"):
             note = share(self.what, out, self.frame, self.maps, with_scene=self.scene)
-        if note:
-            print(note, flush=True)
-        print(f"{out} ({out.stat().st_size / 1e6:.1f} MB)", flush=True)
+        print(f"{note}\n{out} ({out.stat().st_size / 1e6:.1f} MB)", flush=True)
         return 0

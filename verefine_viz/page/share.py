@@ -72,7 +72,7 @@ def share(
         with_scene: whether the 3D view is in the file, where it is not too large.
 
     Returns:
-        What is not in the file, and why; "" = nothing.
+        What the file shows, and what is not in it.
 
     Raises:
         VerefineError: it cannot be opened, or the file cannot be written.
@@ -83,8 +83,9 @@ def share(
     with tempfile.TemporaryDirectory(prefix="verefine-viz-") as folder:
         path = path_of(what, Path(folder))
         debugger = opened(path, frame)
-        run = shared(debugger, f"verefine-viz view {path.name}", maps)
-        return write_shared(run, end_scene(debugger) if with_scene else "", out)
+        run = shared(debugger, f"verefine-viz view {as_typed(path)}", maps)
+        note = write_shared(run, end_scene(debugger) if with_scene else "", out)
+        return f"Frame {debugger.space.frame} of “{run.title}”. {note}".rstrip()
 
 
 def write_shared(run: SharedRun, scene: str, out: Path) -> str:
@@ -98,14 +99,20 @@ def write_shared(run: SharedRun, scene: str, out: Path) -> str:
     Raises:
         InputError: it cannot be written.
     """
-    elements, note = run.elements, ""
+    messages, elements, note = run.messages, run.elements, ""
     if 0 < len(scene) <= MOST_SCENE_BYTES:
+        messages = tuple({**one, "scene": True} if one["t"] == "file" else one for one in messages)
         elements = (*elements, element("scene3d", "text/plain", compressed(scene.encode())))
     elif scene:
         note = f"The 3D view is left out: it takes {len(scene) / 1e6:.0f} MB."
     with atomic(out) as part:
-        part.write_text(bundle(run.messages, run.answers, elements, run.title), encoding="utf-8")
+        part.write_text(bundle(messages, run.answers, elements, run.title), encoding="utf-8")
     return note
+
+
+def as_typed(path: Path) -> str:
+    """Return a path as a command has it; of one that names places on this machine the last part."""
+    return path.name if path.is_absolute() else str(path)
 
 
 def opened(path: Path, frame: str | None = None) -> Debugger:
@@ -210,7 +217,7 @@ def shared(
     for k, of in enumerate(wants.values()):
         progress.checkpoint("Working out what the file shows.", k / len(wants))
         answers.append((of, _answer(space, of, blobs)))
-    file = {"t": "file", "command": command, "maps": maps}
+    file = {"t": "file", "command": command, "maps": maps, "scene": False}
     hello = {"t": "hello", "window": 0, "version": __version__}
     return SharedRun(frame["title"], (hello, file, *known), tuple(answers), tuple(blobs.elements))
 

@@ -18,7 +18,7 @@ from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.paths import atomic, clear_parts
 from verefine_viz.page.bundle import bundle, part, picture
 from verefine_viz.page.gallery import Entry, Gallery
-from verefine_viz.page.share import opened_answer, shared
+from verefine_viz.page.share import as_typed, opened_answer, shared
 from verefine_viz.page.thumbnails import Painter
 from verefine_viz.page.views.gallery_answers import answers_message
 from verefine_viz.report.groups import read_runs, sections_of
@@ -105,10 +105,10 @@ def write_report(
         *_pictures(gallery, answers, pictures, notes, progress),
         *_parts(gallery, answers, embed, notes, progress),
     ]
-    command = f"verefine-viz view {folders[0].name if len(folders) == 1 else folders[0].parent.name}"
+    command = f"verefine-viz view {as_typed(folders[0] if len(folders) == 1 else folders[0].parent)}"
     messages = [
         {"t": "hello", "window": 0, "version": __version__},
-        {"t": "file", "command": command, "maps": "end"},
+        {"t": "file", "command": command, "maps": "end", "scene": False},
         message,
         answers,
     ]
@@ -119,7 +119,9 @@ def write_report(
     notes += [f"{n_left} of {len(folders)} runs left out, see the report."] if n_left else []
     notes += [f"{one['data']}: {one['bop']}" for one in message["sections"] if "No BOP scores" in one["bop"]]
     headlines = [f"{message['title']}: {message['counted']}."]
-    return Written((*headlines, *(one["headline"] for one in message["sections"])), tuple(dict.fromkeys(notes)))
+    for one in message["sections"]:
+        headlines.append(f"{one['data']}: {one['headline']}" if len(message["sections"]) > 1 else one["headline"])
+    return Written(tuple(headlines), tuple(dict.fromkeys(notes)))
 
 
 def _pictures(gallery: Gallery, answers: Json, most: int, notes: list[str], progress: StepProgress) -> list[str]:
@@ -172,7 +174,7 @@ def _parts(gallery: Gallery, answers: Json, most: int, notes: list[str], progres
 
 
 def _run_file(gallery: Gallery, entry: Entry) -> str:
-    """The run file of an answer, from the folder above its batch."""
+    """The run file of an answer as a command has it."""
     folder = gallery.runs[entry.run].folder
     path = gallery.loose_record(entry) or Runs(folder / "runs").path(entry.row.frame)
-    return str(path.relative_to(folder.parent))
+    return str(path.relative_to(folder.parent) if path.is_absolute() else path)

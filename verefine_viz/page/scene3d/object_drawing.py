@@ -67,7 +67,7 @@ class ObjectDrawing:
 
     def show_outlines(self, poses: Mapping[str, Float]) -> None:
         """Outline the object at poses, by the names of stages, or "B"."""
-        for name in poses.keys() - self._outlines.keys():
+        for name in [name for name in poses if name not in self._outlines]:
             color = SIDE_COLORS[name] if name in SIDE_COLORS else STAGE_COLORS[name]
             node = f"{self._name}/outline_{name.replace(' ', '_')}"
             self._outlines[name] = add_outline(self._scene, node, outline_of(self._model), color, OUTLINE_PX)

@@ -194,5 +194,5 @@ def _is_like(value: object, present: object) -> bool:
 
 
 def prepared(page: str) -> str:
-    """Return a page that viser exported with what this page runs before viser's own."""
-    return page.replace("<head>", f"<head><script>{_BEFORE}</script>", 1)
+    """Return a page that viser exported with what this page runs before viser's own; the same each time."""
+    return page.replace("<head>", f"<head><script>{_BEFORE.replace(_NONCE, '')}</script>", 1)

@@ -1,7 +1,8 @@
 // The page: one grid of panes.
 import { Component, html, render } from "./vendor/htm-preact.js";
 import { state, useStore, setView, send, changed } from "./store.js";
-import { start, dismiss } from "./messages.js";
+import { start } from "./messages.js";
+import { dismiss } from "./toasts.js";
 import { connect } from "./connection.js";
 import { isFile, openFile } from "./file.js";
 import { applyTheme, setSize, sizesOf } from "./layout.js";
@@ -28,7 +29,7 @@ function Page() {
     gridTemplateColumns: `${fr(size.image)} 1px ${fr(1 - size.image)} 1px minmax(0, ${100 * size.inspector}vw)`,
     gridTemplateRows: `auto ${fr(1 - size.maps - size.timeline)} 1px ${fr(size.maps)} 1px ${fr(size.timeline)} auto`,
   };
-  const classes = `page ${gallery ? `shows-gallery ${frame ? "" : "alone"}` : full ? `full full-${full}` : ""}`;
+  const classes = `page ${state.file && !state.file.scene ? "no-scene" : ""} ${gallery ? `shows-gallery ${frame ? "" : "alone"}` : full ? `full full-${full}` : ""}`;
   // The 3D pane stays where it is in every layout: taken out, it would be loaded again.
   return html`<div class=${classes} style=${grid}>
     <${Verdict} />

@@ -1,8 +1,8 @@
 // The page as one file: messages, answers and arrays are elements of the document, and there is no program behind it.
-import { answeredBy, on, receive, state, update } from "./store.js";
-import { toast } from "./messages.js";
+import { answeredBy, on, receive, setView, state, update } from "./store.js";
+import { toast } from "./toasts.js";
 
-Object.assign(state, { file: null }); // { command that opens it live, maps: "end", "marked" or "all" }
+Object.assign(state, { file: null }); // { command that opens it live, maps: "end", "marked" or "all", scene: whether it has the 3D view }
 
 const textOf = (id) => document.getElementById(id)?.textContent ?? null;
 export const isFile = textOf("page") != null;
@@ -53,7 +53,7 @@ const server = {
   address: (path) => textOf(path.split("?")[0]) ?? path,
 };
 
-on("file", ({ command, maps }) => update({ file: { command, maps } }));
+on("file", ({ command, maps, scene }) => update({ file: { command, maps, scene } }));
 
 // The 3D view, a page of its own; null where the file has none.
 export const scenePage = () => bytes("scene3d").then((page) => page && new TextDecoder().decode(page));
@@ -76,8 +76,10 @@ async function open(part) {
 async function openAnswer({ part, obj, k, command }) {
   if (part == null) return toast("note", `The report does not hold this frame. It opens by ${command}`);
   await open(`part ${part}`);
+  history.pushState("answer", "");
   return receive({ t: "view", patch: { obj }, at: k });
 }
+addEventListener("popstate", () => state.report && setView({ preset: "report" }));
 
 export function openFile() {
   answeredBy(server);

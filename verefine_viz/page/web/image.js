@@ -5,7 +5,7 @@ import { state, setView, update, send, listen, useStore } from "./store.js";
 import { momentOf } from "./moment.js";
 import { Pane, Button, Select, Swatch } from "./ui.js";
 import { addKeys } from "./keys.js";
-import { toast } from "./messages.js";
+import { toast } from "./toasts.js";
 import { MAPS, CLASSES, valueText } from "./colours.js";
 import { sidesOf, readAt, photo, colourAt, observedDepth, hasColour } from "./sides.js";
 import { prepareAhead } from "./outlines.js";

@@ -78,6 +78,7 @@ function escape() {
   if (state.view.stage) return setView({ stage: null, moment: null });
   if (state.view.obj != null) return setView({ obj: null, arm: null });
   if (isBusy()) pause();
+  else if (state.report) setPreset("report");
   return undefined;
 }
 
@@ -125,7 +126,7 @@ function Help({ onClose }) {
   const all = [...ACTIONS, { keys: ["1"], shown: "1 – 9", title: `Tabs ${names}`, group: "Show" }];
   return html`<${Dialog} title="Keys" onClose=${onClose} wide>
     <div class="keys">${groups.map((group) => html`<section><h3>${group}</h3><dl>
-      ${all.filter((a) => a.group === group && a.keys.length && !a.silent).map((a) => html`
+      ${all.filter((a) => a.group === group && a.keys.length && !a.silent && (!state.file || !a.when || a.when())).map((a) => html`
         <div><dt>${(a.shown ? [a.shown] : a.keys.map(keyName)).map((k) => html`<kbd>${k}</kbd>`)}</dt>
           <dd>${a.title}</dd></div>`)}
     </dl></section>`)}</div>

@@ -14,7 +14,8 @@ export const PRESETS = [
 ];
 // Those that there is something to show in: a report has no frame until an answer is opened.
 export const presets = (s) =>
-  PRESETS.filter((p) => (p.id === "report" ? s.report : s.frame || p.id === "gallery" || !s.report));
+  PRESETS.filter(({ id }) => (id === "report" ? s.report : id === "gallery" ? s.answers || !s.file
+    : id === "compare" && s.file ? s.compare : s.frame || !s.report));
 const LIMITS = { image: [0.12, 0.88], inspector: [0.17, 0.5], maps: [0.12, 0.7], timeline: [0.13, 0.5] };
 
 const KEY = "verefine-layout";

@@ -158,7 +158,8 @@ function Maps() {
 function Gone({ why }) {
   const moment = useStore(momentOf);
   const marks = state.file?.maps === "marked" ? moment.run.marks.filter((m) => m.tone !== "switched").map((m) => m.k) : [];
-  const ks = state.file ? [...marks, moment.run.rows.length] : [];
+  const named = state.verdicts.get(moment.branch)?.objects.flatMap((o) => [o.k, ...o.findings.map((f) => f.k)]) ?? [];
+  const ks = state.file ? [...marks, ...named.filter((k) => k > 0), moment.run.rows.length].sort((a, b) => a - b) : [];
   const near = [ks.findLast((k) => k < moment.k), ks.find((k) => k > moment.k)].filter((k) => k != null);
   return html`<div class="empty"><p>${why}</p><div class="group">${near.map((k) => html`
     <${Button} key=${k} title="go there" onClick=${() => seek(k)}>Iteration ${k}<//>`)}</div></div>`;
@@ -254,10 +255,11 @@ function Tile({ name, letter, sides, region, size, zoom, setZoom }) {
   const onDblClick = () => setZoom(null);
   const mouse = { onPointerDown, onPointerMove, onPointerUp, onPointerCancel, onPointerLeave, onWheel, onDblClick };
   const corner = name === "gain" ? "gain of B" : letter.toUpperCase();
+  const gone = letter ? sides[letter]?.gone : sides.a?.gone ?? sides.b?.gone;
   return html`<div class="map-tile" style=${{ width: `${size.w}px`, height: `${size.h}px` }}>
     <canvas ref=${canvas} ...${mouse} />
     ${corner && html`<span class=${`corner ${letter}`} title=${name === "gain" ? MAPS.gain.hint : undefined}>${corner}</span>`}
-    ${!side && html`<span class="waiting">…</span>`}
+    ${!side && (gone ? html`<span class="waiting" title=${gone}>–</span>` : html`<span class="waiting">…</span>`)}
   </div>`;
 }
 

@@ -1,5 +1,6 @@
 // What the server's messages change, what it gets in return, and the page's address.
 import { state, setView, update, send, on, listen, forgetAnswers } from "./store.js";
+import { toast } from "./toasts.js";
 import { followed, goTo, momentOf, runOf, stopReplay } from "./moment.js";
 
 Object.assign(state, { replaying: null });
@@ -7,17 +8,6 @@ Object.assign(state, { replaying: null });
 let written = null; // the link that the address holds
 let lost = null; // what was looked at when the connection was lost
 let opening = hashLink() || null; // a link that is yet to be opened: it must not be overwritten
-
-const TOAST_MS = 6000;
-let number = 0;
-export function toast(kind, text, more = {}) {
-  const id = ++number;
-  const toasts = [...state.toasts.filter((t) => t.text !== text), { id, kind, text, ...more }].slice(-4);
-  update({ toasts });
-  if (kind !== "error") setTimeout(() => dismiss(id), TOAST_MS);
-  return id;
-}
-export const dismiss = (id) => update({ toasts: state.toasts.filter((t) => t.id !== id) });
 
 on("hello", ({ window, version }) => {
   if (state.version && state.version !== version) location.reload(); // the program was started again, and is another one
@@ -71,6 +61,7 @@ on("running", (message) => update({ running: message }));
 on("note", ({ text }) => toast("note", text));
 on("error", ({ text, offer }) => toast("error", text, { offer }));
 on("written", (file) => {
+  if (file.name.endsWith(".html")) Object.assign(document.createElement("a"), { href: file.url, download: file.name }).click();
   update({ written: [...state.written.filter((f) => f.path !== file.path), file] });
   toast("note", `Written: ${file.path ?? file.name}`, { url: file.url, name: file.name });
 });

@@ -120,7 +120,7 @@ function Section({ id, section, report, isNamed }) {
         <//>`}
       ${groups.some((g) => g.causes.length) && html`<${Block} title="Why answers are wrong">
         <${Causes} groups=${groups} /><//>`}
-      ${groups.some((g) => Object.keys(g.stages).length) && html`<${Block} title="Time a frame" hint="mean, by stage">
+      ${groups.some((g) => Object.keys(g.stages).length) && html`<${Block} title="Time by stage" hint="mean of a frame, with reading and recording">
         <${Stages} groups=${groups} /><//>`}
       ${groups.some((g) => g.grasps.length) && html`<${Block} title="How grasps end">
         <${Grasps} groups=${groups} /><//>`}

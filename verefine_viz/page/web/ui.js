@@ -1,6 +1,7 @@
 // A small kit: what several panes need of buttons, menus, tables and icons.
 import { html, useState, useEffect, useRef } from "./vendor/htm-preact.js";
 import { useStore, setView, state } from "./store.js";
+import { toast } from "./toasts.js";
 
 // Icons are 16×16 outlines, drawn in the colour of the text.
 const ICONS = {
@@ -41,12 +42,15 @@ const clicked = (onClick) => (event) => {
 };
 
 // `engine`: what it does is computed or written by the program; a page that is a file has none.
-export const Button = ({ onClick, title, icon, on, kind = "", disabled, engine, children }) => html`
-  <button type="button" class=${`button ${kind} ${on ? "on" : ""}`} disabled=${disabled || (engine && state.file)}
-    title=${engine && state.file ? `${title}. It needs the program: ${state.file.command}` : title}
-    aria-pressed=${on == null ? undefined : String(Boolean(on))} onClick=${clicked(onClick)}>
+export function Button({ onClick, title, icon, on, kind = "", disabled, engine, children }) {
+  const lacks = engine && state.file ? `It needs the program: ${state.file.command}` : null;
+  return html`<button type="button" class=${`button ${kind} ${on ? "on" : ""} ${lacks ? "lacks" : ""}`}
+    disabled=${disabled && !lacks} aria-disabled=${lacks ? "true" : undefined}
+    title=${lacks ? `${title}. ${lacks}` : title} aria-pressed=${on == null ? undefined : String(Boolean(on))}
+    onClick=${clicked(lacks ? () => toast("note", lacks) : onClick)}>
     ${icon && html`<${Icon} name=${icon} />`}${children}
   </button>`;
+}
 
 export const IconButton = (props) => html`<${Button} ...${props} kind=${`square ${props.kind ?? ""}`} />`;
 

@@ -50,7 +50,7 @@ export function Verdict() {
 // The frame, and what can be opened instead.
 function Opener({ frame }) {
   const [text, setText] = useState("");
-  if (!frame) return html`<div class="opener"><b>verefine-viz</b></div>`;
+  if (!frame) return html`<div class="opener"><b>${state.report?.title ?? "verefine-viz"}</b></div>`;
   const lists = [
     ["Frames", frame.frames, (f) => ({ frame: f }), (f) => f === frame.frame],
     ["Demos", frame.demos ?? [], (d) => ({ demo: d }), (d) => frame.source === "demo" && d === frame.dataset],

@@ -53,7 +53,7 @@ function Around({ moment, pose }) {
   const choose = (i) => (v) => setAxes(axes.map((old, j) => (i === j ? Number(v) : old)));
   return html`<div class="tab landscape">
     <p class="summary">${moment.isAnswer ? "Answer" : "Best pose so far"} of ${moment.object.label}: ${around.undetermined}.</p>
-    <${Other} other=${other} edit=${edit} />
+    <${Other} other=${other} edit=${edit} fits=${moment.verdict?.also_fits} />
     <div class="row"><h3>Score along</h3><${Select} value=${frame} options=${FRAMES} onChange=${setFrame} /></div>
     <div class="curves">${around.curves.filter((c) => c.frame === frame).map((c) => html`<${Curve} key=${c.axis} curve=${c} score=${around.score} edit=${edit} />`)}</div>
     <p class="dim">Shaded: there the score does not tell a pose from this one. Band: twice the noise of the score.${state.file ? "" : " A click edits the pose there."}</p>
@@ -67,8 +67,9 @@ function Around({ moment, pose }) {
   </div>`;
 }
 
-function Other({ other, edit }) {
+function Other({ other, edit, fits }) {
   if (!other) return html`<p class="dim">Looking for another pose that fits equally well.</p>`;
+  if (!other.other && fits) return html`<p class="doubt">Another pose explains the depth equally well: it is drawn as “fits as well”.</p>`;
   if (!other.other) return html`<p class="dim">${other.gone ?? "No other pose fits equally well."}</p>`;
   return html`<div class="doubt"><p><b>Also fits:</b> ${other.other.words}</p>
     <div class="row"><${Button} engine title="edit this pose: see it in the image, the maps and 3D" onClick=${() => edit(other.other.T)}>Edit it<//></div></div>`;

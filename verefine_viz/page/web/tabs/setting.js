@@ -1,5 +1,6 @@
 // One setting as a field, and the settings that hold in a branch.
 import { html } from "../vendor/htm-preact.js";
+import { state } from "../store.js";
 import { Select, Toggle } from "../ui.js";
 
 // All settings with the values that a branch ends up with.
@@ -30,6 +31,7 @@ export function parsed(setting, text) {
 
 // value: as typed; onChange(value) gets texts of numbers as they are typed.
 export function Field({ setting, value, onChange }) {
+  if (state.file) return html`<span>${shown(value)}</span>`;
   if (setting.kind === "bool") return html`<${Toggle} value=${value} onChange=${onChange}>${value ? "on" : "off"}<//>`;
   if (setting.kind === "choice") return html`<${Select} value=${value} options=${setting.choices} onChange=${onChange} />`;
   const wrong = parsed(setting, String(value)) === undefined;
