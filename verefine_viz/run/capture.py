@@ -34,8 +34,8 @@ WHOLE = 0.9
 """Share of the image that no mask of one object covers."""
 TOO_FAR = 30.0
 """So many times as far away as its mask a pose must have a wrong unit."""
-FARTHEST_M = 60.0
-"""Depth beyond counts as not measured; a median beyond is no depth in metres."""
+NEAREST_M, FARTHEST_M = 0.005, 60.0
+"""Depth beyond the second counts as not measured; a median beyond either is no depth in metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +129,9 @@ def _depth(depth_m: ArrayLike) -> Float:
     if depth.min() < 0:
         raise ShapeError(f"depth_m goes down to {depth.min():.3g}, expected metres, and 0 where nothing was measured")
     median_m = float(np.median(depth[depth > 0]))
-    if median_m > FARTHEST_M:
-        raise ShapeError(f"depth_m has a median of {median_m:.4g}, expected metres; divide millimetres by 1000")
+    if not NEAREST_M < median_m <= FARTHEST_M:
+        how = "divide millimetres by 1000" if median_m > 1 else "it looks divided by 1000 twice"
+        raise ShapeError(f"depth_m has a median of {median_m:.4g}, expected metres; {how}")
     return np.where(depth > FARTHEST_M, 0.0, depth)
 
 
@@ -198,10 +199,12 @@ def _check_size(diameter_m: float, covered: Float, unit_m: float, path: Path) ->
     if seen_m / TOO_SMALL <= diameter_m <= seen_m * TOO_LARGE:
         return
     in_units = diameter_m / unit_m
-    likely = min(UNITS_M, key=lambda unit: abs(np.log(in_units * unit / seen_m)))
+    fits = [unit for unit in UNITS_M if seen_m / TOO_SMALL <= in_units * unit <= seen_m * TOO_LARGE]
+    likely = min(fits, key=lambda unit: abs(np.log(in_units * unit / seen_m)), default=None)
+    what = "no other unit of the mesh would fit: check depth_m and the mask"
     raise InputError(
         f"{path} is {diameter_m:.3g} m across, what its mask covers {seen_m:.3g} m; unit_m = {unit_m:g} was given, "
-        f"{likely:g} would fit better"
+        + (what if likely is None else f"{likely:g} would fit better")
     )
 
 
