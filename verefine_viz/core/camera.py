@@ -83,7 +83,7 @@ def check_intrinsics(K: Float, width: int = 0) -> None:
         raise ShapeError(f"the last row of 'cam_K' is {' '.join(f'{x:g}' for x in K[2])}, expected 0 0 1{how}")
     low, high = FOCAL_PX
     if not (low <= K[0, 0] <= high and low <= K[1, 1] <= high) or min(K[0, 0], K[1, 1]) < LEAST_FOCAL * width:
-        is_normalised = min(K[0, 0], K[1, 1]) > 0 and np.abs(K).max() < NORMALISED
+        is_normalised = bool(min(K[0, 0], K[1, 1]) > 0 and np.abs(K).max() < NORMALISED)
         how = f", not less than {LEAST_FOCAL:.0%} of the image's width" if width else ""
         how += "; it looks normalised: multiply it by the image's width and height" * is_normalised
         raise ShapeError(
