@@ -192,6 +192,7 @@ OFF: dict[str, tuple[Callable[[Frame], Frame], str, str]] = {
     "8 bits": (in_8_bits, "as if it was stored in 8 bits", "folder trace keep_frame bop"),
     "depth × 10, kept": (lambda f: f.times(depth=10), "about 0.1 times as much depth would fit", "keep_frame"),
     "depth × 0.001, kept": (lambda f: f.times(depth=0.001), "depth_m has a median of 0.000", "keep_frame"),
+    "mesh in cm, kept": (lambda f: f.times(mesh=0.1), "unit_m = 0.001 was given, 0.01 would fit better", "keep_frame"),
     "mesh in m, kept": (lambda f: f.times(mesh=0.001), "unit_m = 0.001 was given, 1 would fit better", "keep_frame"),
 }
 """What a user has wrong, what is put into words, and by which ways in."""

@@ -124,16 +124,16 @@ def _check_images(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts)
         colourless += [frame_name(ids)] * (image.rgb is None)
         parts.with_camera_pose += image.R_world_cam is not None
     parts.depth = bool(medians_m)
-    of = f"{len(medians_m)} of {len(opened)} frames checked"
+    n, of = len(medians_m), f"{len(medians_m)} of {len(opened)} frames checked"
     result = f"median {np.median(medians_m):.2f} m in {of}" if medians_m else f"none could be read in {of}"
     if colourless:
-        which = "all of them" if len(colourless) == len(medians_m) else first_of(colourless, MOST_NAMED)
+        which = "all of them" if len(colourless) == n else first_of(colourless, MOST_NAMED)
         result += f"; no rgb or gray image in {which}: drawn without colour, which is optional"
     parts.add("depth and colour", result, first_of(list(dict.fromkeys(faults)), MOST_FAULTS, "; "))
     if parts.with_camera_pose:
         others = "; in the others scene.gravity world takes the table's normal"
-        few = parts.with_camera_pose < len(medians_m)
-        parts.add("camera poses", f"known for {parts.with_camera_pose} of {of}" + others * few)
+        few = parts.with_camera_pose < n
+        parts.add("camera poses", f"known for {parts.with_camera_pose} of {n} frames checked" + others * few)
 
 
 def _check_masks(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts) -> None:
