@@ -19,11 +19,11 @@ import numpy as np
 
 from tests.made_up_frames import SETTINGS, Thing, frame_of, model, standing
 from verefine_viz.calibration.camera_check import depth_notes, outline_fits, verdict
-from verefine_viz.calibration.plausibility import doubts
+from verefine_viz.calibration.plausibility import TO_OPENGL, doubts
 from verefine_viz.calibration.registration import FEWEST, colour_fits, registration_notes
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.geometry import transform
+from verefine_viz.core.geometry import axis_angle, inverse, transform
 from verefine_viz.core.problem import Instance, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.diagnosis.data_doubts import plane_notes
@@ -109,14 +109,29 @@ def colour(right_px: int, down_px: int) -> Fault:
     return fault
 
 
+def truth_by(change: Callable[[Float], Float]) -> Fault:
+    """Other ground-truth poses (4, 4)."""
+
+    def changed(i: Instance) -> Instance:
+        return i if i.T_cam_obj_gt is None else replace(i, T_cam_obj_gt=change(i.T_cam_obj_gt))
+
+    return lambda p: replace(p, instances=tuple(changed(i) for i in p.instances))
+
+
 def truth(times: float) -> Fault:
     """cam_t_m2c multiplied."""
+    return truth_by(lambda T: transform(T[:3, :3], times * T[:3, 3]))
 
-    def moved(i: Instance) -> Instance:
-        T = i.T_cam_obj_gt
-        return i if T is None else replace(i, T_cam_obj_gt=transform(T[:3, :3], times * T[:3, 3]))
 
-    return lambda p: replace(p, instances=tuple(moved(i) for i in p.instances))
+def inverted_masks(p: Problem) -> Problem:
+    """Masks of everything but the objects."""
+    return replace(p, instances=tuple(replace(i, mask=~i.mask) for i in p.instances))
+
+
+def in_8_bits(p: Problem) -> Problem:
+    """Depth in 255 steps."""
+    depth_m = p.observation.depth_m.astype(np.float64)
+    return measured(p, depth=np.round(depth_m / depth_m.max() * 255) * depth_m.max() / 255)
 
 
 def models(times: float) -> Fault:
@@ -187,6 +202,11 @@ def is_elsewhere(p: Problem) -> bool:
     return bool(doubts(p))
 
 
+def says(words: str) -> Check:
+    """Whether a doubt names what would fit."""
+    return lambda p: any(words in doubt for doubt in doubts(p))
+
+
 def is_not_registered(p: Problem) -> bool:
     """Whether a diagnosis calls depth shifted or scaled."""
     return FrameGroundTruth(p).registration.is_off
@@ -222,6 +242,7 @@ def is_off_the_plane(p: Problem) -> bool:
     return bool(plane_notes(p, [b and b.T_cam_obj for b in best]))
 
 
+Y_UP = transform(axis_angle(np.array([1.0, 0.0, 0.0]), np.pi / 2), np.zeros(3))
 NEAR, FAR = (0.8, 0.9, 1.1, 1.2), (0.001, 0.1, 10.0, 1000.0)
 CHECKS: tuple[tuple[str, Check, tuple[Fault, ...]], ...] = (
     ("fx and fy of cam_K", has_cause("focal length", "focal length or models"), tuple(camera(f, f) for f in NEAR)),
@@ -241,6 +262,13 @@ CHECKS: tuple[tuple[str, Check, tuple[Fault, ...]], ...] = (
         is_elsewhere,
         tuple(depth(f) for f in (0.1, 0.5, 2.0, 10.0)) + tuple(truth(f) for f in FAR),
     ),
+    ("models in another unit", says("models that are"), tuple(models(f) for f in FAR)),
+    ("inverse poses", says("the inverse poses"), (truth_by(inverse),)),
+    ("poses in OpenGL's axes", says("OpenGL"), (truth_by(lambda T: TO_OPENGL @ T),)),
+    ("rotations by columns", says("transposed"), (truth_by(lambda T: transform(T[:3, :3].T, T[:3, 3])),)),
+    ("models Y-up", says("about x would fit"), (truth_by(lambda T: T @ Y_UP), truth_by(lambda T: T @ Y_UP.T))),
+    ("masks inverted", says("inverted masks"), (inverted_masks,)),
+    ("depth of 8 bits", says("8 bits"), (in_8_bits,)),
     ("depth beside colour (diagnosis)", is_not_registered, (depth(right_px=-30), depth(right_px=15))),
     ("results file in centimetres", is_in_centimetres, (initial_poses(0.1),)),
     ("depth_scale, by initial poses", is_far_from_initial_poses, tuple(depth(f) for f in (0.5, *NEAR, 2.0))),

@@ -140,7 +140,8 @@ def test_masks_in_another_order_are_named():
     assert all("masks and poses look as if they were in another order" in doubt for doubt in said)
 
 
-def test_distances_in_place_of_depth_are_named_where_the_lens_is_wide():
+def wide_frame() -> Problem:
+    """Four objects at the edge of the picture of a wide lens."""
     camera = Camera(np.array([[280.0, 0, 319.5], [0, 280.0, 239.5], [0, 0, 1]]), 640, 480)
     rng, things = np.random.default_rng(2), []
     for k, name in enumerate(("jug", "carton", "block", "bottle")):
@@ -148,7 +149,12 @@ def test_distances_in_place_of_depth_are_named_where_the_lens_is_wide():
         T = standing(m, rng, 0.01)
         T[:2, 3] += 0.32 * np.array([np.cos(k * np.pi / 2), np.sin(k * np.pi / 2)])
         things.append(Thing(m, T))
-    problem = frame_of(things, rng, Viewpoint(20, 60, 0.6), camera=camera)
+    return frame_of(things, rng, Viewpoint(20, 60, 0.6), camera=camera)
+
+
+def test_distances_in_place_of_depth_are_named_where_the_lens_is_wide():
+    problem = wide_frame()
+    camera = problem.observation.camera
     assert doubts(problem) == ()
     v, u = np.indices(camera.shape)
     rays = np.sqrt(1 + ((u - camera.cx) / camera.fx) ** 2 + ((v - camera.cy) / camera.fy) ** 2)

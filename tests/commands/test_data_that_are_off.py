@@ -1,147 +1,232 @@
-"""``datasets check`` finds what is off in all frames of a folder, and by how much: cameras, depth, units, sizes."""
+"""What people have wrong on disk is named with what would fit, whichever way the frame comes in."""
 
 from __future__ import annotations
 
 import json
-import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
-from tests.batch.frames import make_frames
-from tests.calibration.sizes import scene, written
-from tests.commands.test_datasets import advice
-from tests.scenes.bop_folder import Made
-from tests.scenes.write_bop import write_bop
+from tests.calibration.sizes import real, scene
+from tests.calibration.test_plausibility import Z_UP, wide_frame
+from verefine_viz.calibration.plausibility import TO_OPENGL, data_doubts
 from verefine_viz.commands.dataset_check import check_split
-from verefine_viz.commands.datasets import Datasets
+from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.geometry import transform
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.run.capture import DetectedObject, keep_frame
+from verefine_viz.run.session_file import load_session
+from verefine_viz.run.toolbox import Toolbox
+from verefine_viz.scenes.source import open_scene
+from verefine_viz.trace import Trace
 
 pytestmark = pytest.mark.usefixtures("long_run")
+YCBV = Path(__file__).resolve().parents[3] / "shared" / "data" / "ycbv"
 
 
-@pytest.fixture
-def made(tmp_path: Path) -> Made:
-    return make_frames(tmp_path / "boxes", 2)
+@dataclass(frozen=True)
+class Object:
+    """An object as a pipeline has it."""
+
+    name: str
+    mesh_mm: trimesh.Trimesh
+    mask: Mask
+    T_cam_obj: Float
 
 
-def change_depth(made: Made, change: Any) -> None:
-    for file in (made.scene / "depth").iterdir():
-        depth = np.asarray(Image.open(file))
-        Image.fromarray(change(depth).astype(np.uint16)).save(file)
+@dataclass(frozen=True)
+class Frame:
+    """A frame as a pipeline has it, which is written in several layouts."""
+
+    K: Float
+    depth_m: Float
+    objects: tuple[Object, ...]
+    masks_in_alpha: bool = False
+
+    def times(self, mesh: float = 1.0, depth: float | Float = 1.0) -> Frame:
+        resized = tuple(
+            replace(o, mesh_mm=trimesh.Trimesh(mesh * o.mesh_mm.vertices, o.mesh_mm.faces, process=False))
+            for o in self.objects
+        )
+        return replace(self, objects=resized, depth_m=self.depth_m * depth)
+
+    def posed(self, change: Callable[[Float], Float]) -> Frame:
+        return replace(self, objects=tuple(replace(o, T_cam_obj=change(o.T_cam_obj)) for o in self.objects))
+
+    def save_mask(self, k: int, path: Path) -> None:
+        mask = self.objects[k].mask.astype(np.uint8) * 255
+        white = np.full((*mask.shape, 3), 255, np.uint8)
+        Image.fromarray(np.dstack([white, mask]) if self.masks_in_alpha else mask).save(path)
+
+    def save_depth(self, path: Path, step_m: float = 1e-3) -> None:
+        Image.fromarray(np.clip(np.round(self.depth_m / step_m), 0, 65535).astype(np.uint16)).save(path)
 
 
-def test_displaced_depth_is_found_with_its_displacement(made: Made) -> None:
-    change_depth(made, lambda depth: np.roll(depth, (6, 9), axis=(0, 1)))
-    (said,) = advice(made).values()
-    assert "not registered to colour" in said
-    x, y = (int(word.split(" px")[0]) for word in said.split("displaced by ")[1].split(": ")[0].split(" and "))
-    assert abs(x + 9) <= 3
-    assert abs(y + 6) <= 3
+def frame_of(problem: Problem, first: str = "") -> Frame:
+    """The frame with its largest objects; ``first`` is the one that a folder of one object has."""
+    sizes = {i.instance_id: int(np.count_nonzero(i.mask)) for i in problem.instances}
+    largest = sorted(problem.instances, key=lambda i: -sizes[i.instance_id])[:4]
+    largest = sorted(largest, key=lambda i: problem.models[i.obj_id].name != first)[:3]
+    objects = []
+    for i in largest:
+        m = problem.models[i.obj_id]
+        assert i.T_cam_obj_gt is not None
+        mesh = trimesh.Trimesh(m.vertices * 1e3, m.faces, process=False)
+        objects.append(Object(m.name, mesh, np.array(i.mask), i.T_cam_obj_gt))
+    return Frame(problem.observation.camera.K, problem.observation.depth_m.astype(np.float64), tuple(objects))
 
 
-@pytest.fixture(scope="module")
-def clutter(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two frames of scene 0, as they should be."""
-    return write_bop(tmp_path_factory.mktemp("right") / "clutter", [scene("clutter", f"0/{k}") for k in range(2)])
+def of_folder(frame: Frame, root: Path) -> tuple[str, ...]:
+    """As FoundationPose's demo has it: one object, its mesh in metres."""
+    for name in ("depth", "masks", "mesh", "annotated_poses"):
+        (root / name).mkdir(parents=True)
+    np.savetxt(root / "cam_K.txt", frame.K)
+    frame.save_depth(root / "depth" / "1.png")
+    frame.save_mask(0, root / "masks" / "1.png")
+    one = frame.objects[0]
+    trimesh.Trimesh(one.mesh_mm.vertices / 1000, one.mesh_mm.faces, process=False).export(root / "mesh" / "mesh.obj")
+    np.savetxt(root / "annotated_poses" / "1.txt", one.T_cam_obj)
+    return opened("sequence", root)
 
 
-def with_camera(clutter: Path, root: Path, change: Callable[[list[float]], None]) -> Path:
-    """A copy with another cam_K (9 numbers)."""
-    shutil.copytree(clutter, root)
-    path = root / "test" / "000000" / "scene_camera.json"
-    content = json.loads(path.read_text())
-    for entry in content.values():
-        change(entry["cam_K"])
-    path.write_text(json.dumps(content))
-    return root
+def of_trace(frame: Frame, root: Path) -> tuple[str, ...]:
+    root.mkdir()
+    with Trace(root / "trace", K=frame.K, depth_m=frame.depth_m) as trace:
+        for k, one in enumerate(frame.objects):
+            path = root / f"{k}.ply"
+            one.mesh_mm.export(path)
+            begun = trace.object(one.name, mesh=path, mask=one.mask, unit_m=0.001, truth=one.T_cam_obj)
+            begun.hypothesis(0, one.T_cam_obj)
+    return opened("trace", root / "trace")
 
 
-def moved(k: int, px: float) -> Callable[[list[float]], None]:
-    """Adds to one number of cam_K."""
-    return lambda K: K.__setitem__(k, K[k] + px)
+def opened(source: str, root: Path) -> tuple[str, ...]:
+    made = SceneSettings.model_validate({"source": source, "dataset": str(root)})
+    found = open_scene(made, HypothesesSettings(source="recorded"))
+    return data_doubts(found.problem(found.frames[0]))
 
 
-@pytest.mark.parametrize(("dx", "named"), [(24, "about 24 px too large"), (-40, "at least 30 px too small")])
-def test_without_masks_a_wrong_principal_point_is_named_beside_depth_that_is_not_registered(
-    clutter: Path, tmp_path: Path, dx: int, named: str
-) -> None:
-    root = with_camera(clutter, tmp_path / "clutter", moved(2, dx))
-    for kind in ("mask_visib", "mask"):
-        shutil.rmtree(root / "test" / "000000" / kind)
-    said = {f.name: f.advice for f in check_split(root, "test").findings}["registration"]
-    assert said.endswith(
-        f"either depth is not registered to colour (warp it into the colour camera first), or cx of cam_K is {named}"
-    )
+def of_keep_frame(frame: Frame, root: Path) -> tuple[str, ...]:
+    root.mkdir()
+    detected = []
+    for k, one in enumerate(frame.objects):
+        path = root / f"{k}.ply"
+        one.mesh_mm.export(path)
+        detected.append(
+            DetectedObject(path, one.mask, {"net": one.T_cam_obj}, one.name, 0.001, T_cam_obj_gt=one.T_cam_obj)
+        )
+    name = keep_frame(root / "kept", frame.K, frame.depth_m, None, detected)
+    return data_doubts(Toolbox(load_session(root / "kept" / "session.toml")).problem(name))
 
 
-@pytest.mark.parametrize(("k", "px", "named"), [(2, 40, "cx of cam_K looks 40 px too large"), (5, -20, "cy of cam_K")])
-def test_masks_tell_a_wrong_principal_point_from_depth_that_is_not_registered(
-    clutter: Path, tmp_path: Path, k: int, px: float, named: str
-) -> None:
-    found = {f.name: f for f in check_split(with_camera(clutter, tmp_path / "clutter", moved(k, px)), "test").findings}
-    assert found["sizes"].advice.startswith(named)
-    assert "displaced" not in found["registration"].advice
-    assert not found["each frame"].is_checked
+def of_bop(frame: Frame, root: Path) -> tuple[str, ...]:
+    """What ``datasets check`` says of a BOP folder."""
+    folder = root / "test" / "000001"
+    for place in (root / "models", folder / "depth", folder / "mask_visib"):
+        place.mkdir(parents=True)
+    step_mm = 1.0 if frame.depth_m.max() > 6 else 0.1 if frame.depth_m.max() > 0.1 else 1e-4
+    frame.save_depth(folder / "depth" / "000001.png", step_mm * 1e-3)
+    truths = []
+    for k, one in enumerate(frame.objects):
+        one.mesh_mm.export(root / "models" / f"obj_{k + 1:06d}.ply")
+        frame.save_mask(k, folder / "mask_visib" / f"000001_{k:06d}.png")
+        R, t_mm = one.T_cam_obj[:3, :3].ravel().tolist(), (1e3 * one.T_cam_obj[:3, 3]).tolist()
+        truths.append({"obj_id": k + 1, "cam_R_m2c": R, "cam_t_m2c": t_mm})
+    camera = {"cam_K": frame.K.ravel().tolist(), "depth_scale": step_mm}
+    (folder / "scene_camera.json").write_text(json.dumps({"1": camera}))
+    (folder / "scene_gt.json").write_text(json.dumps({"1": truths}))
+    parts = check_split(root, "test")
+    return tuple(found.advice for found in parts.findings if found.advice)
 
 
-@pytest.mark.parametrize(("k", "px", "named"), [(0, 80, "fx"), (4, -80, "fy")])
-def test_one_wrong_focal_length_is_found(clutter: Path, tmp_path: Path, k: int, px: float, named: str) -> None:
-    root = with_camera(clutter, tmp_path / "clutter", moved(k, px))
-    found = {f.name: f for f in check_split(root, "test").findings}
-    assert found["sizes"].advice.startswith(f"{named} of cam_K looks too {'large' if px > 0 else 'small'}, about ")
-    assert "displaced" not in found["registration"].advice
-    assert Datasets("check", str(root)).run([]) == 1
+WAYS = {"folder": of_folder, "trace": of_trace, "keep_frame": of_keep_frame, "bop": of_bop}
 
 
-def test_a_wrong_depth_scale_is_found(made: Made) -> None:
-    def scaled(content: dict[str, Any]) -> None:
-        for entry in content.values():
-            entry["depth_scale"] *= 10
-
-    made.edit("scene_camera.json", scaled)
-    assert "measured depth is 10" in advice(made)["registration"]
+def in_8_bits(frame: Frame) -> Frame:
+    step_m = 1e-3 * np.ceil(1e3 * frame.depth_m.max() / 255)
+    return replace(frame, depth_m=np.round(frame.depth_m / step_m) * step_m)
 
 
-@pytest.mark.parametrize(("focal", "instances"), [(1.15, range(6)), (0.75, [3])])
-def test_a_wrong_focal_length_is_found_and_not_taken_for_displaced_depth(
-    tmp_path: Path, focal: float, instances: Sequence[int]
-) -> None:
-    frames = [scene("clutter", f"0/{k}").only(instances) for k in range(2)]
-    found = {f.name: f.advice for f in check_split(written(tmp_path / "clutter", frames, focal), "test").findings}
-    off = "too small" if focal < 1 else "too large"
-    assert found["sizes"].startswith(f"fx and fy of cam_K look {off}, about ")
-    assert float(found["sizes"].split("about ")[1].split()[0]) == pytest.approx(1 / focal, rel=0.02)
-    assert "displaced" not in found["registration"]
+def distances(frame: Frame) -> Frame:
+    v, u = np.indices(frame.depth_m.shape)
+    (fx, _, cx), (_, fy, cy), _ = frame.K
+    return frame.times(depth=np.sqrt(1 + ((u - cx) / fx) ** 2 + ((v - cy) / fy) ** 2))
 
 
-@pytest.mark.parametrize("kinds", [("mask",), ()])
-def test_sizes_are_compared_with_the_masks_that_are_there(tmp_path: Path, kinds: Sequence[str]) -> None:
-    root = written(tmp_path / "clutter", [scene()], 0.85)
-    for kind in ("mask_visib", "mask"):
-        if kind not in kinds:
-            shutil.rmtree(root / "test" / "000000" / kind)
-    named = [f for f in check_split(root, "test").findings if f.name == "sizes"]
-    assert [f.result.split(" than ")[0] for f in named] == ["objects appear 18% larger"] * (kinds != ())
+def normalised(frame: Frame) -> Frame:
+    h, w = frame.depth_m.shape
+    return replace(frame, K=np.diag([1 / w, 1 / h, 1]) @ frame.K)
 
 
-def test_true_poses_in_metres_are_found(made: Made) -> None:
-    def in_metres(content: dict[str, Any]) -> None:
-        for entry in (entry for entries in content.values() for entry in entries):
-            entry["cam_t_m2c"] = [x / 1000 for x in entry["cam_t_m2c"]]
+OFF: dict[str, tuple[Callable[[Frame], Frame], str, str]] = {
+    "mesh in cm": (lambda f: f.times(mesh=0.1), "models that are 10 times as large", "folder trace bop"),
+    "mesh × 10": (lambda f: f.times(mesh=10), "models that are 10 times smaller", "folder trace keep_frame bop"),
+    "depth × 10": (lambda f: f.times(depth=10), "depth that is 10 times smaller", "folder trace bop"),
+    "depth × 0.001": (lambda f: f.times(depth=0.001), "depth that is 1000 times as large", "trace bop"),
+    "K transposed": (lambda f: replace(f, K=f.K.T), "written column by column", "folder keep_frame bop"),
+    "K normalised": (normalised, "it looks normalised", "folder trace keep_frame bop"),
+    "255 is background": (
+        lambda f: replace(f, objects=tuple(replace(o, mask=~o.mask) for o in f.objects)),
+        "inverted",
+        "folder trace keep_frame bop",
+    ),
+    "by columns": (
+        lambda f: f.posed(lambda T: transform(T[:3, :3].T, T[:3, 3])),
+        "transposed rotations would fit",
+        "folder trace keep_frame bop",
+    ),
+    "models Y-up": (
+        lambda f: f.posed(lambda T: T @ Z_UP),
+        "about x would fit: the meshes look as if another axis were up",
+        "folder trace keep_frame bop",
+    ),
+    "OpenGL's axes": (lambda f: f.posed(lambda T: TO_OPENGL @ T), "OpenGL", "folder trace bop"),
+    "OpenGL's axes, kept": (lambda f: f.posed(lambda T: TO_OPENGL @ T), "expected OpenCV's axes", "keep_frame"),
+    "8 bits": (in_8_bits, "as if it was stored in 8 bits", "folder trace keep_frame bop"),
+    "depth × 10, kept": (lambda f: f.times(depth=10), "about 0.1 times as much depth would fit", "keep_frame"),
+    "depth × 0.001, kept": (lambda f: f.times(depth=0.001), "depth_m has a median of 0.000", "keep_frame"),
+    "mesh in cm, kept": (lambda f: f.times(mesh=0.1), "unit_m = 0.001 was given, 0.01 would fit better", "keep_frame"),
+    "mesh in m, kept": (lambda f: f.times(mesh=0.001), "unit_m = 0.001 was given, 1 would fit better", "keep_frame"),
+}
+"""What a user has wrong, what is put into words, and by which ways in."""
+CASES = [(name, way) for name, (_, _, ways) in OFF.items() for way in ways.split()]
 
-    made.edit("scene_gt.json", in_metres)
-    said = advice(made)["registration"]
-    times = float(said.removeprefix("measured depth is about ").split()[0])
-    assert 800 < times <= 1000
-    assert said.endswith("check that cam_t_m2c in scene_gt.json is in millimetres, it looks like metres")
+
+def frames() -> list[Frame]:
+    """A built-in frame, and a real one where the data are there; a mug looks like no other when it is turned."""
+    return [frame_of(scene("clutter")), *([frame_of(real(YCBV, "0/1"), "025_mug")] if YCBV.is_dir() else [])]
 
 
-def test_meshes_in_metres_are_found(made: Made) -> None:
-    path = made.root / "models" / "models_info.json"
-    info = json.loads(path.read_text())
-    path.write_text(json.dumps({key: {"diameter": entry["diameter"] * 1000} for key, entry in info.items()}))
-    assert "its unit was taken to be metres" in advice(made)["models"]
+def said(way: str, frame: Frame, root: Path) -> str:
+    try:
+        return "; ".join(WAYS[way](frame, root))
+    except InputError as error:
+        return str(error)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_right_data_are_not_doubted_and_a_mask_may_be_in_the_alpha_channel(way: str, tmp_path: Path) -> None:
+    for k, frame in enumerate(frames()):
+        assert said(way, frame, tmp_path / str(k)) == ""
+        assert said(way, replace(frame, masks_in_alpha=True), tmp_path / f"{k} alpha") == ""
+
+
+@pytest.mark.parametrize(("name", "way"), CASES)
+def test_what_is_off_is_named_with_what_would_fit(name: str, way: str, tmp_path: Path) -> None:
+    spoil, words, _ = OFF[name]
+    for k, frame in enumerate(frames()):
+        assert words in said(way, spoil(frame), tmp_path / str(k))
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_distances_in_place_of_depth_are_named_where_the_lens_is_wide(way: str, tmp_path: Path) -> None:
+    frame = frame_of(wide_frame())
+    assert said(way, frame, tmp_path / "right") == ""
+    assert "the depth images seem to hold distances" in said(way, distances(frame), tmp_path / "wrong")

@@ -1,8 +1,9 @@
-"""``datasets check`` judges every frame, and every object in it: what is wrong in one does not drown in the others."""
+"""``datasets check`` says once what is off in all frames, and names frame and object of what is off in few."""
 
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +14,7 @@ import pytest
 from PIL import Image
 
 from tests.batch.frames import make_frames
-from tests.calibration.sizes import scene
+from tests.calibration.sizes import scene, written
 from tests.scenes.bop_folder import Made
 from tests.scenes.write_bop import write_bop
 from verefine_viz.commands.dataset_check import check_split
@@ -42,8 +43,8 @@ def clutter(right: Path, tmp_path: Path) -> Path:
     return shutil.copytree(right, tmp_path / "clutter")
 
 
-def each_frame(root: Path) -> Finding:
-    (found,) = [f for f in check_split(root, "test").findings if f.name == "each frame"]
+def plausibility(root: Path) -> Finding:
+    (found,) = [f for f in check_split(root, "test").findings if f.name == "plausibility"]
     return found
 
 
@@ -53,89 +54,155 @@ def edit(file: Path, change: Callable[[Any], None]) -> None:
     file.write_text(json.dumps(content))
 
 
+def edit_camera(root: Path, change: Callable[[str, dict[str, Any]], None]) -> None:
+    """Changes the entry of each image."""
+
+    def of_all(content: dict[str, Any]) -> None:
+        for image, entry in content.items():
+            change(image, entry)
+
+    edit(root / "test" / "000000" / "scene_camera.json", of_all)
+
+
+def times(key: str, factor: float, *images: str) -> Callable[[str, dict[str, Any]], None]:
+    """Multiplies a number of these images, or of all."""
+    return lambda image, entry: entry.update({key: entry[key] * (factor if image in (images or (image,)) else 1)})
+
+
 def test_right_frames_are_silent(made: Made, clutter: Path) -> None:
-    for root in (made.root, clutter):
-        found = each_frame(root)
+    for root, n in ((made.root, 5), (clutter, 3)):
+        found = plausibility(root)
+        assert found.result == f"ground truth fits images, masks and models in {n} of {n} frames checked"
         assert found.advice == ""
-        assert "of the depth in the objects' masks lies on their models in their ground-truth poses" in found.result
 
 
-def test_instances_of_one_frame_in_another_order_are_named(made: Made, capsys: pytest.CaptureFixture[str]) -> None:
-    made.edit("scene_gt.json", lambda content: content["3"].reverse())
-    found = each_frame(made.root)
-    assert found.result.startswith("in the worst of 5 frames checked, 7/3, ")
-    assert found.advice.startswith("7/3: only ")
-    assert "mask 2 shows the object of entry 0 of scene_gt.json: put the entries in the order" in found.advice
-    assert "7/1" not in found.advice
-    assert Datasets("check", str(made.root)).run([]) == 1
-    assert capsys.readouterr().out.endswith("1 part needs a look, hence exit code 1: each frame.\n")
+def test_instances_of_one_frame_in_another_order_are_named(clutter: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def swapped(content: dict[str, Any]) -> None:
+        entries = content["1"]
+        entries[a], entries[b] = entries[b], entries[a]
+
+    sizes = [int(np.count_nonzero(i.mask)) for i in scene("clutter", "0/1").instances]
+    a, b = np.argsort(sizes)[-2:]
+    edit(clutter / "test" / "000000" / "scene_gt.json", swapped)
+    found = plausibility(clutter)
+    assert found.result == "ground truth does not fit in 1 of 3 frames checked"
+    assert found.advice.startswith("in 0/1: what is seen of ")
+    assert "masks and poses look as if they were in another order" in found.advice
+    assert "0/2" not in found.advice
+    assert Datasets("check", str(clutter)).run([]) == 1
+    assert capsys.readouterr().out.endswith("1 part needs a look, hence exit code 1: plausibility.\n")
 
 
-@pytest.mark.parametrize("factor", [10.0, 1.3])
-def test_a_wrong_depth_scale_of_one_frame_is_named(clutter: Path, factor: float) -> None:
-    def scaled(content: dict[str, Any]) -> None:
-        content["1"]["depth_scale"] *= factor
-
-    edit(clutter / "test" / "000000" / "scene_camera.json", scaled)
-    said = each_frame(clutter).advice
-    assert said.startswith("0/1: only 0% lies there; measured depth is about ")
-    times = float(said.split("is about ")[1].split()[0])
-    assert times == pytest.approx(factor, rel=0.1)
-    assert said.endswith(" times the true one: check depth_scale")
+@pytest.mark.parametrize(
+    ("factor", "named"), [(10.0, "depth that is 10 times smaller would fit"), (1.3, "depth_scale")]
+)
+def test_a_wrong_depth_scale_of_one_frame_is_named(clutter: Path, factor: float, named: str) -> None:
+    edit_camera(clutter, times("depth_scale", factor, "1"))
+    found = plausibility(clutter)
+    assert found.result == "ground truth does not fit in 1 of 3 frames checked"
+    assert found.advice.startswith("in 0/1: ")
+    assert named in found.advice
 
 
 def test_another_camera_in_one_frame_is_named(clutter: Path) -> None:
-    def moved(content: dict[str, Any]) -> None:
-        content["2"]["cam_K"][2] += 250
-
-    edit(clutter / "test" / "000000" / "scene_camera.json", moved)
-    said = each_frame(clutter).advice
-    assert said.startswith("0/2: only 0% lies there; check cam_K and depth_scale in scene_camera.json, ")
+    edit_camera(clutter, lambda image, entry: moved(entry, 2, 60) if image == "2" else None)
+    found = plausibility(clutter)
+    assert found.advice.startswith("in 0/2: objects lie ")
+    assert "cx of cam_K looks 60 px too large" in found.advice
 
 
-def test_one_object_in_another_place_is_named_with_its_share(clutter: Path) -> None:
-    def moved(content: dict[str, Any]) -> None:
+def moved(entry: dict[str, Any], k: int, px: float) -> None:
+    """Adds to one number of cam_K."""
+    entry["cam_K"][k] += px
+
+
+@pytest.mark.parametrize(
+    ("k", "px", "named"),
+    [
+        (2, 40, "cx of cam_K looks 40 px too large"),
+        (5, -20, "cy of cam_K looks 20 px too small"),
+        (0, 80, "fx of cam_K looks too large"),
+        (4, -80, "fy of cam_K looks too small"),
+    ],
+)
+def test_a_camera_that_is_off_in_all_frames_is_said_once(clutter: Path, k: int, px: float, named: str) -> None:
+    edit_camera(clutter, lambda _, entry: moved(entry, k, px))
+    found = plausibility(clutter)
+    assert found.result == "ground truth does not fit in 3 of 3 frames checked"
+    assert found.advice.startswith("in all 3 frames, such as 0/0: objects ")
+    assert found.advice.count(named[:10]) == 1
+    assert named in found.advice
+
+
+def test_a_wrong_focal_length_is_named_with_its_factor(tmp_path: Path) -> None:
+    said = plausibility(written(tmp_path / "clutter", [scene("clutter", "0/0")], 1.15)).advice
+    assert float(said.split("fx and fy of cam_K look too large, about ")[1].split()[0]) == pytest.approx(1 / 1.15, 0.02)
+
+
+@pytest.mark.parametrize(("dx", "dy", "aside", "along"), [(15, 9, "right", "down"), (-21, -6, "left", "up")])
+def test_displaced_depth_is_named_with_its_displacement(
+    clutter: Path, dx: int, dy: int, aside: str, along: str
+) -> None:
+    for file in (clutter / "test" / "000000" / "depth").iterdir():
+        depth = np.asarray(Image.open(file))
+        Image.fromarray(np.roll(depth, (dy, dx), axis=(0, 1))).save(file)
+    said = plausibility(clutter).advice
+    found = re.match(
+        rf"in all 3 frames, such as 0/0: depth lies (\d+) px to the {aside} and (\d+) px {along} of ", said
+    )
+    assert found, said
+    assert [float(px) for px in found.groups()] == pytest.approx([abs(dx), abs(dy)], abs=2)
+    assert "warp it into the colour camera" in said
+
+
+def test_one_object_in_another_place_is_named(clutter: Path) -> None:
+    name = json.loads((clutter / "models" / "obj_names.json").read_text())
+
+    def beside(content: dict[str, Any]) -> None:
         content["1"][2]["cam_t_m2c"][2] += 300
 
-    edit(clutter / "test" / "000000" / "scene_gt.json", moved)
-    said = each_frame(clutter).advice
-    assert said.startswith("0/1: only 0% of ")
-    assert said.endswith(" (entry 2); check its mask, and its pose in scene_gt.json")
+    edit(clutter / "test" / "000000" / "scene_gt.json", beside)
+    obj_id = json.loads((clutter / "test" / "000000" / "scene_gt.json").read_text())["1"][2]["obj_id"]
+    said = plausibility(clutter).advice
+    assert said.startswith(f"in 0/1: what is seen of {name[str(obj_id)]} is not where ")
+    assert said.endswith("check its mask and its pose")
 
 
-def test_masks_of_all_of_an_object_do_not_tell_about_hidden_ones(clutter: Path) -> None:
-    """Four fifths of an object are hidden by something that is nobody's."""
-    folder = clutter / "test" / "000000"
-    shutil.rmtree(folder / "mask_visib")
-    mask = np.asarray(Image.open(folder / "mask" / "000001_000002.png")) > 0
-    columns = np.flatnonzero(mask.any(axis=0))
-    hidden = mask & (np.arange(mask.shape[1]) > np.quantile(columns, 0.2))
-    depth = np.asarray(Image.open(folder / "depth" / "000001.png")).copy()
-    depth[hidden] = depth[hidden] // 2
-    Image.fromarray(depth).save(folder / "depth" / "000001.png")
-    assert each_frame(clutter).advice == ""
+def test_masks_of_all_of_an_object_are_used_where_there_are_no_others(clutter: Path) -> None:
+    shutil.rmtree(clutter / "test" / "000000" / "mask_visib")
+    assert plausibility(clutter).advice == ""
 
 
 def test_without_masks_no_frame_is_judged(made: Made) -> None:
     for kind in ("mask_visib", "mask"):
         shutil.rmtree(made.scene / kind)
-    assert [f for f in check_split(made.root, "test").findings if f.name == "each frame"] == []
+    found = plausibility(made.root)
+    assert (found.result, found.is_checked) == ("not checked, needs masks", False)
 
 
-def test_what_is_off_in_all_frames_together_is_said_once(made: Made) -> None:
-    def scaled(content: dict[str, Any]) -> None:
-        for entry in content.values():
-            entry["depth_scale"] *= 10
+def test_poses_in_metres_are_named(clutter: Path) -> None:
+    def in_metres(content: dict[str, Any]) -> None:
+        for entry in (entry for entries in content.values() for entry in entries):
+            entry["cam_t_m2c"] = [x / 1000 for x in entry["cam_t_m2c"]]
 
-    made.edit("scene_camera.json", scaled)
-    assert not each_frame(made.root).is_checked
+    edit(clutter / "test" / "000000" / "scene_gt.json", in_metres)
+    assert "translations that are 1000 times as large would fit" in plausibility(clutter).advice
+
+
+def test_frames_that_cannot_be_opened_do_not_stop_the_others(clutter: Path) -> None:
+    (clutter / "test" / "000000" / "depth" / "000001.png").write_bytes(b"")
+    edit_camera(clutter, times("depth_scale", 10))
+    assert plausibility(clutter).result == "ground truth does not fit in 2 of 2 frames checked"
+    for file in (clutter / "test" / "000000" / "mask_visib").iterdir():
+        file.write_bytes(b"")
+    found = plausibility(clutter)
+    assert (found.result, found.is_checked) == ("not checked, because no frame with ground truth can be opened", False)
 
 
 def test_real_frames_are_silent_but_for_the_one_that_is_wrong(shared_data: Path, tmp_path: Path) -> None:
-    """Eight frames: all of them are looked at, the wrong one is not among six that are spread evenly."""
     shutil.copytree(shared_data / YCBV, tmp_path / YCBV)
-    assert each_frame(tmp_path / YCBV).advice == ""
+    assert plausibility(tmp_path / YCBV).advice == ""
     edit(tmp_path / YCBV / "test" / "000049" / "scene_gt.json", lambda content: content["2365"].reverse())
-    said = each_frame(tmp_path / YCBV).advice
-    assert said.startswith("49/2365: only 11% lies there; mask 3 shows the object of entry 0")
+    said = plausibility(tmp_path / YCBV).advice
+    assert said.startswith("in 49/2365: what is seen of ")
     assert "0/1" not in said

@@ -212,21 +212,8 @@ def depth_notes(problem: Problem) -> tuple[str, ...]:
 
 def distance(points_cam: Float, model: ObjectModel, T_cam_obj: Float) -> float:
     """Median distance of observed points (N, 3) [m], N > 0, to a posed model, as a share of its diameter."""
-    return float(np.median(_distances_m(points_cam, model, T_cam_obj))) / model.diameter_m
-
-
-def share_near(points_cam: Float, model: ObjectModel, T_cam_obj: Float, near_m: float) -> float:
-    """Share of observed points (N, 3) [m], N > 0, that lie within ``near_m`` of a posed model."""
-    return float(np.mean(_distances_m(points_cam, model, T_cam_obj) < near_m))
-
-
-def sample(points_cam: Float) -> Float:
-    """As many of the points (N, 3) as a median needs, copied; sampled again it stays the same."""
-    return points_cam[:: max(1, len(points_cam) // 100)].copy()
-
-
-def _distances_m(points_cam: Float, model: ObjectModel, T_cam_obj: Float) -> Float:
-    return _tree(model).query(apply(inverse(T_cam_obj), sample(points_cam)))[0]
+    some = points_cam[:: max(1, len(points_cam) // 100)]  # As many as a median needs.
+    return float(np.median(_tree(model).query(apply(inverse(T_cam_obj), some))[0])) / model.diameter_m
 
 
 @lru_cache(maxsize=64)

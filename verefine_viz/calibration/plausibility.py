@@ -44,9 +44,12 @@ FEWEST_PX = 12
 UNITS = (10.0, 0.1, 1000.0, 0.001, 100.0, 0.01, 25.4, 1 / 25.4)
 """Factors between units that are mixed up: mm, cm, m and inches."""
 TO_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+UNEXPLAINED = "no other unit or convention would fit"
 CURVED, CURVED_M, ASIDE = 0.4, 0.004, 1.03
 """Distances instead of depth: so much smaller must the error be with them, so large without them [m], and so much
 longer the objects' rays than z; an offset of the sensor looks the same near the image's centre."""
+STEPS, FEWEST_STEPS, STEP_M = 255, 12, 1e-3
+"""Depth of 8 bits: so many steps at most, so many that differ at least, each at least so large [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,13 +174,13 @@ EXPLANATIONS = (*_units(), *_conventions())
 def data_doubts(problem: Problem) -> tuple[str, ...]:
     """Return what of a frame does not fit together: units and conventions, else the camera by the ground truth."""
     explained, unexplained = _doubts(problem)
-    return explained or camera_notes(problem) or unexplained
+    return (*coarse_depth(problem), *(explained or camera_notes(problem) or unexplained))
 
 
 def doubts(problem: Problem) -> tuple[str, ...]:
     """Return which units and conventions of a frame do not fit together, without a look at the camera."""
     explained, unexplained = _doubts(problem)
-    return explained or unexplained
+    return (*coarse_depth(problem), *(explained or unexplained))
 
 
 def _doubts(problem: Problem) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -215,7 +218,7 @@ def _of_poses(problem: Problem, poses: Mapping[int, Float], source: str) -> tupl
         return explained, ()
     # A single pose or mask may be wrong for reasons of its own; all of them are not.
     check = "check camera, depth, masks and poses" if len(off) == len(objects) else "check its mask and its pose"
-    return explained, (f"{_what(off)}; no other unit or convention would fit: {check}",)
+    return explained, (f"{_what(off)}; {UNEXPLAINED}: {check}",)
 
 
 def explanation(one: Seen, fit: float, objects: Sequence[Seen]) -> str:
@@ -252,6 +255,24 @@ def distances_for_depth(objects: Sequence[Seen]) -> Iterator[str]:
                 f"{1e3 * np.median(as_distance):.0f} mm if it is the distance from the camera: the depth images "
                 "seem to hold distances, expected z"
             )
+
+
+def coarse_depth(problem: Problem) -> tuple[str, ...]:
+    """Return a doubt where depth is a multiple of a large step everywhere, as 8 bits hold it."""
+    values_m = np.unique(problem.observation.depth_m).astype(np.float64)
+    values_m = values_m[values_m > 0]
+    if not FEWEST_STEPS <= len(values_m) <= STEPS:
+        return ()
+    steps_m = values_m[-1] / np.arange(1, STEPS + 1)
+    in_steps = values_m / steps_m[:, None]
+    fits = (np.abs(in_steps - np.round(in_steps)).max(axis=1) < 0.1) & (steps_m > 0.9 * STEP_M)
+    if not fits.any():
+        return ()
+    step_m = steps_m[fits][0]
+    return (
+        f"depth has {len(values_m)} different values only, {1e3 * step_m:.3g} mm apart: it looks as if it was stored "
+        "in 8 bits, store it in 16",
+    )
 
 
 def _what(objects: Sequence[Seen]) -> str:

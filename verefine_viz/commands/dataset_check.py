@@ -1,7 +1,8 @@
-"""What ``verefine-viz datasets check`` does: which parts of a BOP folder are there, and whether they fit together."""
+"""What ``verefine-viz datasets check`` does: what a BOP folder has, what is damaged, and whether it fits together."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from itertools import product
@@ -10,10 +11,13 @@ from typing import get_args
 
 import numpy as np
 
-from verefine_viz.commands.dataset_ground_truth import check_truths, each_frame, object_sizes, registration
-from verefine_viz.commands.dataset_parts import MOST_FAULTS, Parts
+from verefine_viz.calibration.plausibility import UNEXPLAINED, data_doubts
+from verefine_viz.commands.dataset_parts import Parts
 from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.core.text_format import MOST_NAMED, first_of
+from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
 from verefine_viz.evaluation.bop_model import EvalModels
 from verefine_viz.evaluation.ground_truth import (
     VISIB_FRACT,
@@ -22,94 +26,59 @@ from verefine_viz.evaluation.ground_truth import (
     targets_path,
     visible_targets,
 )
-from verefine_viz.scenes.bop import NO_COLOR, BopDataset, MaskFolder
-from verefine_viz.scenes.frames import frame_name
+from verefine_viz.scenes.bop import NO_COLOR, BopDataset, GroundTruth, MaskFolder
+from verefine_viz.scenes.bop_source import BopSource
+from verefine_viz.scenes.frames import FrameIds, frame_name
 from verefine_viz.scenes.segments import FEWEST_MASK_PX
 
 N_OPENED = 40
-"""Frames of a split that are opened, spread evenly: 0.1 to 0.5 s each."""
-N_DRAWN = 6
-"""Frames in which objects are drawn as well, spread evenly: about a second each."""
+"""Frames of a split that are opened, spread evenly: about half a second each."""
+MOST_FAULTS = 3
+"""Faults of one kind that are named."""
 
 
 def check_split(folder: Path, split: str) -> Parts:
-    """Checks one split of a data set. What is missing or wrong is a finding, not an error."""
+    """Check one split of a data set. What is missing or wrong is a finding, not an error."""
     parts = Parts()
     try:
         dataset = BopDataset(folder, split)
     except VerefineError as error:
-        if any(folder.glob("models*/obj_*")):
-            parts.add("models", "damaged", str(error))
-            parts.skip("all the rest", "not checked, because the models cannot be read")
-            parts.before_all = f"models that can be read ({error}); nothing else was checked"
-        else:
-            parts.add("models", str(error), "fetch the archive with the models and unpack it here")
-            parts.skip("all the rest", "not checked, because there are no models yet")
-            parts.before_all = "models; nothing else was checked"
+        parts.add("models", "cannot be used", str(error))
+        parts.skip("all the rest", "not checked, because it needs models")
+        parts.before_all = f"models ({error}); nothing else was checked"
         return parts
     _check_models(dataset, parts)
     frames = _check_frames(dataset, parts)
     if not frames:
         parts.skip("all the rest", "not checked, because there are no frames yet")
         return parts
-    _check_camera_poses(dataset, parts)
-    opened = _spread(frames, N_OPENED)
+    opened = [frames[int(k)] for k in np.linspace(0, len(frames) - 1, min(N_OPENED, len(frames))).round()]
     _check_images(dataset, opened, parts)
     _check_masks(dataset, opened, parts)
+    _check_truths(dataset, opened, parts)
     _check_scoring(dataset, opened, parts)
-    if parts.ground_truth and parts.depth and parts.models:
-        drawn = _spread(frames, N_DRAWN)
-        is_in_place = _check_sizes(dataset, drawn, parts)
-        for result, advice in registration(dataset, drawn, is_in_place):
-            parts.add("registration", result, advice)
-        _check_each_frame(dataset, opened, parts)
-    else:
-        needed = {"models": parts.models, "depth": parts.depth, "ground truth": parts.ground_truth}
-        lacking = " and ".join(what for what, there in needed.items() if not there)
-        for name in ("sizes", "registration", "each frame"):
-            parts.skip(name, f"not checked, needs {lacking}")
+    _check_plausibility(dataset, opened, parts)
     return parts
 
 
-def _spread(frames: Sequence[tuple[int, int]], most: int) -> list[tuple[int, int]]:
-    return [frames[int(k)] for k in np.linspace(0, len(frames) - 1, min(most, len(frames))).round()]
-
-
 def _check_models(dataset: BopDataset, parts: Parts) -> None:
-    library, broken, notes = dataset.models, list[str](), _without_diameter(dataset)
+    library, faults, n_read = dataset.models, list[str](), 0
     for obj_id in library.ids:
         try:
-            model = library.get(obj_id)
-            notes += library.notes(obj_id)
-            if not 0.005 < model.diameter_m < 5:
-                notes.append(f"{model.name} is {model.diameter_m * 1e3:.4g} mm across: its unit is wrong")
+            faults += library.notes(obj_id)
+            n_read += 1
         except VerefineError as error:
-            broken.append(str(error))
-    parts.models = len(broken) < len(library.ids)
+            faults.append(str(error))
+    parts.models = n_read > 0
     if not library.ids:
-        broken.append("expected meshes, obj_000001.ply and so on: fetch the archive with the models and unpack it here")
-    parts.add("models", f"{len(library.ids)} in {library.folder.name}/", "; ".join([*broken, *notes]))
+        faults.append("expected meshes, obj_000001.ply and so on: fetch the archive with the models and unpack it here")
+    parts.add("models", f"{len(library.ids)} in {library.folder.name}/", "; ".join(faults))
     if not (dataset.folder / "models_eval").is_dir() and library.folder.name != "models_eval":
-        parts.add(
-            "models_eval", "not there: errors are measured on models/, the benchmark's own numbers on models_eval/"
-        )
+        parts.add("models_eval", "not there: errors are measured on models/, the benchmark's own on models_eval/")
 
 
-def _without_diameter(dataset: BopDataset) -> list[str]:
-    """Which models lack the diameter that scores need; a folder without models_info.json has none, and wants none."""
-    faults: list[str] = []
-    with suppress(VerefineError):
-        models = EvalModels(dataset.folder)
-        for obj_id in dataset.models.ids:
-            try:
-                models.diameter_mm(obj_id)
-            except VerefineError as error:
-                faults.append(str(error))
-    return [*faults, "evaluate refuses answers about objects without diameter"] if faults else []
-
-
-def _check_frames(dataset: BopDataset, parts: Parts) -> list[tuple[int, int]]:
-    frames: list[tuple[int, int]] = []
+def _check_frames(dataset: BopDataset, parts: Parts) -> list[FrameIds]:
+    frames: list[FrameIds] = []
     why = "no scene_camera.json lists any; nothing else was checked"
     for scene_id in dataset.scene_ids:
         try:
@@ -122,68 +91,114 @@ def _check_frames(dataset: BopDataset, parts: Parts) -> list[tuple[int, int]]:
             why = str(error)
     n = len(dataset.scene_ids)
     parts.add("frames", f"{len(frames)} in {n} scene{'s' * (n != 1)}", "" if frames else "there is nothing to run")
-    parts.before_all = "" if frames else f"frames: {why}"
+    parts.before_all = "" if frames else f"frames ({why})"
     try:
-        targets = dataset.targets
+        targets = dataset.targets or {}
     except VerefineError as error:
         parts.add("targets", "damaged", str(error))
         return frames
-    if targets:
-        known = set(frames)
-        parts.add("targets", *_present([ids for ids in targets if ids in known], [*targets.keys() - known]))
+    missing = sorted(targets.keys() - set(frames))
+    if len(missing) == len(targets) > 0:
+        such = f"none of them is here, such as {frame_name(missing[0])}"
+        parts.add("targets", f"{len(targets)} frames", f"{such}: the targets belong to other images; all here are run")
+    elif missing:  # Many fetch a part of a data set: no fault.
+        here = f"{len(targets) - len(missing)} of its {len(targets)} frames are here"
+        parts.add("targets", f"{here}; the others, such as {frame_name(missing[0])}, are left out")
+    elif targets:
+        parts.add("targets", f"{len(targets)} frames")
     return frames
 
 
-def _present(there: Sequence[tuple[int, int]], missing: Sequence[tuple[int, int]]) -> tuple[str, str]:
-    """Of the frames of a targets file, how many can be run; that a part of a data set has not all is no fault."""
-    n = len(there) + len(missing)
-    if not missing:
-        return f"{n} frames", ""
-    such = f"such as {frame_name(min(missing))}"
-    if there:
-        return f"{len(there)} of its {n} frames are here; the others, {such}, are left out", ""
-    return f"{n} frames", f"none of them is here, {such}: the targets belong to other images; all images here are run"
+def _check_images(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts) -> None:
+    faults: list[str] = []
+    medians_m: list[float] = []
+    colourless: list[str] = []
+    for ids in opened:
+        try:
+            image = dataset.image(*ids)
+        except VerefineError as error:
+            faults.append(str(error))
+            continue
+        medians_m.append(float(np.median(image.depth_m[image.depth_m > 0])))
+        faults += [f"image {frame_name(ids)}: {note}" for note in image.notes if note != NO_COLOR]
+        colourless += [frame_name(ids)] * (image.rgb is None)
+        parts.with_camera_pose += image.R_world_cam is not None
+    parts.depth = bool(medians_m)
+    n, of = len(medians_m), f"{len(medians_m)} of {len(opened)} frames checked"
+    result = f"median {np.median(medians_m):.2f} m in {of}" if medians_m else f"none could be read in {of}"
+    if colourless:
+        which = "all of them" if len(colourless) == n else first_of(colourless, MOST_NAMED)
+        result += f"; no rgb or gray image in {which}: drawn without colour, which is optional"
+    parts.add("depth and colour", result, first_of(list(dict.fromkeys(faults)), MOST_FAULTS, "; "))
+    if parts.with_camera_pose:
+        others = "; in the others scene.gravity world takes the table's normal"
+        few = parts.with_camera_pose < n
+        parts.add("camera poses", f"known for {parts.with_camera_pose} of {n} frames checked" + others * few)
 
 
-def _check_camera_poses(dataset: BopDataset, parts: Parts) -> None:
+def _check_masks(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts) -> None:
+    scenes: list[Path] = []
     for scene_id in dataset.scene_ids:
         with suppress(VerefineError):  # Reported already.
-            entries = dataset.of_images(scene_id, "scene_camera.json")
-            parts.frames += len(entries)
-            parts.with_camera_pose += sum(isinstance(e, dict) and "cam_R_w2c" in e for e in entries.values())
-    if parts.with_camera_pose:
-        result = f"known for {parts.with_camera_pose} of {parts.frames} frames"
-        few = parts.with_camera_pose < parts.frames
-        parts.add("camera poses", result + "; in the others scene.gravity world takes the table's normal" * few)
+            scenes.append(dataset.scene_folder(scene_id))
+    kinds: list[MaskFolder] = [k for k in get_args(MaskFolder) if scenes and all((s / k).is_dir() for s in scenes)]
+    detections = dataset.detection_files()
+    parts.masks, parts.detections = (*kinds, *detections), bool(detections)
+    if not parts.masks:
+        lacking = [s.name for s in scenes if not any((s / kind).is_dir() for kind in get_args(MaskFolder))]
+        some = f"every scene, also in {first_of(lacking, MOST_FAULTS)}" if len(lacking) < len(scenes) else "each scene"
+        parts.add("masks", "none", f"masks are needed: a folder mask_visib/ in {some}, or a detections JSON")
+        return
+    unreadable: list[str] = []
+    small: list[str] = []
+    for ids in opened:
+        with suppress(VerefineError):  # Reported already.
+            shape, truths = dataset.image(*ids).camera.shape, dataset.ground_truth(*ids) or ()
+            for truth, kind in product(truths, kinds):
+                try:
+                    n = np.count_nonzero(dataset.mask(*ids, truth.gt_id, kind, shape))
+                except VerefineError as error:
+                    unreadable.append(str(error))
+                    continue
+                if n < FEWEST_MASK_PX and (truth.visib_fract is None or truth.visib_fract >= VISIB_FRACT):
+                    small.append(f"{kind} of entry {truth.gt_id} in {frame_name(ids)} covers {n} px")
+    faults = [first_of(list(dict.fromkeys(unreadable)), MOST_FAULTS, "; ")] * bool(unreadable)
+    if small:
+        faults.append(
+            f"{first_of(small, MOST_FAULTS)}, expected at least {FEWEST_MASK_PX} px, as no pose is found with fewer; "
+            f"where an object is hidden, state a visib_fract below {VISIB_FRACT:g} in scene_gt_info.json"
+        )
+    parts.add("masks", ", ".join(parts.masks), "; ".join(faults))
 
 
-def _check_sizes(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> bool:
-    """Whether masks lie where the ground truth has the objects; True where that is unknown."""
-    kind = _mask_folder(parts)
-    if kind is None:
-        return True
-    verdict = object_sizes(dataset, sampled, kind)
-    parts.add("sizes", verdict.message, verdict.advice)
-    return verdict.cause in (None, "depth", "masks")
+def _check_truths(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts) -> None:
+    """Add what is there and what is wrong; frames whose ground truth is damaged do not stop the others."""
+    truths: list[Sequence[GroundTruth]] = []
+    damage: list[str] = []
+    for ids in opened:
+        try:
+            truths.append(dataset.ground_truth(*ids) or ())
+        except VerefineError as error:
+            damage.append(str(error))
+    n_with, damage = sum(map(bool, truths)), list(dict.fromkeys(damage))
+    parts.ground_truth = n_with > 0
+    parts.damaged_ground_truth = damage[0] if damage and not parts.ground_truth else ""
+    faults = [first_of(damage, MOST_FAULTS, "; ")] * bool(damage)
+    faults += [t.fault for entries in truths for t in entries if t.fault][:MOST_FAULTS]
+    if parts.masks and not parts.names_objects and not damage:
+        faults.append(
+            "nothing says which object is where: add scene_gt.json to the scenes, or a detections JSON (its name "
+            f"holds “detect”) to {dataset.folder}"
+        )
+    without_model = sorted({t.obj_id for entries in truths for t in entries} - set(dataset.models.ids))
+    if without_model and dataset.models.ids:
+        faults.append(f"there is no model of object {', '.join(map(str, without_model))}; its instances are left out")
+    without = "damaged" if damage else "none: nothing can be measured, only shown"
+    result = f"in {n_with} of {len(opened)} frames checked" if n_with else without
+    parts.add("ground truth", result, "; ".join(faults))
 
 
-def _mask_folder(parts: Parts) -> MaskFolder | None:
-    kinds: list[MaskFolder] = ["mask_visib", "mask"]
-    return next((kind for kind in kinds if kind in parts.masks), None)
-
-
-def _check_each_frame(dataset: BopDataset, opened: Sequence[tuple[int, int]], parts: Parts) -> None:
-    """Frame by frame, where nothing that is off in all frames together explains what is off in each."""
-    kind = _mask_folder(parts)
-    if any(row.advice for row in parts.findings if row.name in ("sizes", "registration")):
-        parts.skip("each frame", "not checked, because the frames are off together")
-    elif kind is not None:
-        finding = each_frame(dataset, opened, kind)
-        if finding is not None:
-            parts.add("each frame", *finding)
-
-
-def _check_scoring(dataset: BopDataset, opened: Sequence[tuple[int, int]], parts: Parts) -> None:
+def _check_scoring(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts) -> None:
     """Whether BOP scores find what they need besides images; what they would refuse is reported in their words.
 
     Without a targets file they ask for all frames of the split, of which those that are ``opened`` stand for all.
@@ -206,75 +221,53 @@ def _check_scoring(dataset: BopDataset, opened: Sequence[tuple[int, int]], parts
         parts.scoring = str(error)
 
 
-def _check_images(dataset: BopDataset, sampled: Sequence[tuple[int, int]], parts: Parts) -> None:
-    """Frames without colour are named, and nothing is wrong with them."""
-    faults: list[str] = []
-    medians_m: list[float] = []
-    colourless: list[str] = []
-    for ids in sampled:
-        try:
-            image = dataset.image(*ids)
-        except VerefineError as error:
-            faults.append(str(error))
-            continue
-        medians_m.append(float(np.median(image.depth_m[image.depth_m > 0])))
-        faults += [f"image {frame_name(ids)}: {note}" for note in image.notes if note != NO_COLOR]
-        colourless += [frame_name(ids)] * (image.rgb is None)
-    parts.depth = bool(medians_m)
-    opened = f"{len(medians_m)} of {len(sampled)} frames checked"
-    result = f"median {np.median(medians_m):.2f} m in {opened}" if medians_m else f"none could be read in {opened}"
-    if colourless:
-        which = "all of them" if len(colourless) == len(medians_m) else first_of(colourless, MOST_NAMED)
-        result += f"; no rgb or gray image in {which}: drawn without colour, which is optional"
-    parts.add("depth and colour", result, "; ".join(dict.fromkeys(faults)))
-
-
-def _check_masks(dataset: BopDataset, sampled: list[tuple[int, int]], parts: Parts) -> None:
-    scenes: list[Path] = []
-    for scene_id in dataset.scene_ids:
+def _check_plausibility(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts) -> None:
+    """Ask whether images, models and masks fit the ground truth, as where a frame is opened to be solved."""
+    kind = next((kind for kind in get_args(MaskFolder) if kind in parts.masks), "")
+    needed = {"models": parts.models, "depth": parts.depth, "masks": kind, "ground truth": parts.ground_truth}
+    if lacking := " and ".join(what for what, there in needed.items() if not there):
+        parts.skip("plausibility", f"not checked, needs {lacking}")
+        return
+    frames = tuple(frame_name(ids) for ids in opened)
+    scene = SceneSettings(source="bop", dataset=str(dataset.folder), split=dataset.split, masks=kind, frames=frames)
+    source = BopSource(scene, HypothesesSettings(source="perturb"))
+    checked: list[str] = []
+    doubts: dict[str, dict[str, str]] = {}
+    """By what would fit, the doubt in each frame."""
+    for frame in frames:
         with suppress(VerefineError):  # Reported already.
-            scenes.append(dataset.scene_folder(scene_id))
-    kinds: list[MaskFolder] = [
-        kind for kind in get_args(MaskFolder) if scenes and all((s / kind).is_dir() for s in scenes)
-    ]
-    detections = dataset.detection_files()
-    parts.masks, parts.detections = (*kinds, *detections), bool(detections)
-    none = "" if parts.masks else f"masks are needed: {_without_masks(scenes)}, or a detections JSON"
-    unreadable, small = list[str](), list[str]()
-    for ids in sampled:
-        _check_masks_of_frame(dataset, ids, kinds, unreadable, small)
-    faults = [first_of(list(dict.fromkeys(unreadable)), MOST_FAULTS, "; ")] * bool(unreadable)
-    if small:
-        faults.append(
-            f"{first_of(small, MOST_FAULTS)}, expected at least {FEWEST_MASK_PX} px, as no pose is found with fewer; "
-            f"where an object is hidden, state a visib_fract below {VISIB_FRACT:g} in scene_gt_info.json"
-        )
-    parts.add("masks", ", ".join(parts.masks) or "none", none or "; ".join(faults))
-    check_truths(dataset, sampled, parts)
+            problem = source.problem(frame)
+            if any(i.T_cam_obj_gt is not None for i in problem.instances):
+                checked.append(frame)
+                for doubt in _doubts(problem):
+                    same = re.sub(r"\d[\d.]*", "#", re.sub(r"^what is seen of .*?; ", "", doubt))
+                    doubts.setdefault(same, {}).setdefault(frame, doubt)
+    if not checked:
+        parts.skip("plausibility", "not checked, because no frame with ground truth can be opened")
+        return
+    n, n_off = len(checked), len({frame for of in doubts.values() for frame in of})
+    result = f"does not fit in {n_off} of {n}" if doubts else f"fits images, masks and models in {n} of {n}"
+    often = [_in_frames(of, n) for of in sorted(doubts.values(), key=len, reverse=True)]
+    parts.add("plausibility", f"ground truth {result} frames checked", first_of(often, MOST_FAULTS, "; "))
 
 
-def _without_masks(scenes: Sequence[Path]) -> str:
-    """What is missing; folders of masks count where every scene has one."""
-    lacking = [scene.name for scene in scenes if not any((scene / kind).is_dir() for kind in get_args(MaskFolder))]
-    if not lacking or len(lacking) == len(scenes):
-        return "a folder mask_visib/ per scene"
-    return f"a folder mask_visib/ in every scene, also in {first_of(lacking, MOST_FAULTS)}"
+def _in_frames(doubts: dict[str, str], n_checked: int) -> str:
+    """One sentence for what is doubted in several frames."""
+    frame, doubt = next(iter(doubts.items()))
+    every = "all " if len(doubts) == n_checked else ""
+    return f"in {frame}: {doubt}" if len(doubts) == 1 else f"in {every}{len(doubts)} frames, such as {frame}: {doubt}"
 
 
-def _check_masks_of_frame(
-    dataset: BopDataset, ids: tuple[int, int], kinds: Sequence[MaskFolder], unreadable: list[str], small: list[str]
-) -> None:
-    """Adds what is wrong with the masks of a frame's annotated instances; other faults of it are reported already.
-
-    A mask may be empty or nearly so where the object is known to be hidden.
-    """
-    with suppress(VerefineError):
-        shape, truths = dataset.image(*ids).camera.shape, dataset.ground_truth(*ids) or ()
-        for truth, kind in product(truths, kinds):
-            try:
-                n = np.count_nonzero(dataset.mask(*ids, truth.gt_id, kind, shape))
-            except VerefineError as error:
-                unreadable.append(str(error))
-                continue
-            if n < FEWEST_MASK_PX and (truth.visib_fract is None or truth.visib_fract >= VISIB_FRACT):
-                small.append(f"{kind} of entry {truth.gt_id} in {frame_name(ids)} covers {n} px")
+def _doubts(problem: Problem) -> tuple[str, ...]:
+    doubts = data_doubts(problem)
+    depth = FrameGroundTruth(problem).registration
+    if not depth.is_off or not all(UNEXPLAINED in doubt for doubt in doubts):
+        return doubts
+    right, down = depth.shift_px
+    if depth.scale != 1:
+        return (f"depth is {depth.scale:.3g} times what ground truth says: check depth_scale in scene_camera.json",)
+    aside = f"{abs(right)} px to the {'right' if right > 0 else 'left'}"
+    off = f"{aside} and {abs(down)} px {'down' if down > 0 else 'up'}"
+    return (
+        f"depth lies {off} of where colour and masks are: warp it into the colour camera, or check cx, cy of cam_K",
+    )

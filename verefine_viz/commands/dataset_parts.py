@@ -9,9 +9,6 @@ from pathlib import Path
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 
-MOST_FAULTS = 3
-"""Faults of one kind that are named."""
-
 
 @dataclass
 class Finding:
@@ -42,9 +39,8 @@ class Parts:
     """What is wrong with the ground truth where none of it can be used; empty where there is none, or some is good."""
     scoring: str = ""
     """What BOP scores lack besides ground truth and depth; empty = nothing."""
-    frames: int = 0
     with_camera_pose: int = 0
-    """Frames whose camera pose is known, and with it which way is up."""
+    """Opened frames whose camera pose is known, and with it which way is up."""
     findings: list[Finding] = field(default_factory=list)
 
     def add(self, name: str, result: str, advice: str = "") -> None:
@@ -62,34 +58,22 @@ class Parts:
 
 def what_can_be_run(parts: Parts) -> list[tuple[str, str]]:
     """Pairs of something that can be done and what is missing for it ("" = nothing)."""
-    return [(what, parts.before_all or missing) for what, missing in _by_part(parts)]
-
-
-def _by_part(parts: Parts) -> list[tuple[str, str]]:
-    scored = [word for word, there in (("models", parts.models), ("depth", parts.depth)) if not there]
-    basics = [*scored, *([] if parts.masks else ["masks"])]
     damaged = f"ground truth that can be read ({parts.damaged_ground_truth})" if parts.damaged_ground_truth else ""
-    ground_truth = [] if parts.ground_truth else [damaged or "scene_gt.json"]
     unnamed = damaged or "what says which object is where: scene_gt.json, or a detections JSON"
-    named = [unnamed] if parts.masks and not parts.names_objects else []
-    some = 0 < parts.with_camera_pose < parts.frames
-    how_many = f", for {parts.with_camera_pose} of {parts.frames} frames" if some else ""
-    return [
-        (
-            "view and batch from ground truth, disturbed (hypotheses.source perturb)",
-            ", ".join([*basics, *ground_truth]),
+    scored = [what for what, there in (("models", parts.models), ("depth", parts.depth)) if not there]
+    basics = [*scored, *["masks"] * (not parts.masks)]
+    truth = [damaged or "scene_gt.json"] * (not parts.ground_truth)
+    named = [unnamed] * (bool(parts.masks) and not parts.names_objects)
+    needed = {
+        "view and batch from ground truth, disturbed (hypotheses.source perturb)": [*basics, *truth],
+        "view and batch from a results file or an estimator (results, ppf, pcs)": [*basics, *named],
+        "study: errors against ground truth": [*basics, *truth],
+        "evaluate: BOP scores of a results file": [*scored, *truth, *[parts.scoring] * (parts.scoring != "")],
+        "gravity from the camera's pose, if the data set's z is up (scene.gravity world)": (
+            ["cam_R_w2c"] * (not parts.with_camera_pose)
         ),
-        ("view and batch from a results file or an estimator (results, ppf, pcs)", ", ".join([*basics, *named])),
-        ("study: errors against ground truth", ", ".join([*basics, *ground_truth])),
-        (
-            "evaluate: BOP scores of a results file",
-            ", ".join([*scored, *ground_truth, *([parts.scoring] * (parts.scoring != ""))]),
-        ),
-        (
-            f"gravity from the camera's pose, if the data set's z is up (scene.gravity world){how_many}",
-            "" if parts.with_camera_pose else "cam_R_w2c",
-        ),
-    ]
+    }
+    return [(what, parts.before_all or ", ".join(missing)) for what, missing in needed.items()]
 
 
 # Which splits a data set's folder holds, and what was probably meant where another folder is named.

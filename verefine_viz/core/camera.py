@@ -10,8 +10,13 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.errors import ShapeError
 
+LAST_ROW = (0.0, 0.0, 1.0)
 FOCAL_PX = (1.0, 1e6)
 """Least and largest focal length [px]: beyond lie mistakes, and pixels that no integer can number."""
+LEAST_FOCAL = 0.05
+"""Least focal length as a share of the image's width: that of a lens of 168°."""
+NORMALISED = 10.0
+"""A matrix of smaller numbers is in image widths, not in pixels."""
 FARTHEST_PX = 1e6
 """Largest distance of the principal point from the image's corner, along each axis, and largest skew [px]."""
 
@@ -30,7 +35,7 @@ class Camera:
 
     def __post_init__(self) -> None:
         K = finite(self.K, "cam_K", (3, 3))
-        check_intrinsics(K)
+        check_intrinsics(K, self.width)
         if self.width <= 0 or self.height <= 0:
             raise ShapeError(f"the image is {self.width}×{self.height}, expected positive sizes")
         object.__setattr__(self, "K", K)
@@ -70,12 +75,19 @@ class Camera:
         )
 
 
-def check_intrinsics(K: Float) -> None:
-    """Raises ShapeError where a focal length, the principal point or the skew of a matrix (3, 3) [px] is impossible."""
+def check_intrinsics(K: Float, width: int = 0) -> None:
+    """Raise ShapeError where a matrix (3, 3) [px] is that of no camera, or of none with images of this width."""
+    if not np.allclose(K[2], LAST_ROW, rtol=0, atol=1e-6):
+        is_turned = np.allclose(K[:, 2], LAST_ROW, rtol=0, atol=1e-6)
+        how = "; it looks written column by column: write it row by row, fx 0 cx 0 fy cy 0 0 1" * is_turned
+        raise ShapeError(f"the last row of 'cam_K' is {' '.join(f'{x:g}' for x in K[2])}, expected 0 0 1{how}")
     low, high = FOCAL_PX
-    if not (low <= K[0, 0] <= high and low <= K[1, 1] <= high):
+    if not (low <= K[0, 0] <= high and low <= K[1, 1] <= high) or min(K[0, 0], K[1, 1]) < LEAST_FOCAL * width:
+        is_normalised = bool(min(K[0, 0], K[1, 1]) > 0 and np.abs(K).max() < NORMALISED)
+        how = f", not less than {LEAST_FOCAL:.0%} of the image's width" if width else ""
+        how += "; it looks normalised: multiply it by the image's width and height" * is_normalised
         raise ShapeError(
-            f"cam_K has focal lengths {K[0, 0]:g}, {K[1, 1]:g}; expected positive pixels, {low:g} to {high:g}"
+            f"cam_K has focal lengths {K[0, 0]:g}, {K[1, 1]:g}; expected positive pixels, {low:g} to {high:g}{how}"
         )
     if not np.abs(K[:2, 2]).max() <= FARTHEST_PX:
         raise ShapeError(

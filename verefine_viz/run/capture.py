@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -34,8 +35,8 @@ WHOLE = 0.9
 """Share of the image that no mask of one object covers."""
 TOO_FAR = 30.0
 """So many times as far away as its mask a pose must have a wrong unit."""
-FARTHEST_M = 60.0
-"""Depth beyond counts as not measured; a median beyond is no depth in metres."""
+NEAREST_M, FARTHEST_M = 0.005, 60.0
+"""Depth beyond the second counts as not measured; a median beyond either is no depth in metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +130,9 @@ def _depth(depth_m: ArrayLike) -> Float:
     if depth.min() < 0:
         raise ShapeError(f"depth_m goes down to {depth.min():.3g}, expected metres, and 0 where nothing was measured")
     median_m = float(np.median(depth[depth > 0]))
-    if median_m > FARTHEST_M:
-        raise ShapeError(f"depth_m has a median of {median_m:.4g}, expected metres; divide millimetres by 1000")
+    if not NEAREST_M < median_m <= FARTHEST_M:
+        how = "divide millimetres by 1000" if median_m > 1 else "it looks divided by 1000 twice"
+        raise ShapeError(f"depth_m has a median of {median_m:.4g}, expected metres; {how}")
     return np.where(depth > FARTHEST_M, 0.0, depth)
 
 
@@ -153,9 +155,9 @@ def _checked_object(detected: DetectedObject, k: int, camera: Camera, points_cam
     if not isinstance(detected.unit_m, int | float) or not 0 < detected.unit_m < np.inf:
         raise InputError(f"unit_m of {where} is {detected.unit_m!r}, expected metres per unit of the mesh, as 0.001")
     mesh = read_mesh(path, detected.unit_m)
-    _check_size(mesh.diameter_m, covered, detected.unit_m, path)
     if not isinstance(detected.poses, Mapping):
         raise InputError(f"poses of {where} is no dict, expected {{'my_net': T_cam_obj}}")
+    _check_size(mesh.diameter_m, covered, detected, path)
     poses = {estimator: _poses(estimator, given, where, covered) for estimator, given in detected.poses.items()}
     for estimator, some in poses.items():
         for T_cam_obj in some:
@@ -163,6 +165,7 @@ def _checked_object(detected: DetectedObject, k: int, camera: Camera, points_cam
     T_gt = None
     if detected.T_cam_obj_gt is not None:
         T_gt = _near(detected.T_cam_obj_gt, f"ground-truth pose of {where}", covered)
+        _check_seen(T_gt, mesh, camera, f"ground-truth pose of {where}")
         _check_true(T_gt, mesh, covered, f"ground-truth pose of {where}")
     axis = None if detected.symmetry_axis is None else finite(detected.symmetry_axis, f"symmetry_axis of {where}", (3,))
     if axis is not None and not axis.any():
@@ -190,19 +193,41 @@ def _mask(given: ArrayLike, where: str, shape: tuple[int, int]) -> Mask:
     return mask
 
 
-def _check_size(diameter_m: float, covered: Float, unit_m: float, path: Path) -> None:
+def _check_size(diameter_m: float, covered: Float, detected: DetectedObject, path: Path) -> None:
     # Across the line of sight, and without the outermost tenths: the edge of a mask may lie on something far behind.
     across = covered[:, :2] / covered[:, 2:] * np.median(covered[:, 2])
     seen_m = float(np.linalg.norm(np.percentile(across, 90, axis=0) - np.percentile(across, 10, axis=0)))
-    seen_m = max(seen_m, LEAST_SEEN_M)
-    if seen_m / TOO_SMALL <= diameter_m <= seen_m * TOO_LARGE:
+
+    def fits(times: float, deeper: float = 1.0) -> bool:
+        size_m = max(deeper * seen_m, LEAST_SEEN_M)
+        return size_m / TOO_SMALL <= times * diameter_m <= size_m * TOO_LARGE
+
+    if fits(1):
         return
-    in_units = diameter_m / unit_m
-    likely = min(UNITS_M, key=lambda unit: abs(np.log(in_units * unit / seen_m)))
-    raise InputError(
-        f"{path} is {diameter_m:.3g} m across, what its mask covers {seen_m:.3g} m; unit_m = {unit_m:g} was given, "
-        f"{likely:g} would fit better"
-    )
+    seen_m = max(seen_m, LEAST_SEEN_M)
+    message = f"{path} is {diameter_m:.3g} m across, what its mask covers {seen_m:.3g} m; "
+    mask_m, away_m = float(np.median(np.linalg.norm(covered, axis=1))), _first_distance_m(detected)
+    times = away_m / mask_m
+    if away_m and not 0.5 < times < 2 and fits(1, deeper=times):
+        raise InputError(
+            f"{message}depth_m is {mask_m:.3g} m there, the pose {away_m:.3g} m away: about {times:.1g} times as much "
+            "depth would fit, check its unit"
+        )
+    units = [unit for unit in UNITS_M if fits(unit / detected.unit_m)]
+    likely = min(units, key=lambda unit: abs(np.log(unit / detected.unit_m * diameter_m / seen_m)), default=None)
+    better = "no other unit of the mesh would fit: check depth_m and the mask"
+    better = better if likely is None else f"{likely:g} would fit better"
+    raise InputError(f"{message}unit_m = {detected.unit_m:g} was given, {better}")
+
+
+def _first_distance_m(detected: DetectedObject) -> float:
+    """How far away the first pose of an object is that can be read [m]; 0 where there is none."""
+    for given in (detected.T_cam_obj_gt, *detected.poses.values()):
+        with suppress(TypeError, ValueError, ShapeError):
+            T = np.asarray(given, dtype=np.float64).reshape(-1, 4, 4)
+            if len(T):
+                return float(np.linalg.norm(as_rigid(T[0], "pose")[:3, 3]))
+    return 0.0
 
 
 def _poses(estimator: str, given: ArrayLike, where: str, covered: Float) -> list[Float]:

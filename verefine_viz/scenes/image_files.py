@@ -78,12 +78,15 @@ def read_steps(path: Path, scale_mm: float) -> Float:
 
 
 def read_mask(path: Path, shape: tuple[int, int]) -> Mask:
-    """A mask (H, W) bool, read-only; every value above 0 is inside.
+    """A mask (H, W) bool, read-only; every value above 0 is inside, of its alpha channel where that holds the mask.
 
     Raises:
         InputError: missing, damaged, or another size than ``shape`` (height, width).
     """
-    values = np.asarray(_read(path).convert("L"))
+    image = _read(path)
+    values = np.asarray(image.convert("L"))
+    if "A" in image.getbands() and np.ptp(alpha := np.asarray(image.getchannel("A"))) > 0:
+        values = alpha
     if values.shape != shape:
         raise InputError(f"{path} is {size_text(values.shape)} pixels, expected {size_text(shape)} as the depth image")
     inside = values > 0
@@ -130,7 +133,6 @@ def _read(path: Path) -> Image.Image:
 
 # Numbers of scene_camera.json.
 
-LAST_ROW = (0.0, 0.0, 1.0)
 DEPTH_SCALE_MM = (1e-6, 1e4)
 """Least and largest depth_scale [mm a step]: data sets have 0.1 to 1, and metres as floats 1000."""
 
@@ -139,17 +141,12 @@ def intrinsics_of(entry: Any, where: str) -> Float:
     """The matrix (3, 3) [px] of an image's entry in scene_camera.json.
 
     Raises:
-        InputError: there is none, the camera is no pinhole camera, the last row is not 0 0 1, or a number is out of
-            the bounds of :func:`~verefine_viz.core.camera.check_intrinsics`.
+        InputError: there is none, the camera is no pinhole camera, or not one by
+            :func:`~verefine_viz.core.camera.check_intrinsics`.
     """
     if isinstance(entry, dict) and "cam_K" not in entry and "cam_model" in entry:
         raise InputError(f"{where} has a 'cam_model' (fisheye); only pinhole cameras with 'cam_K' are supported")
     K = numbers_of(entry, "cam_K", 9, where).reshape(3, 3)
-    if not np.allclose(K[2], LAST_ROW, rtol=0, atol=1e-6):
-        row = " ".join(f"{x:g}" for x in K[2])
-        is_turned = np.allclose(K[:, 2], LAST_ROW, rtol=0, atol=1e-6)
-        how = "; it looks written column by column: write it row by row, fx 0 cx 0 fy cy 0 0 1" * is_turned
-        raise InputError(f"{where}: the last row of 'cam_K' is {row}, expected 0 0 1{how}")
     try:
         check_intrinsics(K)
     except ShapeError as error:

@@ -26,7 +26,6 @@ from verefine_viz.scenes.trace_files import RecordedFrame, RecordedObject
 CAMERA, DEPTH, RGB = "cam_K.txt", "depth", "rgb"
 MASKS, MESHES = ("masks", "mask", "gt_mask"), ("mesh", "meshes", "model", "models")
 POSES, GROUND_TRUTH = "ob_in_cam", "annotated_poses"
-LARGEST_BYTE = 255
 LARGEST_M, DEEPEST_M = 5.0, 60.0
 """A mesh that is larger, and depth with a median beyond, are in millimetres."""
 
@@ -144,10 +143,7 @@ def _depth(path: Path) -> tuple[NDArray[np.float32], list[str]]:
     measured = values[values > 0]
     if len(measured) and float(np.median(measured)) <= DEEPEST_M:
         return values.astype(np.float32), [f"{path.name} has a median of {np.median(measured):.3g}: depth in metres"]
-    notes = (
-        [f"{path.name} holds no depth beyond 255 mm; expected 16 bits, not 8"] if values.max() <= LARGEST_BYTE else []
-    )
-    return (values * 1e-3).astype(np.float32), notes if len(measured) else []
+    return (values * 1e-3).astype(np.float32), []
 
 
 def _matrix(path: Path, shape: tuple[int, int]) -> Float:

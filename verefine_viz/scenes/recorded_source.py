@@ -19,7 +19,7 @@ from verefine_viz.scenes.frames import frame_name, parse_frame, repeated_notes
 from verefine_viz.scenes.hypothesis_pool import check_asked, check_covered, file_notes, pools_of_frame, results_of
 from verefine_viz.scenes.instance_notes import instance_notes
 from verefine_viz.scenes.meshes import read_mesh
-from verefine_viz.scenes.models import checked_unit, model_of_mesh
+from verefine_viz.scenes.models import model_of_mesh
 from verefine_viz.scenes.pose_sequence import PoseSequence
 from verefine_viz.scenes.segments import Segment, draw_placed
 from verefine_viz.scenes.trace_files import (
@@ -238,11 +238,8 @@ class RecordedSource:
         key = (one.name, one.mesh.stat().st_size)
         if key not in self._models:
             mesh = read_mesh(one.mesh, one.unit_m)
-            _, unit_note = checked_unit(one.mesh.name, mesh.diameter_m, None)
-            note = unit_note.replace("(models_info.json states no diameter)", f"({one.unit_m:g} m was given)")
             model = model_of_mesh(mesh, obj_id, one.name, self._scene.model_points, self._scene.seed)
-            notes = (*mesh.notes, *((note,) if note else ()))
-            self._models[key] = model, tuple(f"{one.name} ({obj_id}): {text}" for text in notes)
+            self._models[key] = model, tuple(f"{one.name} ({obj_id}): {text}" for text in mesh.notes)
         return self._models[key]
 
 
