@@ -19,7 +19,7 @@ import numpy as np
 
 from tests.made_up_frames import SETTINGS, Thing, frame_of, model, standing
 from verefine_viz.calibration.camera_check import depth_notes, outline_fits, verdict
-from verefine_viz.calibration.plausibility import TO_OPENGL, doubts
+from verefine_viz.calibration.consistency import TO_OPENGL, doubts
 from verefine_viz.calibration.registration import FEWEST, colour_fits, registration_notes
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera

@@ -46,7 +46,7 @@ TRUE: dict[bytes, Float] = {}
 @pytest.fixture(autouse=True)
 def trusted(monkeypatch: pytest.MonkeyPatch) -> None:
     """The ground truth of some frames below is wrong on purpose."""
-    monkeypatch.setattr("verefine_viz.calibration.plausibility.data_doubts", lambda problem: ())
+    monkeypatch.setattr("verefine_viz.calibration.consistency.data_doubts", lambda problem: ())
     monkeypatch.setattr("verefine_viz.diagnosis.data_doubts.doubts", lambda problem: ())
 
 

@@ -11,7 +11,7 @@ from typing import get_args
 
 import numpy as np
 
-from verefine_viz.calibration.plausibility import UNEXPLAINED, data_doubts
+from verefine_viz.calibration.consistency import UNEXPLAINED, data_doubts
 from verefine_viz.commands.dataset_parts import Parts
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.problem import Problem

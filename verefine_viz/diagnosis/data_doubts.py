@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from verefine_viz.calibration.camera_check import depth_notes, distance
-from verefine_viz.calibration.plausibility import doubts
+from verefine_viz.calibration.consistency import doubts
 from verefine_viz.calibration.registration import registration_notes
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply

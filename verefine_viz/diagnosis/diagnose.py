@@ -12,7 +12,7 @@ from dataclasses import replace
 from itertools import takewhile
 from time import perf_counter
 
-from verefine_viz.calibration.plausibility import data_doubts
+from verefine_viz.calibration.consistency import data_doubts
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Best, PlacedPose
 from verefine_viz.diagnosis.ambiguity import ambiguous

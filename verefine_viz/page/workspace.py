@@ -422,7 +422,7 @@ def _place_of(session: Session, frame: str) -> str:
 
 def _read(tools: Toolbox, frame: str) -> Problem:
     """Read a frame, and check whether its camera and its models look right; a batch has no time for that."""
-    from verefine_viz.calibration.plausibility import data_doubts  # Loads what draws models.
+    from verefine_viz.calibration.consistency import data_doubts  # Loads what draws models.
 
     problem = tools.problem(frame)
     return replace(problem, doubts=data_doubts(problem))

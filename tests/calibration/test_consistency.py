@@ -11,7 +11,7 @@ import pytest
 
 from tests.calibration.sizes import real, scene
 from tests.made_up_frames import Thing, frame_of, model, standing
-from verefine_viz.calibration.plausibility import TO_OPENGL, data_doubts, doubts
+from verefine_viz.calibration.consistency import TO_OPENGL, data_doubts, doubts
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import axis_angle, inverse, random_unit_vector, transform
