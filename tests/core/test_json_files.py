@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 
 import pytest
+from verefine_viz.core.json_files import MOST_NESTED, id_of, number_of, position_of, read_json, read_numbered
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.json_files import MOST_NESTED, id_of, number_of, position_of, read_json, read_numbered
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from verefine_viz.core.files import read_json
 
 from tests.scenes.bop_folder import box_ply, make, refusal
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.json_files import read_json
 from verefine_viz.core.settings import HypothesesSettings
 from verefine_viz.evaluation.results_scores import evaluate_files
 from verefine_viz.observation.given_order import read_orders
@@ -96,7 +96,7 @@ def _refused_order(path: Path) -> str:
 
 
 def test_a_nul_in_a_path_is_one_line() -> None:
-    for read in (read_results, read_orders, lambda path: read_json(path, dict)):
+    for read in (read_results, read_orders, lambda path: read_json(path, dict[str, object])):
         with pytest.raises(InputError, match="holds a NUL character"):
             read(Path("a\0b"))
 

@@ -25,8 +25,8 @@ from verefine_viz.batch.completeness import TABLES
 from verefine_viz.batch.motion_table import MOTION
 from verefine_viz.batch.runs import RUN_FILE, Runs, read_run
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
-from verefine_viz.core.paths import atomic, check_folder, clear_parts, try_lock, why_not
 from verefine_viz.core.settings import Session
+from verefine_viz.core.writing import atomic, check_folder, clear_parts, try_lock, why_not
 from verefine_viz.recording.entities import SEQUENCE_FILE
 from verefine_viz.run.session_file import load_session, save_session
 

@@ -23,8 +23,8 @@ from verefine_viz.batch.run_batch import Backend, Progress, run_batch
 from verefine_viz.batch.runs import BatchInfo, Runs
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
-from verefine_viz.core.paths import check_folder, try_lock
 from verefine_viz.core.settings import Session
+from verefine_viz.core.writing import check_folder, try_lock
 from verefine_viz.run.data_folder import CAMERAS, SCENES, data_folder, holds_frames
 from verefine_viz.run.record import WAITING, Answer, RunRecord
 from verefine_viz.run.session_file import load_session, save_session

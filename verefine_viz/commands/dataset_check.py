@@ -148,9 +148,9 @@ def _present(there: Sequence[tuple[int, int]], missing: Sequence[tuple[int, int]
 def _check_camera_poses(dataset: BopDataset, parts: Parts) -> None:
     for scene_id in dataset.scene_ids:
         with suppress(VerefineError):  # Reported already.
-            entries = dataset.of_images(scene_id, "scene_camera.json")
-            parts.frames += len(entries)
-            parts.with_camera_pose += sum(isinstance(e, dict) and "cam_R_w2c" in e for e in entries.values())
+            cameras = dataset.cameras(scene_id)
+            parts.frames += len(cameras)
+            parts.with_camera_pose += sum(camera.cam_R_w2c is not None for camera in cameras.values())
     if parts.with_camera_pose:
         result = f"known for {parts.with_camera_pose} of {parts.frames} frames"
         few = parts.with_camera_pose < parts.frames

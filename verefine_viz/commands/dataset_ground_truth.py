@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -20,7 +19,7 @@ from verefine_viz.commands.dataset_parts import MOST_FAULTS, Parts
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import VerefineError
-from verefine_viz.core.json_files import id_of
+from verefine_viz.core.files import id_of
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.text_format import first_of
@@ -33,21 +32,21 @@ def _unequal_counts(dataset: BopDataset, scene_id: int) -> Iterator[str]:
     """A sentence for each image of which other files list more or fewer instances than scene_gt.json does."""
     with suppress(VerefineError):  # A file that is damaged is a finding of its own.
         folder = dataset.scene_folder(scene_id)
-        truths = _lengths(dataset, scene_id, "scene_gt.json")
+        truths = _lengths(dataset.truths(scene_id))
         kinds = [kind for kind in sorted(get_args(MaskFolder)) if (folder / kind).is_dir()]
         others = {f"{kind}/": _masks(folder / kind) for kind in kinds}
-        if os.path.lexists(folder / "scene_gt_info.json"):
-            others = {"scene_gt_info.json": _lengths(dataset, scene_id, "scene_gt_info.json"), **others}
+        infos = dataset.infos(scene_id)
+        if infos is not None:
+            others = {"scene_gt_info.json": _lengths(infos), **others}
         for im_id, n in truths.items():
             wrong = [f"{counts[im_id]} in {name}" for name, counts in others.items() if counts[im_id] != n]
             if wrong:
                 yield f"image {scene_id}/{im_id}: {n} instances in scene_gt.json, {', '.join(wrong)}"
 
 
-def _lengths(dataset: BopDataset, scene_id: int, name: str) -> Counter[int]:
+def _lengths(entries: Mapping[int, Sequence[object]] | None) -> Counter[int]:
     """How many entries a file has for each image."""
-    content = dataset.of_images(scene_id, name)
-    return Counter({im_id: len(entries) for im_id, entries in content.items() if isinstance(entries, list)})
+    return Counter({im_id: len(of_image) for im_id, of_image in (entries or {}).items()})
 
 
 def _masks(folder: Path) -> Counter[int]:

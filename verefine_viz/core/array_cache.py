@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from verefine_viz.core.errors import InputError, VerefineError
-from verefine_viz.core.paths import atomic, one_at_a_time
+from verefine_viz.core.writing import atomic, one_at_a_time
 
 log = logging.getLogger(__name__)
 

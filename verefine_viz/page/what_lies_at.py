@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.paths import at_home
+from verefine_viz.core.files import at_home
 from verefine_viz.core.settings import Session
 from verefine_viz.page.gallery import Gallery
 from verefine_viz.run.record import RunRecord

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import FARTHEST_M, as_rigid, distance_m
-from verefine_viz.core.paths import read_input
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.scenes.image_files import SUFFIXES, find_image, read_color, read_mask, read_steps, size_text
 from verefine_viz.scenes.meshes import FORMATS, read_geometry
@@ -27,6 +27,8 @@ CAMERA, DEPTH, RGB = "cam_K.txt", "depth", "rgb"
 MASKS, MESHES = ("masks", "mask", "gt_mask"), ("mesh", "meshes", "model", "models")
 POSES, GROUND_TRUTH = "ob_in_cam", "annotated_poses"
 LARGEST_BYTE = 255
+MOST_BYTES = 1_000_000
+"""Of a text file of a matrix."""
 LARGEST_M, DEEPEST_M = 5.0, 60.0
 """A mesh that is larger, and depth with a median beyond, are in millimetres."""
 
@@ -45,6 +47,7 @@ class PoseSequence:
     """
 
     folder: Path
+    notes: tuple[str, ...] = ()
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -156,10 +159,8 @@ def _matrix(path: Path, shape: tuple[int, int]) -> Float:
     Raises:
         InputError: there are others than expected.
     """
-    try:
-        values = np.array(read_input(path).decode("utf-8").replace(",", " ").split(), dtype=np.float64)
-    except (UnicodeDecodeError, ValueError):
-        raise InputError(f"{path} holds something else than numbers, expected {shape[0]}×{shape[1]}") from None
-    if values.size != shape[0] * shape[1] or not np.isfinite(values).all():
-        raise InputError(f"{path} holds {values.size} numbers, expected {shape[0]}×{shape[1]} finite ones")
-    return values.reshape(shape)
+    with reading(path, most_bytes=MOST_BYTES) as file:
+        values = np.array(file.read().decode("utf-8-sig").replace(",", " ").split(), dtype=np.float64)
+        if values.size != shape[0] * shape[1] or not np.isfinite(values).all():
+            raise ValueError(f"{values.size} numbers, expected {shape[0]}×{shape[1]} finite ones")
+        return values.reshape(shape)
