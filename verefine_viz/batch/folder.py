@@ -94,7 +94,7 @@ class RunFolder:
             InputError: the disk refuses.
         """
         with atomic(self.path / name) as part:
-            part.write_text(json.dumps(value, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+            part.write_text(json.dumps(value, indent=2, ensure_ascii=False) + "\n", encoding="utf-8", errors="replace")
 
     def _check_kind(self) -> None:
         if (self.path / SESSION_FILE).exists() or not self.path.exists():

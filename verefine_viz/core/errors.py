@@ -14,6 +14,10 @@ NEAR = 0.65
 class VerefineError(Exception):
     """Root of all errors this package raises on purpose; the command line prints its text as one line and exits 2."""
 
+    def __str__(self) -> str:
+        # Whatever it quotes from files or their names, it can be printed and written.
+        return in_one_line(super().__str__())
+
 
 class InputError(VerefineError):
     """A file or folder is missing, damaged, or holds something impossible."""

@@ -113,6 +113,14 @@ def left_out_of(folder: Path) -> tuple[str, ...]:
     return tuple(in_one_line(path.name) for path in sorted(inside, key=_natural) if not _is_complete(path))
 
 
+def written_ns(folder: Path) -> dict[int, int]:
+    """When each trace of a folder was last written to [ns since 1970], by its image number."""
+    traces = traces_in(folder)
+    numbers = image_numbers([path.resolve().name for path in traces])
+    # A copy that keeps the times of what was copied cannot keep this one.
+    return {number: (path / CALLS).stat().st_ctime_ns for number, path in zip(numbers, traces, strict=True)}
+
+
 def _is_complete(folder: Path) -> bool:
     """Whether a trace was closed, or its program has not written for a while, and all files are there that it names."""
     try:
