@@ -72,6 +72,9 @@ class Command(Protocol):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Parse and run; an error that the user can mend becomes one line on stderr and exit code 2."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # A file's name need not be text.
+            stream.reconfigure(errors="backslashreplace")
     if words == ["--version"]:
         print(f"{PROGRAM} {verefine_viz.__version__}")
         return 0

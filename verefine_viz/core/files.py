@@ -160,15 +160,17 @@ def decoded_json(raw: bytes, kind: type[T]) -> T:
     except msgspec.ValidationError as error:
         raise ValueError(re.sub(r" - at `\$(.*)`$", r" (at $\1)", str(error))) from None
     except msgspec.DecodeError as error:
-        at = re.search(r" \(byte (\d+)\)$", str(error))
-        raise ValueError(f"no JSON: {error if at is None else _named(str(error), raw, int(at[1]))}") from None
+        raise ValueError(f"no JSON: {_placed(str(error).removeprefix('JSON is malformed: '), raw)}") from None
 
 
-def _named(message: str, raw: bytes, at: int) -> str:
-    """Return a message of msgspec with the line and the column that its byte is in."""
-    before = raw[:at]
-    line, column = before.count(b"\n") + 1, at - before.rfind(b"\n")
-    return f"{re.sub(r' .byte [0-9]+.$', '', message)} in line {line}, column {column}"
+def _placed(message: str, raw: bytes) -> str:
+    """A message of msgspec with a line and a column in place of the number of a byte."""
+    found = re.fullmatch(r"(.*) \(byte (\d+)\)", message)
+    if found is None:
+        return message
+    before = raw[: int(found[2])]
+    newline = b"\n"
+    return f"{found[1]} in line {before.count(newline) + 1}, column {len(before) - before.rfind(newline)}"
 
 
 _NOT_FINITE = re.compile(rb"(?<=[\[,:\s])(NaN|-?Infinity)(?=[\],}\s])")

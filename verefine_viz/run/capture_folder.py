@@ -14,7 +14,7 @@ import tomli_w
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import InputError, in_one_line
 from verefine_viz.core.files import id_of, read_json
 from verefine_viz.core.writing import atomic, wait_for_lock, why_not, write_json
 from verefine_viz.run.session_file import CAPTURE_HEAD, SCENE_ID, scene_folder
@@ -287,7 +287,7 @@ class CaptureFolder:
             "gravity": "world" if any("cam_R_w2c" in camera for camera in cameras.values()) else "plane",
             **({"sequence": True} if self._is_sequence else {}),
         }
-        session = {"title": self._folder.resolve().name, "scene": scene, "hypotheses": hypotheses}
+        session = {"title": in_one_line(self._folder.resolve().name), "scene": scene, "hypotheses": hypotheses}
         with atomic(self._folder / SESSION) as part:
             part.write_text(CAPTURE_HEAD + tomli_w.dumps(session), encoding="utf-8")
 

@@ -203,7 +203,10 @@ def _with_absolute_paths(raw: Raw, folder: Path) -> dict[str, Any]:
 
 def _absolute(path: str, folder: Path) -> str:
     # What no path can be is refused with the field that holds it; a loop of links where the file is opened.
-    return path if "\0" in path else os.path.realpath(folder / at_home(path))
+    whole = path if "\0" in path else os.path.realpath(folder / at_home(path))
+    if whole != whole.encode("utf-8", "replace").decode():
+        raise InputError(f"{whole} is no UTF-8, in which session files are written; rename it")
+    return whole
 
 
 def _without_none(value: Any) -> Any:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.errors import InputError, ShapeError, unknown
+from verefine_viz.core.errors import InputError, ShapeError, in_one_line, unknown
 from verefine_viz.core.files import Id, Numbered, Numbers3, Numbers3x3, Real, id_of, read_json
 from verefine_viz.core.geometry import as_rigid, check_reach, transform
 from verefine_viz.core.text_format import listed
@@ -125,7 +125,7 @@ class BopDataset:
     @property
     def name(self) -> str:
         """The folder's name: ycbv, lmo, …"""
-        return self.folder.name
+        return in_one_line(self.folder.name)
 
     @property
     def scene_ids(self) -> tuple[int, ...]:

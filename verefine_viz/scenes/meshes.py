@@ -241,7 +241,7 @@ def _texture_file(content: bytes) -> bytes:
 def _colours(
     mesh: trimesh.Trimesh, path: Path, beside: _Beside
 ) -> tuple[NDArray[np.uint8] | None, NDArray[np.uint8] | None, NDArray[np.float32] | None]:
-    """The colours at the vertices (V, 3), the texture (h, w, 3), and where faces lie in it (F, 3, 2); None = unknown."""
+    """The colours at the vertices (V, 3), the texture (h, w, 3), and where faces lie in it (F, 3, 2)."""
     visual: Any = mesh.visual
     if not isinstance(visual, TextureVisuals):
         return _vertex_colors(visual, mesh), None, None

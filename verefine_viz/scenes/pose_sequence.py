@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.errors import InputError, ShapeError, in_one_line
 from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import FARTHEST_M, as_rigid, distance_m
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
@@ -56,7 +56,7 @@ class PoseSequence:
             raise InputError(
                 f"{self.folder} holds no sequence; expected {CAMERA}, {DEPTH}/, {RGB}/ and mesh/*.obj in it"
             )
-        names = sorted(path.stem for path in (self.folder / DEPTH).iterdir() if path.suffix.lower() in SUFFIXES)
+        names = sorted({path.stem for path in (self.folder / DEPTH).iterdir() if path.suffix.lower() in SUFFIXES})
         if not names:
             raise InputError(f"{self.folder / DEPTH} holds no image; expected {', '.join(SUFFIXES)}")
         return tuple(names)
@@ -64,7 +64,7 @@ class PoseSequence:
     @property
     def objects(self) -> tuple[str, ...]:
         """The one object, which is called as the folder is."""
-        return (self.folder.resolve().name,)
+        return (in_one_line(self.folder.resolve().name),)
 
     def frame(self, name: str) -> RecordedFrame:
         """One frame; a pose that cannot be read becomes a note."""

@@ -23,7 +23,7 @@ from verefine_viz.core.geometry import as_rigid, check_reach
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.trace import CALLS, FORMAT
 
-MOST_BYTES, MOST_OBJECTS, MOST_HYPOTHESES, MOST_STEPS = 200_000_000, 100, 1000, 5000
+MOST_BYTES, MOST_OBJECTS, MOST_HYPOTHESES, MOST_STEPS = 200_000_000, 100, 1000, 20_000
 """Of the calls of a trace; hypotheses and steps are those of one object."""
 Number = Annotated[int, Meta(ge=-(2**31), le=2**31)]
 QUIET_S = 5.0
