@@ -37,8 +37,7 @@ from verefine_viz.commands.study import Study
 from verefine_viz.commands.train import Train
 from verefine_viz.commands.view import View
 from verefine_viz.core.errors import SettingsError, VerefineError, in_one_line, quoted, unknown
-from verefine_viz.core.files import at_home
-from verefine_viz.core.writing import DISK_FULL
+from verefine_viz.core.writing import DISK_FULL, at_home
 
 PROGRAM = "verefine-viz"
 USAGE = 2

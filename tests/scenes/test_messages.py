@@ -51,7 +51,7 @@ FRAMES: tuple[tuple[Spoil, str], ...] = (
     (lambda m: image(m, "depth/000003.png", np.zeros((60, 80), np.uint16)), "is 0 everywhere: the frame has no depth"),
     (lambda m: image(m, "depth/000003.png", np.ones((60, 80, 3), np.uint8)), "is a RGB image, expected one channel"),
     (lambda m: image(m, "rgb/000003.png", np.ones((48, 64, 3), np.uint8)), "is 64×48 pixels, but the depth image is"),
-    (written("scene_camera.json", '{"3": {"cam_K": [1, 2,,]}}'), "scene_camera.json: no JSON: invalid character in "),
+    (written("scene_camera.json", '{"3": {"cam_K": [1, 2,,]}}'), "scene_camera.json: not JSON: invalid character in "),
     (written("scene_camera.json", "[]"), "scene_camera.json: Expected `object`, got `array`"),
     (edited("scene_camera.json", lambda c: c.update(left=1)), "'left' is no image, expected its number"),
     (edited("scene_camera.json", lambda c: c["3"].pop("cam_K")), "scene_camera.json, image 3 has no 'cam_K'"),

@@ -41,14 +41,6 @@ _KINDS = (
 T = TypeVar("T")
 
 
-def at_home(text: str) -> Path:
-    """The path that the user typed: "~" is the home folder; "~name" stays as it is where there is no such user."""
-    try:
-        return Path(text).expanduser()
-    except RuntimeError:
-        return Path(text)
-
-
 @contextmanager
 def reading(path: Path, what: str = "", most_bytes: int = MOST_BYTES) -> Iterator[BinaryIO]:
     """Open a regular file for reading; whatever is raised inside names the file in one line.
@@ -120,7 +112,7 @@ def _check_regular(status: os.stat_result, name: str, most_bytes: int) -> None:
         kind = next((kind for is_kind, kind in _KINDS if is_kind(status.st_mode)), "something else")
         raise InputError(f"{name} is {kind}, expected a file")
     if status.st_size > most_bytes:
-        raise InputError(f"{name} has {status.st_size / 1e6:.0f} MB, expected at most {most_bytes / 1e6:.0f} MB")
+        raise InputError(f"{name} is larger than {most_bytes / 1e6:g} MB")
 
 
 # JSON, decoded into types. Bounds are metadata of the fields.
@@ -160,17 +152,17 @@ def decoded_json(raw: bytes, kind: type[T]) -> T:
     except msgspec.ValidationError as error:
         raise ValueError(re.sub(r" - at `\$(.*)`$", r" (at $\1)", str(error))) from None
     except msgspec.DecodeError as error:
-        raise ValueError(f"no JSON: {_placed(str(error).removeprefix('JSON is malformed: '), raw)}") from None
+        raise ValueError(f"not JSON: {_placed(str(error).removeprefix('JSON is malformed: '), raw)}") from None
 
 
 def _placed(message: str, raw: bytes) -> str:
     """A message of msgspec with a line and a column in place of the number of a byte."""
-    found = re.fullmatch(r"(.*) \(byte (\d+)\)", message)
-    if found is None:
+    byte = re.fullmatch(r"(.*) \(byte (\d+)\)", message)
+    if byte is None:
         return message
-    before = raw[: int(found[2])]
+    before = raw[: int(byte[2])]
     newline = b"\n"
-    return f"{found[1]} in line {before.count(newline) + 1}, column {len(before) - before.rfind(newline)}"
+    return f"{byte[1]} in line {before.count(newline) + 1}, column {len(before) - before.rfind(newline)}"
 
 
 _NOT_FINITE = re.compile(rb"(?<=[\[,:\s])(NaN|-?Infinity)(?=[\],}\s])")

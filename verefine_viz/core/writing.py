@@ -24,6 +24,14 @@ _ABOUT_PATHS = (
 """Errors of the system about a path, not about what is written there."""
 
 
+def at_home(text: str) -> Path:
+    """The path that the user typed: "~" is the home folder; "~name" stays as it is where there is no such user."""
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:
+        return Path(text)
+
+
 def why_not(path: Path, error: OSError) -> str:
     """What is wrong with which part of a path that could not be made or written: "/a/b is a file, not a folder"."""
     message = error.strerror or str(error)

@@ -14,9 +14,9 @@ import tomli_w
 from pydantic import ValidationError
 
 from verefine_viz.core.errors import InputError, SettingsError, meant, quoted, unknown
-from verefine_viz.core.files import at_home, read_file
+from verefine_viz.core.files import read_file
 from verefine_viz.core.settings import PUBLISHED, SURROUNDINGS, Session
-from verefine_viz.core.writing import atomic
+from verefine_viz.core.writing import at_home, atomic
 
 Raw = Mapping[str, Any]
 Layer = tuple[str, Raw]
