@@ -83,7 +83,6 @@ OBJECTS: tuple[tuple[Spoil, str], ...] = (
 )
 NOTED: tuple[tuple[Spoil, str], ...] = (
     (truth(cam_R_m2c=[1, 0, 0, 0, 1, 0, 0, 0, -1]), "the pose is not rigid: det(R) = -1.000"),
-    (truth(cam_t_m2c=[0, 0, 0]), "obj_000005 (#1): its ground truth lies behind the camera"),
     (truth(cam_t_m2c=[0, 0, 1e30]), "'cam_t_m2c' is 1e+27 m away, expected at most 100 m; is it in millimetres?"),
     (edited("scene_gt.json", lambda c: c["3"][1].pop("cam_R_m2c")), "entry 1 has no 'cam_R_m2c'"),
 )
