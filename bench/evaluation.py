@@ -138,13 +138,8 @@ def _write_data_set(folder: Path) -> int:
 def _model(subdivisions: int, info: dict[str, Any]) -> EvalModel:
     mesh = trimesh.creation.icosphere(subdivisions, 60.0)
     vertices = np.asarray(mesh.vertices) * [1.0, 0.7, 1.3]
-    model = EvalModel(
-        1,
-        vertices,
-        np.asarray(mesh.faces, dtype=np.int32),
-        156.0,
-        symmetries,
-    )
+    symmetries = bop_symmetries(decoded_json(json.dumps(info).encode(), ModelInfo), "bench")
+    model = EvalModel(1, vertices, np.asarray(mesh.faces, dtype=np.int32), 156.0, symmetries)
     _ = model.sorted_vertices, model.mesh
     return model
 
