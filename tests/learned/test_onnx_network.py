@@ -34,6 +34,7 @@ def test_wrong_weights_are_one_clear_line(tmp_path: Path) -> None:
         (b"", "net.onnx: InvalidArgument: [ONNXRuntimeError]"),
         (b"PK\x03\x04 a checkpoint of torch", "protobuf parsing failed"),
         (constant_network(ANSWER)[:-200], "[ONNXRuntimeError]"),
+        (constant_network(ANSWER).replace(b"\x22\x07Flatten", b"\x22\x04Loop"), "a network with loops"),
         (constant_network(ANSWER, None), "net.onnx: a network without a model card, expected depth_net, format 1"),
         (constant_network(ANSWER, {"network": 3}), "Expected `str`, got `int` (at $.network)"),
         (
