@@ -39,7 +39,7 @@ from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.motion_table import MOTION, MotionRow, read_tracks, write_motion
 from verefine_viz.core.algorithm_settings import GraspSettings
 from verefine_viz.core.errors import VerefineError
-from verefine_viz.core.settings import HypothesesSettings, SceneSettings, Session
+from verefine_viz.core.settings import HypothesesSettings, MethodSettings, PhysicsSettings, SceneSettings, Session
 from verefine_viz.evaluation.results_scores import evaluate_files
 from verefine_viz.grasping.grasp_poses import read_annotated
 from verefine_viz.learned.depth_crops import FORMAT
@@ -49,14 +49,16 @@ from verefine_viz.recording.reader import read_recording
 from verefine_viz.run.data_folder import open_session
 from verefine_viz.run.imported_folder import imported
 from verefine_viz.run.session_file import load_session, save_session
+from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.graspa_layout import read_layout
 from verefine_viz.scenes.meshes import FORMATS, read_geometry, read_mesh
 from verefine_viz.scenes.models import model_of_mesh
 from verefine_viz.scenes.results_csv import ResultRow, write_results
-from verefine_viz.scenes.source import open_scene
 
 SECONDS, FIRST = (*map(int, os.environ.get("VEREFINE_FUZZ", "25").split()), 0)[:2]
 LONGEST_S, LONGEST_LINE = 60.0, 1200
+METHOD, NO_PHYSICS = MethodSettings(name="refine", refiner="identity"), PhysicsSettings(enabled=False)
+QUICK = {"physics": {"enabled": False}}
 VALUES: tuple[Any, ...] = (
     None, True, -1, 0, 1, 2.5, 1e-300, 1e308, -1e30, 10**30, 65535, float("nan"), float("inf"), "", "x", "\ud800",
     "a\0b", "\x1b[2J\n", "../..", "/dev/zero", "9" * 5000, [], {}, [[]], [1] * 9, [1] * 17, [[1], [1, 2]], {"a": None},
@@ -86,16 +88,24 @@ def open_bop(folder: Path) -> None:
         files = HypothesesSettings(source="results", files=(str(folder / "est_x-test.csv"),))
         for hypotheses in (HypothesesSettings(), files):
             with suppress(VerefineError):
-                source = open_scene(scene, hypotheses)
-                source.problem(source.frames[0])
+                session = Session(scene=scene, hypotheses=hypotheses)
+                solve(Toolbox(session.model_copy(update={"method": METHOD, "physics": NO_PHYSICS})))
     evaluate_files([folder / "est_x-test.csv"], folder)
 
 
+def check_bop(folder: Path) -> None:
+    for words in (("datasets", "check", folder), ("evaluate", folder / "est_x-test.csv", "--dataset", folder)):
+        assert cli.main([str(word) for word in words]) in (0, 1, 2)
+
+
+def solve(tools: Toolbox) -> None:
+    for frame in tools.frames:
+        answers = tools.run(tools.problem(frame)).finish().best
+        assert all(best is None or np.isfinite(best.T_cam_obj).all() for best in answers)
+
+
 def open_folder(folder: Path) -> None:
-    opened = open_session(folder, {})
-    source = open_scene(opened.scene, opened.hypotheses)
-    for frame in source.frames:
-        source.problem(frame)
+    solve(Toolbox(open_session(folder, QUICK)))
 
 
 def import_folder(folder: Path) -> None:
@@ -167,7 +177,7 @@ def open_batch(folder: Path) -> None:
 BOX: Any = None
 KINDS: dict[str, Kind] = {
     "bop": Kind(write_bop, open_bop),
-    "bop, checked": Kind(write_bop, lambda folder: _command("datasets", "check", folder)),
+    "bop, checked": Kind(write_bop, check_bop),
     "traces": Kind(lambda folder: _traces(folder), open_folder),
     "traces, imported": Kind(lambda folder: _traces(folder), import_folder),
     "sequence": Kind(lambda folder: write_sequence(folder, 1), open_folder),
@@ -181,10 +191,6 @@ def _traces(folder: Path) -> None:
     folder.mkdir()
     for k in (1, 2):
         write_trace(folder / f"drop_{k}", write_box(folder.with_name(f"{folder.name}.obj")))
-
-
-def _command(*words: object) -> None:
-    assert cli.main([str(word) for word in words]) in (0, 1, 2)
 
 
 # How a file is spoilt.
