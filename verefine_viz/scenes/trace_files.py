@@ -21,6 +21,7 @@ from verefine_viz.core.errors import InputError, ShapeError, in_one_line
 from verefine_viz.core.files import Numbers3, Numbers3x3, Numbers4x4, Real, decoded_json, first_line, reading
 from verefine_viz.core.geometry import as_rigid, check_reach
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
+from verefine_viz.scenes.image_files import DEEPEST_M
 from verefine_viz.trace import CALLS, FORMAT
 
 MOST_BYTES, MOST_OBJECTS, MOST_HYPOTHESES, MOST_STEPS = 200_000_000, 100, 1000, 20_000
@@ -199,6 +200,8 @@ def read_trace(folder: Path) -> RecordedFrame:
         raise InputError(f"trace {folder} has no camera; record it again")
     depth = _loaded(folder / "depth.npy", np.float32)
     rgb = _loaded(folder / "rgb.npy", np.uint8) if head.rgb else None
+    if not ((depth >= 0) & (depth <= DEEPEST_M)).all():
+        raise InputError(f"{folder / 'depth.npy'}: depth that is negative, not finite, or beyond {DEEPEST_M:g} m")
     if depth.ndim != 2 or (rgb is not None and rgb.shape != (*depth.shape, 3)):
         raise InputError(f"trace {folder}: its images do not have one size; record it again")
     problems = [call.problem for call in calls if call.problem is not None]
