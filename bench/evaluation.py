@@ -7,6 +7,7 @@ the thresholds of one results file.
 
 from __future__ import annotations
 
+import json
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,6 +19,7 @@ import numpy as np
 import trimesh
 
 from tests.scenes.write_bop import write_bop
+from verefine_viz.core.files import decoded_json
 from verefine_viz.core.geometry import axis_angle
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.evaluation.bop_model import EvalModel, bop_symmetries
@@ -26,6 +28,7 @@ from verefine_viz.evaluation.vertex_errors import adi_by_index_mm, adi_mm, mspd_
 from verefine_viz.evaluation.vsd import DepthPatch, model_depth, vsd
 from verefine_viz.scenes.demo import demo_frames, demo_names, demo_problem
 from verefine_viz.scenes.hypothesis_pool import perturbed
+from verefine_viz.scenes.models import ModelInfo
 from verefine_viz.scenes.results_csv import ResultRow, write_results
 
 REPEATS = 15
@@ -135,7 +138,8 @@ def _write_data_set(folder: Path) -> int:
 def _model(subdivisions: int, info: dict[str, Any]) -> EvalModel:
     mesh = trimesh.creation.icosphere(subdivisions, 60.0)
     vertices = np.asarray(mesh.vertices) * [1.0, 0.7, 1.3]
-    model = EvalModel(1, vertices, np.asarray(mesh.faces, dtype=np.int32), 156.0, bop_symmetries(info, "bench"))
+    symmetries = bop_symmetries(decoded_json(json.dumps(info).encode(), ModelInfo), "bench")
+    model = EvalModel(1, vertices, np.asarray(mesh.faces, dtype=np.int32), 156.0, symmetries)
     _ = model.sorted_vertices, model.mesh
     return model
 

@@ -37,7 +37,7 @@ from verefine_viz.commands.study import Study
 from verefine_viz.commands.train import Train
 from verefine_viz.commands.view import View
 from verefine_viz.core.errors import SettingsError, VerefineError, in_one_line, quoted, unknown
-from verefine_viz.core.paths import DISK_FULL, at_home
+from verefine_viz.core.writing import DISK_FULL, at_home
 
 PROGRAM = "verefine-viz"
 USAGE = 2
@@ -71,6 +71,9 @@ class Command(Protocol):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Parse and run; an error that the user can mend becomes one line on stderr and exit code 2."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # A file's name need not be text.
+            stream.reconfigure(errors="backslashreplace")
     if words == ["--version"]:
         print(f"{PROGRAM} {verefine_viz.__version__}")
         return 0

@@ -124,14 +124,18 @@ class Trace:
         """
         number = self._n_objects
         self._n_objects += 1
+        try:
+            name = str(name)
+        except Exception:
+            name = f"object {number}"
         self._begin_object(number, name, mesh, mask, unit_m, truth)
-        return TracedObject(self, number, str(name))
+        return TracedObject(self, number, name)
 
     @_never_raises
     def _begin_object(self, number: int, name: str, mesh: Path | str, mask: Any, unit_m: float, truth: object) -> None:
         line: dict[str, Any] = {
             "object": number,
-            "name": str(name),
+            "name": name,
             "mesh": "",
             "unit_m": 1.0,
             "mask": "",

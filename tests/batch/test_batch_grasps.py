@@ -49,7 +49,7 @@ def test_a_folder_without_grasps_is_refused_before_the_first_frame(tmp_path: Pat
             transform(np.eye(3), [0.0, 0.0, 0.4])[None],
             "they belong to another object, or are not in metres in its frame",
         ),
-        (np.diag([1.0, 1.0, 2.0, 1.0])[None], "expected 4×4 transforms in metres, row by row"),
+        (np.diag([1.0, 1.0, 2.0, 1.0])[None], "grasp 1, 4×4 in metres, row by row, is not rigid"),
     ],
 )
 def test_a_file_that_holds_no_grasps_of_an_object_is_noted_and_the_answer_stays(

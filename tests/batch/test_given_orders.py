@@ -55,7 +55,7 @@ def orders(folder: Path, content: object) -> str:
         ([[2, 99]], "dependency.order: unknown object 99; available: 2, 5"),
         ([[5, 2], [2, 5]], "dependency.order runs in a circle: it names 2 twice; name what supports others first"),
         ([["#1"], [2, "#1"]], "dependency.order runs in a circle: it names '#1' twice"),
-        ([["mug"]], "dependency.order: entry 'mug'; expected a list of clusters"),
+        ([["mug"]], "dependency.order: Expected `str` matching regex"),
     ],
 )
 def test_an_order_that_cannot_be_meant(order: list[Any], words: str, bad_input: BadInput) -> None:
@@ -68,8 +68,8 @@ def test_an_order_that_cannot_be_meant(order: list[Any], words: str, bad_input: 
     ("content", "words"),
     [
         (None, "orders.json does not exist"),
-        ("{", "orders.json is not JSON"),
-        ([[2, 5]], "expected orders by frame"),
+        ("{", "orders.json: not JSON"),
+        ([[2, 5]], "orders.json: Expected `object`, got `array`"),
         ({"7-1": [[2]]}, "orders.json: frame '7-1' is not \"scene/image\""),
         ({"07/1": [[2]]}, "orders.json: frame '07/1' is called '7/1'; rename it"),
     ],

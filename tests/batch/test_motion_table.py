@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from tests.batch.frames import batch_here
 from tests.made_runs import answer, finished
@@ -122,7 +123,7 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
     tracks = read_tracks(tmp_path)
     assert [t.rows[0].track for t in tracks] == ["5#0", "5#1"]
     back = sorted((row for track in tracks for row in track.rows), key=lambda r: (r.im_id, r.track))
-    assert [r.model_dump(exclude={"moved_mm"}) for r in back] == [r.model_dump(exclude={"moved_mm"}) for r in rows]
+    assert [replace(r, moved_mm=0.0) for r in back] == [replace(r, moved_mm=0.0) for r in rows]
     assert read_tracks(tmp_path / "elsewhere") == ()
 
 
@@ -130,7 +131,7 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
 def test_a_table_that_was_changed_is_refused_in_one_line(old: str, new: str, tmp_path: Path) -> None:
     write_motion(tmp_path / MOTION, rows_of([result(1, {(5, 0): at(0)})]))
     (tmp_path / MOTION).write_text((tmp_path / MOTION).read_text().replace(old, new))
-    with pytest.raises(InputError, match="is not what a batch writes: line 2: ") as error:
+    with pytest.raises(InputError, match=r"motion\.csv: ") as error:
         read_tracks(tmp_path)
     assert "\n" not in str(error.value)
 

@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 
 from tests.fakes import box_problem
+from tests.made_runs import answer, finished
 from tests.run.kept_frames import box_mesh, found, kept
+from tests.scenes.test_trace import write_box, write_trace
 from verefine_viz.batch import watch as watching
 from verefine_viz.batch.folder import RunFolder
 from verefine_viz.batch.index import BatchIndex, read_batch
@@ -276,3 +278,43 @@ def test_a_session_that_cannot_be_run_is_said_and_frames_still_arrive(
         keep(tmp_path / "frames", mesh)
         until(lambda: len(shown(watch)) == 2)
     assert load_session(tmp_path / "runs" / "frames" / "session.toml") == other
+
+
+# Traces
+
+
+def test_a_trace_counts_once_it_is_whole_and_is_solved_again_once_it_grew(tmp_path: Path) -> None:
+    write_trace(tmp_path / "t1", write_box(tmp_path / "box.obj"))
+    copy, watch = tmp_path / "frames" / "t1", None
+    copy.mkdir(parents=True)
+    shutil.copy(tmp_path / "t1" / "calls.jsonl", copy)
+    watch = watch_of(tmp_path, None)
+    watch.look()
+    assert watch.latest == ((), "")
+    shutil.copytree(tmp_path / "t1", copy, dirs_exist_ok=True)
+    assert watch.look()
+    assert shown(watch) == [("frames", "0/1", WAITING)]
+    runs = Runs(tmp_path / "runs" / "frames" / "runs")
+    runs.save(Session(), finished("0/1", [answer(0, 1, method="trace")]))
+    assert watch.look()
+    assert shown(watch) == [("frames", "0/1", "ok")]
+    lines = (copy / "calls.jsonl").read_bytes().splitlines(keepends=True)
+    (copy / "calls.jsonl").write_bytes(b"".join([*lines[:-1], lines[-2], lines[-1]]))
+    assert watch.look()
+    assert shown(watch) == [("frames", "0/1", WAITING)]
+    watch.close()
+
+
+def test_whatever_a_folder_raises_is_its_fault_and_the_watch_goes_on(
+    tmp_path: Path, mesh: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keep(tmp_path / "frames", mesh)
+    watch = watch_of(tmp_path)
+    with monkeypatch.context() as broken:
+        broken.setattr(watching, "open_scene", lambda *_: 1 / 0)
+        watch.look()
+        assert watch.latest == ((), "ZeroDivisionError: division by zero")
+        broken.setattr(watching, "data_folders", lambda *_: 1 / 0)
+        with at_work(watch) as until:
+            until(lambda: watch.latest[1] == "ZeroDivisionError: division by zero")
+    assert not watch.latest[0]

@@ -155,9 +155,9 @@ def test_damaged_ground_truth_is_called_damaged_and_not_missing(made: Made, name
     parts = check_split(made.root, "test")
     found = {f.name: f for f in parts.findings}
     assert found["ground truth"].result == "damaged"
-    assert f"{made.scene / name} is not JSON" in found["ground truth"].advice
+    assert f"{made.scene / name}: not JSON" in found["ground truth"].advice
     lacking = [lacks for what, lacks in what_can_be_run(parts) if not what.startswith("gravity")]
-    assert all(f"ground truth that can be read ({made.scene / name} is not JSON" in lacks for lacks in lacking)
+    assert all(f"ground truth that can be read ({made.scene / name}: not JSON" in lacks for lacks in lacking)
 
 
 def test_damage_in_one_scene_leaves_the_ground_truth_of_the_others(made: Made) -> None:
@@ -166,14 +166,14 @@ def test_damage_in_one_scene_leaves_the_ground_truth_of_the_others(made: Made) -
     parts = check_split(made.root, "test")
     found = {f.name: f for f in parts.findings}
     assert found["ground truth"].result == "in 2 of 4 frames checked"
-    assert "000007/scene_gt.json is not JSON" in found["ground truth"].advice
+    assert "000007/scene_gt.json: not JSON" in found["ground truth"].advice
     assert found["plausibility"].is_checked
     assert missing(parts)["study:"] == ""
 
 
 def test_keys_that_are_no_images_are_named(made: Made) -> None:
     made.edit("scene_gt.json", lambda content: content.update(a1=content.pop("1")))
-    assert "scene_gt.json has 'a1' for an image, expected its number" in advice(made)["ground truth"]
+    assert "scene_gt.json: 'a1' is no image, expected its number" in advice(made)["ground truth"]
 
 
 def test_damaged_models_info_is_not_called_missing_models(made: Made) -> None:
@@ -181,9 +181,9 @@ def test_damaged_models_info_is_not_called_missing_models(made: Made) -> None:
     parts = check_split(made.root, "test")
     models, rest = parts.findings
     assert models.result == "cannot be used"
-    assert "models_info.json holds a JSON list, expected an object" in models.advice
+    assert "models_info.json: Expected `object`, got `array`" in models.advice
     assert not rest.is_checked
-    assert all("models_info.json holds a JSON list" in lacks for _, lacks in what_can_be_run(parts))
+    assert all("models_info.json: Expected `object`" in lacks for _, lacks in what_can_be_run(parts))
 
 
 def test_a_folder_of_models_without_meshes_needs_a_look(made: Made) -> None:
@@ -242,7 +242,7 @@ def test_masks_that_are_missing_and_objects_without_a_model_are_found(made: Made
     made.edit("scene_gt.json", lambda content: content["0"][0].update(obj_id=9))
     found = advice(made)
     assert "mask_visib/000001_000002.png is missing" in found["masks"]
-    assert "mask/000000_000000.png is damaged" in found["masks"]
+    assert "mask/000000_000000.png: cannot identify image file" in found["masks"]
     assert "there is no model of object 9; its instances are left out" in found["ground truth"]
 
 

@@ -114,7 +114,7 @@ def test_an_object_whose_model_is_damaged_is_named_and_tried_again_when_asked(
     with damaged(file):
         assert run(session, "--out", out, *BY_PPF, *ALONE) == 1
     said = capsys.readouterr().out.splitlines()
-    assert f"frame 7/0: no hypothesis for obj_000005 (#1), left out: {file} holds no triangles" in said[1]
+    assert f"frame 7/0: no hypothesis for obj_000005 (#1), left out: {file}: no triangles" in said[1]
     assert said[-1].startswith("2 objects were not solved, as a model or mask is missing or damaged (see above)")
     assert {row.obj_id for row in read_results(out)} == {2}
     assert run(session, "--out", out, *BY_PPF, *ALONE, "--retry-failed") == 0

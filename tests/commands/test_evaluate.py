@@ -265,25 +265,25 @@ def black_and_white(bad_input: BadInput) -> None:
 
 MODELS = "../../models"
 BAD_DATA: list[tuple[Callable[[BadInput], None], str]] = [
-    (damage("scene_gt.json"), "scene_gt.json is not JSON"),
+    (damage("scene_gt.json"), "scene_gt.json: not JSON"),
     (edit("scene_gt.json", lambda x: x.pop("3")), "scene_gt.json has no image 3, which the targets name"),
     (edit("scene_gt.json", lambda x: x["3"][1].pop("cam_R_m2c")), "image 3, entry 1 has no 'cam_R_m2c'"),
-    (edit("scene_gt.json", lambda x: x.update({"3": 4})), "image 3 is a JSON int, expected a list of instances"),
+    (edit("scene_gt.json", lambda x: x.update({"3": 4})), "image 3: Expected `array`, got `int`"),
     (edit("scene_gt_info.json", lambda x: x["3"].pop()), "does not describe the 3 instances of scene_gt.json"),
     (edit("scene_camera.json", lambda x: x.pop("3")), "scene_camera.json has no image 3"),
     (edit("scene_camera.json", lambda x: x["3"].update(cam_K=[0] * 8 + [1])), "focal lengths 0, 0"),
     (edit("scene_camera.json", lambda x: x["3"].pop("depth_scale")), "image 3 has no 'depth_scale'"),
     (remove("depth/000003.png"), "000003.png is missing; a depth image is needed"),
-    (damage("depth/000003.png"), "000003.png is damaged or no image"),
+    (damage("depth/000003.png"), "000003.png: "),
     (black_and_white, "000003.png is a RGB image, expected one channel of 16-bit depth"),
     (remove(f"{MODELS}/models_info.json"), "models_info.json does not exist"),
     (
         edit(f"{MODELS}/models_info.json", lambda x: x.pop("5")),
-        "has no entry for object 5; its 'diameter' is needed",
+        "object 5 has no 'diameter'",
     ),
     (
         edit(f"{MODELS}/models_info.json", lambda x: x["5"].update(diameter=0)),
-        "'diameter' is 0, expected millimetres",
+        "Expected `float` >= 0.001 (at $.diameter)",
     ),
     (damage(f"{MODELS}/obj_000005.ply"), "obj_000005.ply"),
     (remove(f"{MODELS}/obj_000005.ply"), "unknown model 5; available: 2"),

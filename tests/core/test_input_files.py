@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.paths import open_input, read_input
+from verefine_viz.core.files import read_file, reading
 
 
 def test_a_regular_file_is_read_whole_also_through_a_link(tmp_path: Path) -> None:
     file, link = tmp_path / "file", tmp_path / "link"
     file.write_bytes(b"content")
     link.symlink_to(file)
-    assert read_input(file) == read_input(link) == b"content"
-    with open_input(link) as opened:
+    assert read_file(file) == read_file(link) == b"content"
+    with reading(link) as opened:
         assert opened.read(3) == b"con"
 
 
@@ -52,12 +52,11 @@ def _loop(path: Path) -> None:
 def test_what_is_no_file_is_named_with_its_label(tmp_path: Path, make, message: str) -> None:
     path = tmp_path / "it"
     make(path)
-    for read in (open_input, read_input):
-        with pytest.raises(InputError) as error:
-            read(path, "session file")
-        assert str(error.value) == f"session file {path} {message}"
+    with pytest.raises(InputError) as error:
+        read_file(path, "session file")
+    assert str(error.value) == f"session file {path} {message}"
 
 
 def test_a_nul_in_a_path_is_said_so() -> None:
-    with pytest.raises(InputError, match=r"'a\\x00b' is no path: it holds a NUL character"):
-        read_input(Path("a\0b"))
+    with pytest.raises(InputError, match=r"'a\\x00b' is no path: it holds a NUL"):
+        read_file(Path("a\0b"))

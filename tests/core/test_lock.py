@@ -10,7 +10,7 @@ from typing import BinaryIO
 import pytest
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.paths import try_lock, wait_for_lock
+from verefine_viz.core.writing import try_lock, wait_for_lock
 
 BOTH = pytest.mark.parametrize("lock", [try_lock, wait_for_lock])
 Lock = Callable[[Path], BinaryIO | None]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.paths import at_home, atomic, check_file, check_folder, why_not
+from verefine_viz.core.writing import at_home, atomic, check_file, check_folder, why_not
 
 
 @pytest.fixture

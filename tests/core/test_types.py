@@ -18,9 +18,9 @@ from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.arrays import frozen
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, ShapeError, unknown
-from verefine_viz.core.paths import atomic
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.text_format import first_of, listed
+from verefine_viz.core.writing import atomic
 from verefine_viz.recording.verify import differences, first_difference
 
 

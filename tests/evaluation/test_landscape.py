@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.made_up_frames import CAMERA, Thing, frame_of
+from tests.scenes.test_models import model_info
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Target
@@ -73,7 +74,7 @@ def test_a_declared_axis_of_symmetry_is_undetermined_however_coarse_the_mesh() -
     target = target_of("cylinder")
     T = target.instance.T_cam_obj_gt
     info = {"symmetries_continuous": [{"axis": [0, 0, 1], "offset": [0, 0, 0]}]}
-    declared = replace(modelled(twelve_sides, "prism"), symmetries=symmetry_transforms(info, "prism"))
+    declared = replace(modelled(twelve_sides, "prism"), symmetries=symmetry_transforms(model_info(info), "prism"))
     around = undetermined(VERIFIER, replace(target, model=declared), T)
     turn = curve(around, "turn", "z")
     assert (turn.low, turn.high) == (-180, 180)

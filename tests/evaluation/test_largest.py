@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.evaluation import reference
+from tests.scenes.test_models import model_info
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle
 from verefine_viz.evaluation.bop_model import EvalModel, bop_symmetries
@@ -30,7 +31,7 @@ def model(seed: int, info: dict, shape: str = "lump") -> EvalModel:
         vertices[:, 1:] = 0
     if shape == "doubled":
         vertices = np.concatenate([vertices, vertices])
-    return EvalModel(1, vertices, np.array([[0, 1, 2]], np.int32), 150.0, bop_symmetries(info, "made up"))
+    return EvalModel(1, vertices, np.array([[0, 1, 2]], np.int32), 150.0, bop_symmetries(model_info(info), "made up"))
 
 
 def pose(rng: np.random.Generator, size_rad: float) -> tuple[Float, Float]:

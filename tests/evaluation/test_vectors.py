@@ -10,6 +10,7 @@ import pytest
 
 from tests.evaluation import vectors
 from tests.evaluation.vectors import Vectors, poses
+from tests.scenes.test_models import model_info
 from verefine_viz.evaluation.bop_model import bop_symmetries
 from verefine_viz.evaluation.vertex_errors import add_mm, adi_mm, mspd_px, mssd_mm
 from verefine_viz.evaluation.vsd import TAUS, model_depth, spheres_overlap_in_image, vsd
@@ -66,15 +67,19 @@ def test_depth_is_the_official_one_but_for_its_16_bits(official: Vectors) -> Non
         assert ((full[0] > 0) != (full[1] > 0)).sum() <= 2, case["name"]
 
 
+SINGLE = 2e-5
+"""trimesh reads the vertices of an ascii file in single precision [mm]."""
+
+
 def test_other_errors(official: Vectors) -> None:
     for case in official.rendered:
         name, model, pose = case["name"], official.model(case), poses(case)
         assert len(model.symmetries_mm) == case["n_syms"], name
         K = np.array(case["K"])
-        assert mssd_mm(model, *pose) == pytest.approx(case["mssd"], abs=1e-9, rel=0), name
-        assert mspd_px(model, *pose, K) == pytest.approx(case["mspd"], abs=1e-9, rel=1e-12), name
-        assert add_mm(model, *pose) == pytest.approx(case["add"], abs=1e-9, rel=0), name
-        assert adi_mm(model, *pose) == pytest.approx(case["adi"], abs=1e-9, rel=0), name
+        assert mssd_mm(model, *pose) == pytest.approx(case["mssd"], abs=SINGLE, rel=0), name
+        assert mspd_px(model, *pose, K) == pytest.approx(case["mspd"], abs=SINGLE, rel=1e-6), name
+        assert add_mm(model, *pose) == pytest.approx(case["add"], abs=SINGLE, rel=0), name
+        assert adi_mm(model, *pose) == pytest.approx(case["adi"], abs=SINGLE, rel=0), name
         # acos turns the last bit of a cosine near 1 into 1e-6 degrees.
         assert np.linalg.norm(pose[1] - pose[3]) == pytest.approx(case["te_mm"], abs=1e-9, rel=0), name
         overlap = spheres_overlap_in_image(pose[1], pose[3], case["diameter"])
@@ -83,7 +88,7 @@ def test_other_errors(official: Vectors) -> None:
 
 def test_symmetries(official: Vectors) -> None:
     for entry in official.json["symmetries"]:
-        info = official.json["meshes"][entry["mesh"]]["models_info"]
+        info = model_info(official.json["meshes"][entry["mesh"]]["models_info"])
         ours = bop_symmetries(info, entry["mesh"], entry["max_sym_disc_step"])
         assert len(ours) == entry["count"]
         np.testing.assert_allclose(ours[:, :3, :3].sum(axis=0), entry["sum_R"], atol=1e-10)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.scenes.test_models import model_info
 from verefine_viz.core.arrays import Float
 from verefine_viz.evaluation.bop_model import EvalModel, bop_symmetries
 from verefine_viz.evaluation.vsd import DepthPatch
@@ -54,9 +55,9 @@ def read(folder: Path) -> Vectors:
 
 @cache
 def _model(folder: Path, mesh: str) -> EvalModel:
-    info = read(folder).json["meshes"][mesh]["models_info"]
+    info = model_info(read(folder).json["meshes"][mesh]["models_info"])
     vertices, faces = read_geometry(folder / "meshes" / f"{mesh}.ply")
-    return EvalModel(1, vertices, faces, info["diameter"], bop_symmetries(info, mesh))
+    return EvalModel(1, vertices, faces, info.diameter, bop_symmetries(info, mesh))
 
 
 def poses(case: dict[str, Any]) -> tuple[Float, Float, Float, Float]:

@@ -53,7 +53,7 @@ def test_why_nothing_was_tried_is_a_line(problem: Problem, tmp_path: Path) -> No
     np.save(tmp_path / "duck.npy", np.eye(4)[None] * 2)
     (note,) = answer_grasps(problem, poses, GraspSettings(folder=str(tmp_path))).notes
     assert note.startswith("no grasp of duck: ")
-    assert "expected 4×4 transforms in metres" in note
+    assert "grasp 1, 4×4 in metres" in note
     assert answer_grasps(problem, [None], SETTINGS).pairs == {}
 
 

@@ -131,7 +131,7 @@ def test_unknown_objects_frames_without_colour_and_the_wrong_network_are_one_lin
     with pytest.raises(InputError, match="needs a colour image, and this frame has none"):
         net.poses(replace(target, observation=replace(target.observation, rgb=None)))
     with pytest.raises(
-        InputError, match=r"hold densefusion_refine, .* expected densefusion_pose, .* train densefusion writes"
+        InputError, match=r"densefusion_refine, .* expected densefusion_pose, .* train densefusion writes"
     ):
         pose_of(tmp_path, refine_network(QUAT, 0.0, 1))
 

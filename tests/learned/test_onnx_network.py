@@ -31,16 +31,17 @@ def test_it_answers_once_for_each_input_and_its_hash_is_that_of_the_file(tmp_pat
 
 def test_wrong_weights_are_one_clear_line(tmp_path: Path) -> None:
     for content, said in (
-        (b"", "are no ONNX file that onnxruntime reads"),
-        (b"PK\x03\x04 a checkpoint of torch", "are no ONNX file that onnxruntime reads"),
-        (constant_network(ANSWER)[:-200], "are no ONNX file that onnxruntime reads"),
-        (constant_network(ANSWER, None), "hold a network without a model card, expected depth_net, format 1"),
-        (constant_network(ANSWER, {"network": 3}), "hold a network without a model card, expected depth_net, format 1"),
+        (b"", "net.onnx: InvalidArgument: [ONNXRuntimeError]"),
+        (b"PK\x03\x04 a checkpoint of torch", "protobuf parsing failed"),
+        (constant_network(ANSWER)[:-200], "[ONNXRuntimeError]"),
+        (constant_network(ANSWER).replace(b"\x22\x07Flatten", b"\x22\x04Loop"), "a network with loops"),
+        (constant_network(ANSWER, None), "net.onnx: a network without a model card, expected depth_net, format 1"),
+        (constant_network(ANSWER, {"network": 3}), "Expected `str`, got `int` (at $.network)"),
         (
             constant_network(ANSWER, CARD | {"network": "densefusion"}),
-            "hold densefusion, format 1, expected depth_net, format 1",
+            "net.onnx: densefusion, format 1, expected depth_net, format 1",
         ),
-        (constant_network(ANSWER, CARD | {"format": 2}), "hold depth_net, format 2, expected depth_net, format 1"),
+        (constant_network(ANSWER, CARD | {"format": 2}), "net.onnx: depth_net, format 2, expected depth_net, format 1"),
     ):
         with pytest.raises(InputError, match=re.escape(said)) as raised:
             opened(tmp_path, content)

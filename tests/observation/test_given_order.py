@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -92,42 +93,21 @@ def test_orders_of_a_file_hold_for_their_frame(tmp_path: Path) -> None:
     assert graph((("#3",), (8, 2), ("#2",)), str(path)).source == "given"  # the session's own order wins
 
 
-def test_a_malformed_file_is_refused_in_one_line(tmp_path: Path) -> None:
+def test_a_file_that_holds_no_orders_is_refused_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "orders.json"
-    for content, said in (
-        ("", "is not JSON"),
-        ("{", "is not JSON"),
-        ("[" * 100_000, "is not JSON"),
-        ("[[8, 2]]", "expected orders by frame"),
-        ("3", "expected orders by frame"),
-        ('{"0/1": 8}', "frame '0/1': 8; expected a list of clusters"),
-        ('{"0/1": [8, 2]}', "frame '0/1': [8, 2]; expected a list of clusters"),
-        ('{"0/1": [["8"]]}', "entry '8'"),
-        ('{"0/1": [[8.0]]}', "entry 8.0"),
-        ('{"0/1": [[true]]}', "entry True"),
-        ('{"0/1": [[null]]}', "entry None"),
-        ('{"0/1": [[[8]]]}', "entry [8]"),
-        ('{"0/9": [["#-1"]]}', "entry '#-1'"),
-    ):
+    for content in ("", "{", "[" * 100_000, "[[8, 2]]", "3", '{"0/1": 8}', '{"0/1": [[null]]}', '{"0/9": [["#-1"]]}'):
         path.write_text(content)
-        with pytest.raises(SettingsError) as error:
+        with pytest.raises(InputError, match=re.escape(f"order file {path}: ")) as error:
             graph(order_file=str(path))
-        assert said in str(error.value), said
-        assert str(path) in str(error.value), said
-        assert "\n" not in str(error.value), said
-
-
-def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
-    for path in (tmp_path / "none.json", tmp_path):
-        with pytest.raises(InputError, match="order file"):
-            graph(order_file=str(path))
-    (tmp_path / "bytes.json").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(SettingsError, match="is not JSON"):
-        graph(order_file=str(tmp_path / "bytes.json"))
+        assert "\n" not in str(error.value)
+    with pytest.raises(InputError, match="order file"):
+        graph(order_file=str(tmp_path))
 
 
 def test_a_malformed_order_in_the_session() -> None:
-    with pytest.raises(SettingsError, match=r"^dependency\.order: entry 'mug'; expected a list of clusters"):
+    with pytest.raises(
+        SettingsError, match=r"^dependency\.order: Expected .* - at `\$\[0\]\[0\]`; expected a list of clusters"
+    ):
         graph((("mug",),))
 
 

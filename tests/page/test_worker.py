@@ -126,7 +126,7 @@ def test_faults_become_one_message_to_the_window_that_asked(work):
     errors = [(window, m["text"]) for window, m in messages if m["t"] == "error"]
     assert errors[0] == (3, "no restart here")
     assert errors[1][0] == 4
-    assert "a bug" in errors[1][1]
+    assert "the log has more" in errors[1][1]
 
 
 def test_two_windows_see_one_run(open_page):

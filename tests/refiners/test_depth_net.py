@@ -143,7 +143,10 @@ def test_weights_that_are_cut_off_are_one_line(tmp_path: Path) -> None:
     whole = (PACKAGED / "depth_net.onnx").read_bytes()
     for share in (0.0, 0.3, 0.99):
         (tmp_path / "net.onnx").write_bytes(whole[: int(share * len(whole))])
-        with pytest.raises(InputError, match=r"weights .*net\.onnx (are no ONNX file|hold a network without)"):
+        with pytest.raises(
+            InputError,
+            match=r"weights .*net\.onnx: ",
+        ):
             DepthNet(DepthNetSettings(weights=str(tmp_path / "net.onnx")), 0.0)
 
 
@@ -158,9 +161,7 @@ def test_the_packages_weights_are_small_and_state_how_they_were_made() -> None:
     file = PACKAGED / "depth_net.onnx"
     assert file.stat().st_size < 4_000_000
     network = OnnxNetwork(file, "depth_net", FORMAT)
-    about = network.card.about
-    assert about["command"].startswith("verefine-viz train depth_net --out depth_net.onnx --steps ")
-    assert {"seed", "data", "loss", "held_out", "trained_range", "made_with"} <= about.keys()
+    assert network.card.command.startswith("verefine-viz train depth_net --out depth_net.onnx --steps ")
     assert WEIGHTS["depth_net"](Session()) == network.hash
 
 
@@ -171,9 +172,13 @@ def test_the_trained_range_is_that_of_the_model_card() -> None:
         assert refiner.trained_range == TrainedRange(rotation_deg=60.0, shift_radii=0.8), name
 
 
-def test_a_card_without_a_range_that_can_be_read_has_none(tmp_path: Path) -> None:
-    for said in ({}, {"trained_range": 60}, {"trained_range": {"rotation_deg": "wide", "shift_radii": 1}}):
-        (tmp_path / "net.onnx").write_bytes(constant_network(np.zeros(7), CARD | said))
-        net = DepthNet(DepthNetSettings(weights=str(tmp_path / "net.onnx"), iterations=1), 0.0)
-        assert net.trained_range is None
-        assert net.explain(TARGET, START)[0].trained_mm is None
+def test_a_card_without_a_range_has_none(tmp_path: Path) -> None:
+    settings = DepthNetSettings(weights=str(tmp_path / "net.onnx"), iterations=1)
+    (tmp_path / "net.onnx").write_bytes(constant_network(np.zeros(7), CARD))
+    net = DepthNet(settings, 0.0)
+    assert net.trained_range is None
+    assert net.explain(TARGET, START)[0].trained_mm is None
+    for given in (60, {"rotation_deg": "wide", "shift_radii": 1}):
+        (tmp_path / "net.onnx").write_bytes(constant_network(np.zeros(7), CARD | {"trained_range": given}))
+        with pytest.raises(InputError, match="trained_range"):
+            DepthNet(settings, 0.0)

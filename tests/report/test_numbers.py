@@ -126,8 +126,8 @@ def test_one_frame_of_one_object_has_no_interval() -> None:
 def test_stages_are_those_of_a_frame_with_the_iterations_split_up() -> None:
     def timed(rows: tuple[Answer, ...], stages_ms: dict[str, float]) -> dict[str, float]:
         mine = group("rir", rows)
-        totals = mine.runs[0].run.totals.model_copy(update={"mean_stages_ms_per_frame": stages_ms})
-        info = mine.runs[0].run.model_copy(update={"totals": totals})
+        totals = replace(mine.runs[0].run.totals, mean_stages_ms_per_frame=stages_ms)
+        info = replace(mine.runs[0].run, totals=totals)
         return stage_times(Group("rir", (replace(mine.runs[0], run=info),)))
 
     rows = (row(1, 0), row(1, 1), row(2, 0), row(2, 1))

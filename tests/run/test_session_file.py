@@ -157,7 +157,7 @@ def test_what_is_no_session_file_is_said_at_once(tmp_path: Path) -> None:
         "is a pipe, expected a file": os.mkfifo,
         "is a device, expected a file": lambda path: path.symlink_to("/dev/zero"),
         "cannot be read: Too many levels of symbolic links": lambda path: path.symlink_to(path),
-        "is larger than 10 MB, expected a .toml file": lambda path: path.write_bytes(b"#" * 10_000_001),
+        "is larger than 10 MB": lambda path: path.write_bytes(b"#" * 10_000_001),
     }
     for k, (expected, make) in enumerate(kinds.items()):
         path = tmp_path / f"{k}.toml"

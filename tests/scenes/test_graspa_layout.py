@@ -81,9 +81,9 @@ def test_a_pose_that_is_none_is_named(tmp_path: Path) -> None:
         (np.diag([1.0, 1.0, -1.0]), "its Matrix4x4 is no rotation; expected one, with the translation in mm"),
         (np.diag([2.0, 1.0, 1.0]), "its Matrix4x4 is no rotation"),
         (np.full((3, 3), np.nan), "expected a Matrix4x4 of finite numbers"),
-        ([["x", 0, 0], [0, 1, 0], [0, 0, 1]], "could not convert string to float: 'x'; expected the numbers c1 to c4"),
+        ([["x", 0, 0], [0, 1, 0], [0, 0, 1]], "could not convert string to float: 'x'"),
     ):
-        with pytest.raises(InputError, match=f"layout.xml, YcbFoamBrick: {re.escape(message)}"):
+        with pytest.raises(InputError, match=re.escape(message)):
             read_layout(_layout(tmp_path, rotation=rotation))
 
 
@@ -91,8 +91,8 @@ def test_a_file_that_is_no_layout_is_named(tmp_path: Path, models: Path) -> None
     file = tmp_path / "layout.xml"
     for content, message in (
         (None, "layout.xml"),
-        ("banana", r"is no XML .*expected a GRASPA layout such as layout_0.xml"),
-        ("<Scene/>", "has no ManipulationObject; expected a GRASPA layout"),
+        ("banana", "layout.xml: ParseError: syntax error: line 1"),
+        ("<Scene/>", "it has 0 ManipulationObject, expected 1 to 100, as in GRASPA's"),
     ):
         if content is not None:
             file.write_text(content)

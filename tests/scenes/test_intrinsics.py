@@ -12,8 +12,9 @@ import pytest
 from tests.scenes.bop_folder import make, refusal
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.files import decoded_json
 from verefine_viz.evaluation.results_scores import evaluate_files
-from verefine_viz.scenes.image_files import depth_scale_of, intrinsics_notes, intrinsics_of
+from verefine_viz.scenes.image_files import CameraEntry, intrinsics_notes, intrinsics_of
 
 K = np.array([[90.0, 0, 40], [0, 90, 30], [0, 0, 1]])
 
@@ -61,7 +62,7 @@ def numbers_with(k: int, value: float) -> list[float]:
 def test_a_matrix_that_no_camera_has_is_refused() -> None:
     for k, value, words in NO_CAMERA:
         with pytest.raises(InputError, match=re.escape(f"here: cam_K has {words}")):
-            intrinsics_of({"cam_K": numbers_with(k, value)}, "here")
+            intrinsics_of(CameraEntry(np.array(numbers_with(k, value)).reshape(3, 3)), "here")
         with pytest.raises(ShapeError, match=re.escape(words)):
             Camera(np.array(numbers_with(k, value)).reshape(3, 3), 80, 60)
 
@@ -78,7 +79,7 @@ def test_such_a_matrix_is_refused_where_a_frame_is_read_or_scored(tmp_path: Path
 
 def test_the_bounds_of_depth_scale() -> None:
     for scale in (1e-6, 1e4):
-        assert depth_scale_of({"depth_scale": scale}, "here") == scale
+        assert decoded_json(b'{"depth_scale": %r}' % scale, CameraEntry).depth_scale == scale
     for scale in (9e-7, 1.1e4):
-        with pytest.raises(InputError, match=r"expected millimetres per step > 0, 1e-06 to 10000$"):
-            depth_scale_of({"depth_scale": scale}, "here")
+        with pytest.raises(ValueError, match=r"Expected `float` [<>]= .* \(at \$\.depth_scale\)$"):
+            decoded_json(b'{"depth_scale": %r}' % scale, CameraEntry)

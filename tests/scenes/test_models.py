@@ -10,12 +10,17 @@ import numpy as np
 import pytest
 import trimesh
 
+from verefine_viz.core.files import decoded_json
 from verefine_viz.core.geometry import apply
 from verefine_viz.scenes import meshes
 from verefine_viz.scenes.meshes import hull_vertices, largest_distance, read_mesh
-from verefine_viz.scenes.models import ModelLibrary, model_of_mesh, symmetry_transforms
+from verefine_viz.scenes.models import ModelInfo, ModelLibrary, model_of_mesh, symmetry_transforms
 
 SIZE_MM = np.array([100.0, 80.0, 60.0])
+
+
+def model_info(written: dict) -> ModelInfo:
+    return decoded_json(json.dumps(written).encode(), ModelInfo)
 
 
 def box() -> trimesh.Trimesh:
@@ -109,7 +114,7 @@ def test_symmetries_are_the_official_ones(shared_data: Path) -> None:
     for case in vectors["symmetries"]:
         info = vectors["meshes"][case["mesh"]]["models_info"]
         steps = int(np.ceil(np.pi / case["max_sym_disc_step"]))
-        S = symmetry_transforms(info, case["mesh"], steps)
+        S = symmetry_transforms(model_info(info), case["mesh"], steps)
         assert len(S) == case["count"]
         np.testing.assert_allclose(S[:, :3, :3].sum(axis=0), case["sum_R"], atol=1e-9)
         np.testing.assert_allclose(S[:, :3, 3].sum(axis=0) * 1e3, case["sum_t"], atol=1e-6)
@@ -127,7 +132,7 @@ def test_symmetries_leave_the_object_where_it_is() -> None:
         "symmetries_discrete": [flip.ravel().tolist()],
         "symmetries_continuous": [{"axis": [0, 0, 2], "offset": offset.tolist()}],
     }
-    S = symmetry_transforms(info, "cylinder", 64)
+    S = symmetry_transforms(model_info(info), "cylinder", 64)
     assert len(S) == 128
     np.testing.assert_array_equal(S[0], np.eye(4))
     points = (np.asarray(cylinder.vertices) + offset) * 1e-3

@@ -103,8 +103,8 @@ BAD: dict = {
     "has no mesh": lambda f: shutil.rmtree(f / "mesh"),
     "80×60 pixels": _other_size,
     "expected 3×3": lambda f: (f / "cam_K.txt").write_text("500 0 320"),
-    "something else than numbers": lambda f: (f / "cam_K.txt").write_text("a b c"),
-    "is damaged or no image": lambda f: (f / "depth" / "1581120424100262100.png").write_bytes(b"png"),
+    "could not convert string to float": lambda f: (f / "cam_K.txt").write_text("a b c"),
+    "cannot identify image file": lambda f: (f / "depth" / "1581120424100262100.png").write_bytes(b"png"),
 }
 
 

@@ -254,8 +254,8 @@ def test_half_a_line_and_a_damaged_one_are_left_out(tmp_path: Path) -> None:
     calls.write_bytes(b"\n".join([*lines[:4], b"\xff{", *lines[4:7], lines[7][:30]]))
     frame = read_trace(tmp_path / "t")
     assert len(frame.objects[0].steps) == 3
-    assert any("2 lines of the trace are damaged" in note for note in frame.notes)
-    assert any("not closed" in note for note in frame.notes)
+    assert any("2 lines of the trace damaged and left out (line 5: " in note for note in frame.notes)
+    assert any("cut short" in note for note in frame.notes)
 
 
 @pytest.mark.usefixtures("processes")
@@ -279,7 +279,7 @@ def test_a_killed_process_leaves_a_trace_that_opens(tmp_path: Path) -> None:
         os.kill(process.pid, signal.SIGKILL)
     problem = problem_of(tmp_path / "t")
     assert len(problem.instances[0].recorded) >= 100
-    assert any("not closed" in note for note in problem.notes)
+    assert any("cut short" in note for note in problem.notes)
 
 
 def test_a_copy_of_the_file_needs_numpy_alone_and_an_old_python() -> None:

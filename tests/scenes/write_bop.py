@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from verefine_viz.core.arrays import Mask
-from verefine_viz.core.json_files import write_json
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Instance, Problem
+from verefine_viz.core.writing import write_json
 from verefine_viz.scenes.image_files import write_image
 from verefine_viz.scenes.meshes import ply_bytes, size_entry
 from verefine_viz.scenes.segments import silhouette

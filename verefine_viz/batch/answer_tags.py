@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+import msgspec
 
-from verefine_viz.core.errors import InputError, first_fault
-from verefine_viz.core.paths import atomic, read_input
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.files import read_json
+from verefine_viz.core.writing import write_json
 from verefine_viz.run.record import Answer
 
 TAGS_FILE = "tags.json"
@@ -16,11 +17,10 @@ MOST_LETTERS = 40
 """Of a tag."""
 
 
-class TagFile(BaseModel):
+class TagFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What ``tags.json`` holds."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    tags: Mapping[str, tuple[str, ...]] = Field(default_factory=dict)
+    tags: Mapping[str, tuple[str, ...]] = {}
     """By answer: :func:`answer_key`."""
 
 
@@ -36,15 +36,7 @@ def read_tags(folder: Path) -> TagFile:
         InputError: the file cannot be read or is damaged.
     """
     path = folder / TAGS_FILE
-    if not path.exists():
-        return TagFile()
-    raw = read_input(path)
-    try:
-        return TagFile.model_validate_json(raw)
-    except ValidationError as error:
-        raise InputError(
-            f"{path} is damaged ({first_fault(error)}); mend it, or delete it and with it the run's tags"
-        ) from None
+    return read_json(path, TagFile, "tags") if path.exists() else TagFile()
 
 
 def save_tags(folder: Path, content: TagFile) -> None:
@@ -53,8 +45,7 @@ def save_tags(folder: Path, content: TagFile) -> None:
     Raises:
         InputError: it cannot be written.
     """
-    with atomic(folder / TAGS_FILE) as part:
-        part.write_text(content.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    write_json(folder / TAGS_FILE, msgspec.to_builtins(content))
 
 
 def checked_name(text: str) -> str:

@@ -11,7 +11,7 @@ from typing import BinaryIO, Literal
 from verefine_viz.batch.runs import Runs, file_stem
 from verefine_viz.batch.totals import Totals
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.paths import open_input
+from verefine_viz.core.files import opened
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.run.answers import HEADER, result_rows, table_lines, write_table
 from verefine_viz.run.record import RunEnd, RunRecord
@@ -125,7 +125,7 @@ class _Compared:
         self.name = path.name
         self._file: BinaryIO | None = None
         try:
-            self._file = open_files.enter_context(open_input(path))
+            self._file = open_files.enter_context(opened(path))
         except InputError:
             return  # It is not there, or no file.
 

@@ -25,8 +25,8 @@ from verefine_viz.batch.completeness import TABLES
 from verefine_viz.batch.motion_table import MOTION
 from verefine_viz.batch.runs import RUN_FILE, Runs, read_run
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
-from verefine_viz.core.paths import atomic, check_folder, clear_parts, try_lock, why_not
 from verefine_viz.core.settings import Session
+from verefine_viz.core.writing import atomic, check_folder, clear_parts, try_lock, why_not
 from verefine_viz.recording.entities import SEQUENCE_FILE
 from verefine_viz.run.session_file import load_session, save_session
 
@@ -94,7 +94,7 @@ class RunFolder:
             InputError: the disk refuses.
         """
         with atomic(self.path / name) as part:
-            part.write_text(json.dumps(value, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+            part.write_text(json.dumps(value, indent=2, ensure_ascii=False) + "\n", encoding="utf-8", errors="replace")
 
     def _check_kind(self) -> None:
         if (self.path / SESSION_FILE).exists() or not self.path.exists():

@@ -11,7 +11,7 @@ from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.runs import RUN_FILE, BatchInfo, Runs, read_run
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError, unknown
-from verefine_viz.core.paths import LEVELS_BELOW
+from verefine_viz.core.files import LEVELS_BELOW
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.diagnosis.causes import Cause

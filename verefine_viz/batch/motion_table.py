@@ -10,12 +10,12 @@ from itertools import groupby
 from pathlib import Path
 from typing import Protocol
 
+import msgspec
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, first_fault
-from verefine_viz.core.paths import atomic, read_input
+from verefine_viz.core.files import Id, Real, reading
+from verefine_viz.core.writing import atomic
 from verefine_viz.evaluation.pose_motion import Kind, Motion, MotionCounts, PosedFrame, Reference, counted, motions
 from verefine_viz.run.record import Answer, RunRecord
 from verefine_viz.scenes.frames import parse_frame
@@ -36,30 +36,28 @@ class Shapes(Protocol):
         ...
 
 
-class MotionRow(BaseModel):
+class MotionRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One object in one frame. Empty = unknown."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-    scene_id: int
-    im_id: int
+    scene_id: Id
+    im_id: Id
     track: str
     """The object over the frames of its scene: obj_id, and where a frame has several of it, "obj_id#instance_id"."""
-    obj_id: int
-    instance_id: int | None = None
+    obj_id: Id
+    instance_id: Id | None = None
     name: str
     kind: Kind
     reference: Reference
-    moved_mm: float
-    turned_deg: float
-    lifted_mm: float | None = None
-    tilted_deg: float | None = None
-    drift_mm: float | None = None
-    score: float | None = None
-    recorded_score: float | None = None
-    missing_depth: float | None = None
-    undetermined_mm: float | None = None
-    undetermined_deg: float | None = None
+    moved_mm: Real
+    turned_deg: Real
+    lifted_mm: Real | None = None
+    tilted_deg: Real | None = None
+    drift_mm: Real | None = None
+    score: Real | None = None
+    recorded_score: Real | None = None
+    missing_depth: Real | None = None
+    undetermined_mm: Real | None = None
+    undetermined_deg: Real | None = None
 
     @property
     def frame(self) -> str:
@@ -69,7 +67,7 @@ class MotionRow(BaseModel):
     @property
     def motion(self) -> Motion:
         """What it says about the motion."""
-        moved = self.model_dump(include={*Motion.__dataclass_fields__} - {"frame"})
+        moved = {name: getattr(self, name) for name in Motion.__dataclass_fields__ if name != "frame"}
         return Motion(self.frame, **moved)
 
 
@@ -183,8 +181,8 @@ def write_motion(path: Path, rows: Iterable[MotionRow]) -> None:
     """
     with atomic(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(MotionRow.model_fields)
-        writer.writerows([_cell(name, value) for name, value in row] for row in rows)
+        writer.writerow(MotionRow.__struct_fields__)
+        writer.writerows([_cell(name, getattr(row, name)) for name in MotionRow.__struct_fields__] for row in rows)
 
 
 def _cell(name: str, value: object) -> object:
@@ -206,15 +204,10 @@ def read_tracks(folder: Path) -> tuple[Track, ...]:
     path = folder / MOTION
     if not path.is_file():
         return ()
-    reader = csv.DictReader(read_input(path).decode("utf-8", "replace").splitlines())
     tracks: dict[tuple[int, str], list[MotionRow]] = {}
-    try:
-        rows = [MotionRow.model_validate(_filled(cells), strict=False) for cells in reader]
-    except ValidationError as error:
-        raise InputError(
-            f"{path} is not what a batch writes: line {reader.line_num}: {first_fault(error)}; delete it, and the same "
-            "batch command writes it again"
-        ) from None
+    with reading(path) as file:
+        cells = csv.DictReader(file.read().decode("utf-8", "replace").splitlines())
+        rows = [msgspec.convert(_filled(row), MotionRow, strict=False) for row in cells]
     for row in rows:
         tracks.setdefault((row.scene_id, row.track), []).append(row)
     return tuple(Track(tuple(rows)) for rows in tracks.values())

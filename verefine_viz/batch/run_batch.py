@@ -14,6 +14,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
+import msgspec
+
 import verefine_viz
 from verefine_viz.batch.completeness import BatchFiles, check_files, write_tables
 from verefine_viz.batch.folder import RunFolder
@@ -349,7 +351,7 @@ class _Batch:
             title=self.session.title,
             begun=self.begun.isoformat(timespec="seconds"),
             seconds=spent_s + self._seconds(),
-            totals=RunTotals.model_validate(totals),
+            totals=msgspec.convert(totals, RunTotals),
             workers=self.backend.n_workers,
             cluster=self.backend.cluster,
             memory=self._memory(),
@@ -357,7 +359,7 @@ class _Batch:
             packages=package_versions(),
             weights=self._weights,
         )
-        self.folder.write_json(RUN_FILE, run.model_dump(exclude_unset=True))
+        self.folder.write_json(RUN_FILE, msgspec.to_builtins(run))
 
     def _progress(self, doing: str = "") -> Progress:
         return Progress(self.counts, len(self.frames), self.workers.warning, doing)

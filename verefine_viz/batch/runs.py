@@ -12,10 +12,11 @@ from contextlib import closing, suppress
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+import msgspec
+from msgspec import Meta
 
-from verefine_viz.core.errors import InputError, first_fault
-from verefine_viz.core.paths import read_input
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.files import Real, read_json
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord
 from verefine_viz.run.run_file import SUFFIX, RunFile, read_run_file
@@ -90,16 +91,11 @@ def file_stem(frame: str) -> str:
 
 
 RUN_FILE = "run.json"
-Number = Annotated[int, Field(ge=0)]
-Positive = Annotated[float, Field(ge=0)]
+Number = Annotated[int, Meta(ge=0, le=2**53)]
+Positive = Annotated[float, Meta(ge=0, le=1e300)]
 
 
-class _Lenient(BaseModel):
-    # A file of another version may have other fields; which version wrote it is checked where that matters.
-    model_config = ConfigDict(frozen=True, extra="ignore", strict=True, allow_inf_nan=False)
-
-
-class RunTotals(_Lenient):
+class RunTotals(msgspec.Struct, frozen=True, omit_defaults=True):
     """What the frames came to. None = unknown: the batch runs, or was killed."""
 
     frames: Number | None = None
@@ -115,18 +111,18 @@ class RunTotals(_Lenient):
     objects_in_failed_frames: Number | None = None
     objects_with_truth: Number | None = None
     objects_correct: Number | None = None
-    recall: float | None = None
+    recall: Real | None = None
     causes: dict[str, Number] = {}
     data_in_doubt: str = ""
     notes: dict[str, Number] = {}
-    median_score: float | None = None
-    median_add_s_mm: float | None = None
-    median_ms_per_object: float | None = None
+    median_score: Real | None = None
+    median_add_s_mm: Real | None = None
+    median_ms_per_object: Real | None = None
     mean_stages_ms_per_frame: dict[str, float] = {}
 
 
-class BatchInfo(_Lenient):
-    """The content of run.json."""
+class BatchInfo(msgspec.Struct, frozen=True, omit_defaults=True):
+    """The content of run.json. A file of another version may have other fields."""
 
     version: str = ""
     """Of verefine-viz; empty = unknown."""
@@ -155,12 +151,4 @@ def read_run(folder: Path) -> BatchInfo:
         InputError: it is not what a batch writes.
     """
     file = folder / RUN_FILE
-    if not file.exists():
-        return BatchInfo()
-    try:
-        return BatchInfo.model_validate_json(read_input(file))
-    except ValidationError as error:
-        raise InputError(
-            f"{file} cannot be read: {first_fault(error)}; it is not what a batch writes: delete it, and the same "
-            "batch command writes it again"
-        ) from None
+    return read_json(file, BatchInfo) if file.exists() else BatchInfo()

@@ -77,7 +77,7 @@ class SequenceOutput:
                 _answer(row, records.get(row.frame)),
                 records[row.frame].header.T_map_cam if row.frame in records else None,
                 row.kind,
-                {} if row.kind == "no pose" else row.model_dump(include={*CURVES}),
+                {} if row.kind == "no pose" else {name: getattr(row, name) for name in CURVES},
             )
             for row in track.rows
         )

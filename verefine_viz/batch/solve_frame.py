@@ -17,9 +17,9 @@ from verefine_viz.batch.runs import Runs, file_stem
 from verefine_viz.batch.summary import object_facts, run_end
 from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.errors import InputError, VerefineError
-from verefine_viz.core.paths import DISK_FULL, atomic
 from verefine_viz.core.protocols import RunState, Watcher
 from verefine_viz.core.records import Iteration
+from verefine_viz.core.writing import DISK_FULL, atomic
 from verefine_viz.diagnosis.diagnose import diagnose
 from verefine_viz.grasping.grasp_answer import AnswerGrasps, answer_grasps
 from verefine_viz.recording.recorder import Recorder

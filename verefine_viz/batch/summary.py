@@ -28,6 +28,7 @@ from verefine_viz.run.answers import left_out_answer
 from verefine_viz.run.edits import never_reached
 from verefine_viz.run.engine import Run
 from verefine_viz.run.record import DATA_FIRST, Answer, RunEnd
+from verefine_viz.scenes.trace_files import NOT_CLOSED
 
 MUCH, MUCH_SCORE = 0.03, 0.01
 """Share of the diameter, and score, that an iteration must lose to count as one where things went wrong."""
@@ -133,8 +134,14 @@ def _object_row(
         n_iterations=len(iterations),
         events=_counted(iterations),
         **_times(iterations),
-        message="; ".join(filter(None, (_no_physics(problem, session), _right_by_add_s_only(target, best)))),
+        message="; ".join(
+            filter(None, (_cut_short(problem), _no_physics(problem, session), _right_by_add_s_only(target, best)))
+        ),
     )
+
+
+def _cut_short(problem: Problem) -> str:
+    return NOT_CLOSED if NOT_CLOSED in problem.notes else ""
 
 
 def object_facts(problem: Problem, target: Target, method: str) -> dict[str, Any]:

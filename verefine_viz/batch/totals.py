@@ -212,7 +212,7 @@ class Totals:
             "median_score": _median(self._scores),
             "median_add_s_mm": _median(self._errors_mm),
             "median_ms_per_object": _median(self._times_ms),
-            "mean_stages_ms_per_frame": {name: ms / n_solved for name, ms in self._stages_ms.items()},
+            "mean_stages_ms_per_frame": {name: ms / max(n_solved, 1) for name, ms in self._stages_ms.items()},
         }
 
 

@@ -22,14 +22,15 @@ from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.run_batch import Backend, Progress, run_batch
 from verefine_viz.batch.runs import BatchInfo, Runs
 from verefine_viz.batch.worker_pool import Pool
-from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
-from verefine_viz.core.paths import check_folder, try_lock
+from verefine_viz.core.errors import InputError, UnavailableError, VerefineError, in_one_line
 from verefine_viz.core.settings import Session
+from verefine_viz.core.writing import check_folder, try_lock
 from verefine_viz.run.data_folder import CAMERAS, SCENES, data_folder, holds_frames
 from verefine_viz.run.record import WAITING, Answer, RunRecord
 from verefine_viz.run.session_file import load_session, save_session
+from verefine_viz.scenes.frames import frame_name
 from verefine_viz.scenes.source import open_scene
-from verefine_viz.scenes.trace_files import traces_in
+from verefine_viz.scenes.trace_files import is_trace, traces_in, written_ns
 
 _LOG = logging.getLogger(__name__)
 POLL_S = 1.0
@@ -53,6 +54,8 @@ class Watched:
     results: dict[str, RunRecord] = field(default_factory=dict)
     """Of the frames that are solved, and of those that are given up."""
     tries: dict[str, int] = field(default_factory=dict)
+    begun_ns: dict[str, int] = field(default_factory=dict)
+    """When a frame was last given to a worker [ns since 1970]."""
     not_before: dict[str, float] = field(default_factory=dict)
     """When a frame that failed may be tried again [s]."""
     blocked_until: float = 0.0
@@ -87,6 +90,20 @@ class Watched:
 
     def _waiting_row(self, frame: str) -> Answer:
         return Answer(frame=frame, status="no_answer", method=self.session.method.name, message=WAITING)
+
+    def grown(self, runs: Runs, written: Mapping[int, int]) -> tuple[str, ...]:
+        """Finished frames whose traces were written to since they were begun, given when each was [ns since 1970]."""
+        changed = {frame_name((0, number)): at for number, at in written.items()}
+        paths = {frame: runs.path(frame) for frame in self.frames if frame in changed}
+        begun = {f: self.begun_ns.get(f) or path.stat().st_mtime_ns for f, path in paths.items() if path.exists()}
+        at_work = {f for f in begun if f not in self.results and f in self.begun_ns}
+        return tuple(frame for frame, at in begun.items() if changed[frame] > at and frame not in at_work)
+
+    def forget(self, runs: Runs, frame: str) -> None:
+        """Has a frame solved again."""
+        runs.forget(frame)
+        for known in (self.results, self.tries, self.begun_ns, self.not_before):
+            known.pop(frame, None)
 
     def take(self, runs: Runs, result: RunRecord) -> None:
         """Takes over a result, or has the frame tried again where files of it may not have been whole."""
@@ -157,8 +174,8 @@ class Watch:
         for data in folders:
             try:
                 self._read(data)
-            except VerefineError as error:  # A file may still be being written.
-                self._faults[data] = str(error)
+            except Exception as error:  # A file may still be being written.
+                self._faults[data] = _described(error)
         before, self.latest = (
             self.latest,
             (
@@ -175,11 +192,14 @@ class Watch:
         self._changed = changed
         with suppress(_Stopped):
             while not self._stopping.wait(max(self._looked_at + POLL_S - time.monotonic(), 0)):
-                self._look_and_tell()
-                # While one is solved others may arrive.
-                for data, watched in [*self._watched.items()]:
-                    if watched.has_work:
-                        self._solve(data, watched)
+                try:
+                    self._look_and_tell()
+                    # While one is solved others may arrive.
+                    for data, watched in [*self._watched.items()]:
+                        if watched.has_work:
+                            self._solve(data, watched)
+                except Exception as error:
+                    self.latest = self.latest[0], _described(error)
 
     def stop(self) -> None:
         """Has :meth:`work` end within a second or two. Callable from any thread."""
@@ -219,6 +239,8 @@ class Watch:
             watched.files = files
             self._faults.pop(data, None)
         runs = Runs(watched.out / "runs")
+        for frame in watched.grown(runs, written_ns(data)):
+            watched.forget(runs, frame)
         for result in runs.records(watched.waiting):
             watched.take(runs, result)
 
@@ -253,11 +275,11 @@ class Watch:
             run_batch(session, watched.out, Backend(self._n_workers), self._report, workers=workers)
             watched.written = frames
             self._faults.pop(data, None)
-        except VerefineError as error:
+        except Exception as error:
             if self._pool is not None:  # Its workers may still be at frames of this round.
                 self._pool.close()
                 self._pool = None
-            self._faults[data] = str(error)
+            self._faults[data] = _described(error)
             watched.blocked_until = time.monotonic() + 3 * RETRY_S
         self._look_and_tell()
 
@@ -294,6 +316,7 @@ class _Newest:
             frame = ready[0] if session.method.track else ready[-1]
             given.add(frame)
             self.watched.tries[frame] = self.watched.tries.get(frame, 0) + 1
+            self.watched.begun_ns[frame] = time.time_ns()
             yield frame
 
     def close(self) -> None:
@@ -308,12 +331,20 @@ class _Newest:
         return self.pool.warning
 
 
+def _described(error: Exception) -> str:
+    if isinstance(error, VerefineError):
+        return str(error)
+    _LOG.error("unforeseen", exc_info=error)
+    return f"{type(error).__name__}: {in_one_line(str(error))}"
+
+
 def data_folders(folder: Path) -> tuple[Path, ...]:
-    """The data sets of a folder that hold a frame: itself, or those directly in it."""
+    """The data sets of a folder that hold a frame: itself, or those directly in it. Traces in it are its own."""
     try:
         if holds_frames(folder):
             return (folder,)
-        return tuple(sorted(path for path in folder.iterdir() if path.is_dir() and holds_frames(path)))
+        inside = (path for path in folder.iterdir() if path.is_dir() and not is_trace(path))
+        return tuple(sorted(path for path in inside if holds_frames(path)))
     except OSError:  # It is gone, or a folder in it is.
         return ()
 
@@ -322,7 +353,11 @@ def _state_of(data: Path) -> object:
     """Time and size of the files that say which frames there are, and how they are to be read."""
     files = sorted((data / SESSION_FILE, *data.glob(f"{SCENES}/{CAMERAS}")))
     stats = [(file, file.stat()) for file in files if file.is_file()]
-    return traces_in(data), tuple((file, stat.st_mtime_ns, stat.st_size) for file, stat in stats)
+    return (
+        traces_in(data),
+        tuple(written_ns(data).items()),
+        tuple((file, stat.st_mtime_ns, stat.st_size) for file, stat in stats),
+    )
 
 
 def _free(name: str, taken: Iterable[str]) -> str:

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from verefine_viz.core.errors import SettingsError, UnavailableError, unknown
-from verefine_viz.core.paths import check_folder
+from verefine_viz.core.writing import check_folder
 
 HUB = "https://huggingface.co/datasets/bop-benchmark"
 

@@ -17,8 +17,8 @@ from verefine_viz.batch.progress import BatchProgress
 from verefine_viz.batch.run_batch import Backend, Outcome, run_batch
 from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.errors import SettingsError
-from verefine_viz.core.paths import atomic, check_file, clear_parts
 from verefine_viz.core.settings import Session
+from verefine_viz.core.writing import atomic, check_file, clear_parts
 from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import load_session

@@ -12,7 +12,7 @@ import tyro
 
 from verefine_viz.commands.flags import check_workers
 from verefine_viz.core.errors import SettingsError, quoted
-from verefine_viz.core.paths import check_file
+from verefine_viz.core.writing import check_file
 
 MOST_EMBEDDED, MOST_PICTURES = 200, 10_000
 """The file holds them: so many are a gigabyte, and a hundred megabytes."""

@@ -23,7 +23,7 @@ from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.index import is_batch_folder
 from verefine_viz.batch.progress import counted_bar
 from verefine_viz.core.errors import VerefineError
-from verefine_viz.core.paths import open_input
+from verefine_viz.core.files import reading
 from verefine_viz.evaluation.averages import Precision, Recalls
 from verefine_viz.evaluation.bop_scores import Scores
 from verefine_viz.evaluation.ground_truth import Task
@@ -83,9 +83,9 @@ def covered_by(results: Path) -> Covered | None:
         return None
     try:
         # Two columns of many: the rows are not checked as they are for the page.
-        with TextIOWrapper(open_input(folder / "frames.csv"), encoding="utf-8", newline="") as file:
+        with reading(folder / "frames.csv") as raw, TextIOWrapper(raw, encoding="utf-8", newline="") as file:
             images = frozenset((int(row["scene_id"]), int(row["im_id"])) for row in csv.DictReader(file))
-    except (VerefineError, OSError, ValueError, KeyError, TypeError, csv.Error):
+    except VerefineError:
         return None
     return Covered(images, _covered_objects(folder / SESSION_FILE))
 

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import tyro
 
 from verefine_viz.commands.flags import AnySettings, SessionFlags, check_seeds, check_workers, given
-from verefine_viz.core.paths import check_folder
+from verefine_viz.core.writing import check_folder
 
 
 @dataclass(frozen=True)

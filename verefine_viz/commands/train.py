@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from verefine_viz.core.errors import SettingsError, UnavailableError
-from verefine_viz.core.paths import check_file
+from verefine_viz.core.writing import check_file
 
 NEEDED = ("torch", "onnx", "onnxscript")
 """Packages of the extra ``torch``."""

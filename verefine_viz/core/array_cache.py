@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import threading
-import zipfile
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -14,16 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from verefine_viz.core.errors import InputError, VerefineError
-from verefine_viz.core.paths import atomic, one_at_a_time
+from verefine_viz.core.files import reading
+from verefine_viz.core.writing import atomic, one_at_a_time
 
 log = logging.getLogger(__name__)
 
 NPZ_READING = threading.Lock()
 """Held while an .npz file is read: numpy parses its headers with ``ast``, and in Python 3.11 two threads that do so at
 the same time can end in "SystemError: AST constructor recursion depth mismatch"."""
-
-DAMAGES = (OSError, ValueError, KeyError, EOFError, AttributeError, TypeError, zipfile.BadZipFile)
-"""What numpy raises where a file is not what was written."""
 
 T = TypeVar("T")
 Arrays = Mapping[str, NDArray[Any]]
@@ -84,12 +81,12 @@ def read(file: Path, unpack: Callable[[Arrays], T]) -> T | None:
 @lru_cache(maxsize=128)
 def _read_as_of(file: Path, changed_ns: int, unpack: Callable[[Arrays], T]) -> T | None:
     """The same of a file that was last changed then, which is not read twice."""
-    try:
-        with NPZ_READING, file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-            return unpack(arrays)
-    except FileNotFoundError:
+    if not file.exists():
         return None
-    except (*DAMAGES, VerefineError) as error:
+    try:
+        with reading(file) as stream, NPZ_READING, np.load(stream, allow_pickle=False) as arrays:
+            return unpack(arrays)
+    except VerefineError as error:
         log.warning("the cached file %s is damaged and made again (%s)", file, error)
         return None
 

@@ -53,3 +53,16 @@ def finite(value: ArrayLike, name: str, shape: tuple[int | None, ...]) -> Float:
     if not math.isfinite(np.vdot(array, array)) and not np.isfinite(array).all():
         raise ShapeError(f"{name} holds NaN or infinity, expected finite numbers")
     return array
+
+
+def plain_array(loaded: object, dtype: DTypeLike) -> NDArray[Any]:
+    """What ``np.load`` gave as an array of ``dtype``.
+
+    Raises:
+        ValueError: it is an archive, or of numbers that are no such (complex ones, text, floats for whole numbers).
+    """
+    if not isinstance(loaded, np.ndarray):
+        raise ValueError("an archive of arrays (.npz), expected one array (.npy)")
+    if not np.can_cast(loaded.dtype, dtype, "same_kind"):
+        raise ValueError(f"an array of {loaded.dtype}, expected {np.dtype(dtype).name}")
+    return loaded.astype(dtype, copy=False)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-from pydantic import ValidationError
-
 from verefine_viz.core.text_format import listed
 
 NEAR = 0.65
@@ -15,6 +13,10 @@ NEAR = 0.65
 
 class VerefineError(Exception):
     """Root of all errors this package raises on purpose; the command line prints its text as one line and exits 2."""
+
+    def __str__(self) -> str:
+        # Whatever it quotes from files or their names, it can be printed and written.
+        return in_one_line(super().__str__())
 
 
 class InputError(VerefineError):
@@ -70,17 +72,6 @@ def quoted(value: object, most: int = 80) -> str:
     except RecursionError:
         return "lists of thousands of levels"
     return text if len(text) <= most else f"{text[:most]}…"
-
-
-def first_fault(error: ValidationError) -> str:
-    """What is wrong first with a record of a file: ``objects.0.score = 'x': input should be a valid number``."""
-    detail = error.errors()[0]
-    field = ".".join(map(str, detail["loc"]))
-    if detail["type"] == "missing":
-        return f"{field} is missing"
-    message = detail["msg"].removeprefix("Value error, ")
-    message = message[:1].lower() + message[1:]
-    return f"{field} = {quoted(detail['input'])}: {message}" if field else message
 
 
 def in_one_line(text: str) -> str:

@@ -9,7 +9,6 @@ import io
 import logging
 import math
 import os
-import zipfile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,9 +21,10 @@ from verefine_viz.core.algorithm_settings import PpfSettings
 from verefine_viz.core.array_cache import NPZ_READING
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.files import reading
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.paths import atomic, read_input
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.core.writing import atomic
 from verefine_viz.estimators.clouds import Oriented, model_surface, thinned_surface
 from verefine_viz.estimators.ppf_agreement import SurfaceField, surface_field
 
@@ -106,7 +106,7 @@ def read(path: Path) -> PpfModel | None:
     if not os.path.lexists(path):
         return None
     try:
-        with NPZ_READING, np.load(io.BytesIO(read_input(path)), allow_pickle=False) as data:
+        with reading(path) as file, NPZ_READING, np.load(file, allow_pickle=False) as data:
             table = PairTable(
                 data["points"],
                 data["normals"],
@@ -121,8 +121,8 @@ def read(path: Path) -> PpfModel | None:
                 int(data["n_angles"]),
             )
             learnt = PpfModel(table, SurfaceField(data["distance_m"], data["low"], float(data["side_m"])))
-    except (InputError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        log.warning("the table %s is damaged and made again (%s)", path.name, error)
+    except InputError as error:
+        log.warning("the table is damaged and made again: %s", error)
         return None
     if not _is_sound(learnt):
         log.warning("the table %s is damaged and made again", path.name)

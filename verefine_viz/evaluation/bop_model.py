@@ -5,25 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
-from verefine_viz.core.json_files import read_numbered
+from verefine_viz.core.files import Numbered
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.refiners.nearest import NearestIndex
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
 from verefine_viz.scenes.meshes import hull_vertices, largest_distance, mesh_files, read_geometry, unit_of_format
-from verefine_viz.scenes.models import checked_unit, combined_symmetries, diameter_mm_of, listed_symmetries
+from verefine_viz.scenes.models import ModelInfo, checked_unit, combined_symmetries, listed_symmetries
 
 STEP = 0.01
 """Largest way of a point between two steps of a continuous symmetry, as a share of the diameter (BOP)."""
 
 
-def bop_symmetries(info: dict[str, Any], where: str, step: float = STEP) -> Float:
+def bop_symmetries(info: ModelInfo, where: str, step: float = STEP) -> Float:
     """All transforms (S, 4, 4) [mm] of the object frame that leave the object looking the same; the identity first.
 
     As the official scores take them, and unlike those of refiners: discrete ones keep the rounded digits of the file,
@@ -114,8 +113,7 @@ class EvalModels:
         if not folders:
             raise InputError(f"{dataset} has no object models; expected models_eval/obj_000001.ply, … (or models/)")
         self.folder = folders[0]
-        self._info_path = self.folder / "models_info.json"
-        self._info = read_numbered(self._info_path, "object")
+        self._infos = Numbered(self.folder / "models_info.json", ModelInfo, "object")
         self._meshes = mesh_files(self.folder)
         self._loaded: dict[int, EvalModel] = {}
         self._unit_notes: list[str] = []
@@ -144,17 +142,20 @@ class EvalModels:
         Raises:
             InputError: there is none.
         """
-        if obj_id not in self._info:
-            raise InputError(f"{self._info_path} has no entry for object {obj_id}; its 'diameter' is needed")
-        return diameter_mm_of(self._info[obj_id], f"{self._info_path}, object {obj_id}")
+        diameter_mm = self._infos[obj_id].diameter if obj_id in self._infos else None
+        if diameter_mm is None:
+            raise InputError(f"{self._infos.where(obj_id)} has no 'diameter', which is needed")
+        return diameter_mm
 
     def _read(self, obj_id: int) -> EvalModel:
         if obj_id not in self._meshes:
             raise InputError(f"{unknown('model', obj_id, self._meshes)} in {self.folder}")
         path = self._meshes[obj_id]
         diameter_mm = self.diameter_mm(obj_id)
-        symmetries_mm = bop_symmetries(self._info[obj_id], f"{self._info_path}, object {obj_id}")
+        symmetries_mm = bop_symmetries(self._infos[obj_id], self._infos.where(obj_id))
         vertices, faces = read_geometry(path)
+        if not np.ptp(vertices, axis=0).any():
+            raise InputError(f"{path} has no extent: all its vertices are one point")
         in_mm = vertices if unit_of_format(path) == 1e-3 else vertices * 1e3
         # As where objects are solved: a mesh must not be measured in another unit.
         factor, note = checked_unit(path.name, largest_distance(in_mm) * 1e-3, diameter_mm * 1e-3)

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
-from verefine_viz.core.json_files import integer_of, number_of
 from verefine_viz.core.problem import Problem
 from verefine_viz.evaluation.bop_model import EvalModel, EvalModels, eval_model
-from verefine_viz.scenes.bop import BopDataset, pose_of, target_counts
+from verefine_viz.scenes.bop import BopDataset, TruthEntry, pose_of, target_counts
 from verefine_viz.scenes.image_files import (
     depth_scale_of,
     find_image,
@@ -87,6 +86,8 @@ def _names(split: str, task: Task | None) -> list[str]:
 
 VISIB_FRACT = 0.1
 """Instances that are less visible are no targets (BOP)."""
+SKEWED = 0.02
+"""Largest entry of RᵀR − I of a ground-truth rotation; the toolkit takes any numbers, and scores nonsense."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,13 +153,13 @@ class BopGroundTruth:
 
     def image(self, scene_id: int, im_id: int, with_depth: bool) -> GtImage:
         folder = self._dataset.scene_folder(scene_id)
-        if not os.path.lexists(folder / "scene_gt.json"):
+        cameras, truths = self._dataset.cameras(scene_id), self._dataset.truths(scene_id)
+        if truths is None:
             raise InputError(f"{folder / 'scene_gt.json'} is missing; without ground truth there is nothing to score")
-        for name in ("scene_camera.json", "scene_gt.json"):
-            if im_id not in self._dataset.of_images(scene_id, name):
+        for name, entries in (("scene_camera.json", cameras), ("scene_gt.json", truths)):
+            if im_id not in entries:
                 raise InputError(f"{folder / name} has no image {im_id}, which the targets name")
-        where = f"{folder / 'scene_camera.json'}, image {im_id}"
-        camera = self._dataset.of_images(scene_id, "scene_camera.json")[im_id]
+        camera, where = cameras[im_id], cameras.where(im_id)
         K, instances = intrinsics_of(camera, where), self._instances(scene_id, im_id)
         if not with_depth:
             return GtImage(K, _width(folder, im_id), None, instances)
@@ -179,8 +180,7 @@ class BopGroundTruth:
         """
         images: list[tuple[int, int]] = []
         for scene_id in self._dataset.scene_ids:
-            if os.path.lexists(self._dataset.scene_folder(scene_id) / "scene_gt.json"):
-                with_truth = self._dataset.of_images(scene_id, "scene_gt.json")
+            if (with_truth := self._dataset.truths(scene_id)) is not None:
                 images += [(scene_id, i) for i in self._dataset.image_ids(scene_id) if i in with_truth]
         return images
 
@@ -194,28 +194,30 @@ class BopGroundTruth:
 
     def _instances(self, scene_id: int, im_id: int) -> tuple[GtInstance, ...]:
         """Those of an image; all count as visible where the scene has no scene_gt_info.json."""
-        folder = self._dataset.scene_folder(scene_id)
-        where, where_info = (f"{folder / name}, image {im_id}" for name in ("scene_gt.json", "scene_gt_info.json"))
-        entries = self._dataset.instances(scene_id, im_id, "scene_gt.json") or []
+        truths, infos = self._dataset.truths(scene_id), self._dataset.infos(scene_id)
+        assert truths is not None
+        entries, where = truths[im_id], truths.where(im_id)
         shares = [1.0] * len(entries)
-        if os.path.lexists(folder / "scene_gt_info.json"):
-            infos = self._dataset.instances(scene_id, im_id, "scene_gt_info.json") or []
-            if len(infos) != len(entries):
-                raise InputError(
-                    f"{where_info} does not describe the {len(entries)} instances of scene_gt.json one by one"
-                )
-            shares = [number_of(info, "visib_fract", f"{where_info}, entry {k}") for k, info in enumerate(infos)]
-        else:
+        if infos is None:
             self._without_info.add(scene_id)
-        return tuple(
-            GtInstance(
-                k,
-                integer_of(entry, "obj_id", f"{where}, entry {k}"),
-                *pose_of(entry, f"{where}, entry {k}"),
-                visib_fract,
+        else:
+            shares = [info.visib_fract for info in infos[im_id]] if im_id in infos else []
+        if len(shares) != len(entries):
+            raise InputError(
+                f"{self._dataset.scene_folder(scene_id) / 'scene_gt_info.json'}, image {im_id} does not describe the "
+                f"{len(entries)} instances of scene_gt.json one by one"
             )
+        return tuple(
+            _instance(k, entry, visib_fract, f"{where}, entry {k}")
             for k, (entry, visib_fract) in enumerate(zip(entries, shares, strict=True))
         )
+
+
+def _instance(k: int, entry: TruthEntry, visib_fract: float, where: str) -> GtInstance:
+    R, t_mm = pose_of(entry, where)
+    if not (np.abs(R.T @ R - np.eye(3)).max() < SKEWED and np.linalg.det(R) > 0):
+        raise InputError(f"{where}: 'cam_R_m2c' is no rotation")
+    return GtInstance(k, entry.obj_id, R, t_mm, visib_fract)
 
 
 class ProblemGroundTruth:

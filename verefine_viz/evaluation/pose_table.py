@@ -148,7 +148,7 @@ def coverage(table: PoseTable, targets: Targets) -> Coverage:
         estimated = asked.keys() & there.keys()
         images += bool(estimated) if targets.task == "localization" else bool(there)
         objects |= estimated
-    finite = np.isfinite(table.R).all(axis=(1, 2)) & np.isfinite(table.t_mm).all(axis=1)
+    finite = (np.abs(table.R) < 1e100).all(axis=(1, 2)) & (np.abs(table.t_mm) < 1e100).all(axis=1)
     R = table.R[finite]
     apart = np.abs(R.transpose(0, 2, 1) @ R - np.eye(3)).max(axis=(1, 2), initial=0.0)
     return Coverage(

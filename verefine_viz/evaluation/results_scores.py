@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from verefine_viz.core.errors import InputError, quoted
-from verefine_viz.core.paths import LEVELS_BELOW
+from verefine_viz.core.files import LEVELS_BELOW
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.evaluation.bop_scores import Report, Scores, bop_scores
 from verefine_viz.evaluation.ground_truth import (

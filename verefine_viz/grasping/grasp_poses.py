@@ -6,7 +6,6 @@ A grasp is T_obj_gripper (4, 4) [m], in the gripper's frame of ``gripper.py``.
 from __future__ import annotations
 
 import hashlib
-import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -17,12 +16,12 @@ import platformdirs
 from numpy.typing import NDArray
 
 from verefine_viz.core.algorithm_settings import GraspSettings
-from verefine_viz.core.array_cache import DAMAGES, NPZ_READING, Arrays, cached
-from verefine_viz.core.arrays import Float, finite
-from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.array_cache import NPZ_READING, Arrays, cached
+from verefine_viz.core.arrays import Float, finite, plain_array
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import as_rigid, axis_angle, transform
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.paths import read_input
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.grasping.gripper import FINGER_M, PALM_FRONT_M, PINCH_M, TIP_M, is_blocked
 
@@ -38,6 +37,8 @@ CONE_DEG = 14.0
 """Largest angle between the surfaces' normals and the line between the fingers [deg]: friction 0.25."""
 SPARE_M = 0.010
 """The open fingers are further apart than the object is wide by at least this [m]."""
+MOST = 10_000
+"""Annotated grasps of an object."""
 AGREES = 0.5
 """Share of annotated grasps that must have the object between the fingers; else they are another object's."""
 
@@ -116,19 +117,12 @@ def read_annotated(file: Path, model: ObjectModel, settings: GraspSettings) -> F
         InputError: the file is no array of transforms in metres, or its grasps have none of ``model`` between the
             fingers.
     """
-    content = read_input(file, "grasps")
-    try:
+    with reading(file, "grasps") as opened:
         with NPZ_READING:
-            values = np.load(io.BytesIO(content), allow_pickle=False)
-        numbers = np.asarray(values, dtype=np.float64).reshape(-1, 4, 4)
-    except DAMAGES as error:
-        raise InputError(f"{file} is no .npy file of 4×4 transforms ({error})") from None
-    if not len(numbers):
-        raise InputError(f"{file} holds no grasp")
-    try:
-        poses = np.array([as_rigid(T, f"grasp {k + 1}") for k, T in enumerate(numbers)])
-    except ShapeError as error:
-        raise InputError(f"{file}: {error}; expected 4×4 transforms in metres, row by row") from None
+            numbers = plain_array(np.load(opened, allow_pickle=False), np.float64).reshape(-1, 4, 4)
+        if not 0 < len(numbers) <= MOST:
+            raise ValueError(f"{len(numbers)} grasps, expected 1 to {MOST}")
+        poses = np.array([as_rigid(T, f"grasp {k + 1}, 4×4 in metres, row by row,") for k, T in enumerate(numbers)])
     share = float(np.mean(_between(poses, model.points, settings.opening_m)))
     if share < AGREES:
         raise InputError(

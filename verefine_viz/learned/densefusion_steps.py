@@ -69,18 +69,19 @@ def classes_of(network: OnnxNetwork, settings: DenseFusionSettings) -> Classes:
     Raises:
         InputError: the settings name another number of classes than it has, or none, and its own are unknown.
     """
-    assert network.card is not None
-    about = network.card.about
-    n, n_points = int(about["n_classes"]), settings.points or int(about.get("points", POINTS))
+    card = network.card
+    n, n_points = card.n_classes, settings.points or card.points or POINTS
     if settings.classes:
         if len(settings.classes) != n:
             raise InputError(
                 f"weights {network.path} have {n} classes, densefusion.classes names {len(settings.classes)} objects"
             )
         return Classes(settings.classes, n_points, {})
-    if "classes" in about:
-        extents = dict(zip(about["classes"], map(tuple, about.get("extents_mm", ())), strict=False))
-        return Classes(tuple(about["classes"]), n_points, {}, extents)
+    if card.classes:
+        extents = {
+            i: (float(x), float(y), float(z)) for i, (x, y, z) in zip(card.classes, card.extents_mm, strict=False)
+        }
+        return Classes(card.classes, n_points, {}, extents)
     if n not in OFFICIAL_CLASSES:
         raise InputError(
             f"weights {network.path} have {n} classes, neither the 21 of YCB-Video nor the 13 of LINEMOD; "

@@ -7,17 +7,17 @@ run is recorded.
 from __future__ import annotations
 
 import hashlib
-import json
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 import onnxruntime
+from msgspec import Meta
 from numpy.typing import NDArray
 
-from verefine_viz.core.errors import InputError, in_one_line
-from verefine_viz.core.paths import open_input
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.files import Id, Numbers3, decoded_json, first_line, read_file, reading
 from verefine_viz.core.refiner_steps import TrainedRange
 
 PACKAGED = Path(__file__).parent / "weights"
@@ -27,27 +27,26 @@ CARD = "card"
 LARGEST_BYTES = 500_000_000
 """No file of weights is larger; another that was named by mistake may fill the memory."""
 _ERRORS_ONLY = 3
+_LOOPS = (b"\x22\x04Loop", b"\x22\x04Scan")
+"""Nodes that run others again and again, as an ONNX file has their kind: field 4, 4 letters."""
 
 
-@dataclass(frozen=True)
-class ModelCard:
-    """What a network is, as its training wrote it down."""
+class ModelCard(msgspec.Struct, frozen=True):
+    """What a network is, as its training wrote it down: beside this data, seed, command, losses and metrics."""
 
     network: str
     """Its name: ``depth_net``."""
     format: int
     """Of what goes in and comes out; a network of another one cannot be used."""
-    about: dict[str, Any]
-    """Data, seed, command, losses, metrics, and the range that it was trained on."""
-
-    @property
-    def trained_range(self) -> TrainedRange | None:
-        """How far its starts were from the ground truth; None where it does not say."""
-        try:
-            of = self.about["trained_range"]
-            return TrainedRange(float(of["rotation_deg"]), float(of["shift_radii"]))
-        except (KeyError, ValueError, TypeError):
-            return None
+    trained_range: TrainedRange | None = None
+    """How far its starts were from the ground truth; None where it does not say."""
+    command: str = ""
+    """Which trained it."""
+    n_classes: Annotated[int, Meta(ge=1, le=10_000)] = 1
+    points: Annotated[int, Meta(ge=1, le=100_000)] | None = None
+    classes: tuple[Id, ...] = ()
+    """DenseFusion: the objects that it knows, the points that it takes, and how large the objects are."""
+    extents_mm: tuple[Numbers3, ...] = ()
 
 
 class OnnxNetwork:
@@ -68,20 +67,17 @@ class OnnxNetwork:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = _ERRORS_ONLY
-        try:
+        how = f"verefine-viz train {_command(name)} writes one"
+        with reading(path, "weights", LARGEST_BYTES):
+            if any(loop in content for loop in _LOOPS):
+                raise ValueError(f"a network with loops, which may never end; {how}")
             self._session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # onnxruntime has a class of its own for each of its codes.
-            raise InputError(
-                f"weights {path} are no ONNX file that onnxruntime reads ({_first_line(error)}); "
-                f"verefine-viz train {_command(name)} writes one"
-            ) from None
-        card = _card_of(self._session)
-        if card is None or (card.network, card.format) != (name, format):
-            what = "a network without a model card" if card is None else f"{card.network}, format {card.format}"
-            raise InputError(
-                f"weights {path} hold {what}, expected {name}, format {format}; "
-                f"verefine-viz train {_command(name)} writes it"
-            )
+            written = self._session.get_modelmeta().custom_metadata_map.get(CARD)
+            if written is None:
+                raise ValueError(f"a network without a model card, expected {name}, format {format}; {how}")
+            card = decoded_json(written.encode(), ModelCard)
+            if (card.network, card.format) != (name, format):
+                raise ValueError(f"{card.network}, format {card.format}, expected {name}, format {format}; {how}")
         self.card = card
         self._inputs = [given.name for given in self._session.get_inputs()]
 
@@ -99,7 +95,7 @@ class OnnxNetwork:
         try:
             results = self._session.run(None, dict(zip(self._inputs, inputs, strict=True)))
         except Exception as error:
-            raise InputError(f"weights {self.path} cannot be used: {_first_line(error)}") from None
+            raise InputError(f"weights {self.path} cannot be used: {first_line(error)}") from None
         answers = tuple(np.asarray(result, dtype=np.float64) for result in results)
         if not all(np.isfinite(answer).all() for answer in answers):
             raise InputError(f"weights {self.path} give NaN or infinity; train them again, or use others")
@@ -117,25 +113,9 @@ def read_weights(path: Path) -> bytes:
     Raises:
         InputError: it cannot be read, or is far too large.
     """
-    with open_input(path, "weights") as file:
-        content = file.read(LARGEST_BYTES + 1)
-    if len(content) > LARGEST_BYTES:
-        raise InputError(f"weights {path} are larger than {LARGEST_BYTES // 1_000_000} MB, expected an ONNX file")
-    return content
+    return read_file(path, "weights", LARGEST_BYTES)
 
 
 def hash_of(content: bytes) -> str:
     """The first 16 hexadecimal digits of SHA-256: names weights in recordings and run.json."""
     return hashlib.sha256(content).hexdigest()[:16]
-
-
-def _card_of(session: onnxruntime.InferenceSession) -> ModelCard | None:
-    try:
-        card = json.loads(session.get_modelmeta().custom_metadata_map[CARD])
-        return ModelCard(str(card["network"]), int(card["format"]), card)
-    except (KeyError, ValueError, TypeError):
-        return None
-
-
-def _first_line(error: Exception) -> str:
-    return in_one_line(str(error).splitlines()[0] if str(error) else type(error).__name__)[:200]

@@ -11,7 +11,7 @@ import platformdirs
 
 from verefine_viz.core.algorithm_settings import DenseFusionSettings
 from verefine_viz.core.errors import SettingsError, UnavailableError
-from verefine_viz.core.paths import atomic, one_at_a_time
+from verefine_viz.core.writing import atomic, one_at_a_time
 from verefine_viz.learned.densefusion_steps import POSE_NET, REFINE_NET, DenseFusionPose, DenseFusionSteps
 from verefine_viz.learned.onnx_network import PACKAGED, hash_of, read_weights
 

@@ -15,7 +15,7 @@ import onnx
 import torch
 from torch import Tensor, nn
 
-from verefine_viz.core.paths import atomic
+from verefine_viz.core.writing import atomic
 from verefine_viz.learned.onnx_network import CARD
 
 OPSET = 18

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
 
 from verefine_viz.core.algorithm_settings import DependencySettings
-from verefine_viz.core.errors import InputError, SettingsError, quoted, unknown
-from verefine_viz.core.json_files import parse_json
-from verefine_viz.core.paths import read_input
+from verefine_viz.core.errors import SettingsError, unknown
+from verefine_viz.core.files import read_json
 from verefine_viz.core.problem import Problem
 from verefine_viz.observation.dependency_order import Groups
 from verefine_viz.observation.visible_parts import label
 
+InstanceName = Annotated[str, Meta(pattern=r"^#\d{1,9}$")]
+"""An instance: ``#4``."""
 Entries = Sequence[Sequence[int | str]]
+_ENTRIES = tuple[tuple[int | InstanceName, ...], ...]
 EXPECTED = 'a list of clusters of object ids, or "#4" for instance 4, as [[8, 2], [3]]'
 
 
@@ -37,34 +41,21 @@ def read_orders(path: Path) -> dict[str, Entries]:
     """All orders of a file, by frame.
 
     Raises:
-        InputError: the file cannot be read.
-        SettingsError: it is not JSON, or not orders by frame.
+        InputError: the file cannot be read, or holds something else.
     """
-    raw = read_input(path, "order file")
-    try:
-        data = parse_json(raw, f"order file {path}")
-    except InputError as error:
-        raise SettingsError(str(error)) from None
-    if not isinstance(data, dict):
-        raise SettingsError(
-            f'order file {path}: {quoted(data, 60)}; expected orders by frame, as {{"50/1": [[8, 2], [3]]}}'
-        )
-    return {frame: checked(entries, f"order file {path}, frame {quoted(frame, 40)}") for frame, entries in data.items()}
+    return {**read_json(path, dict[str, _ENTRIES], "order file")}
 
 
-def checked(value: Any, where: str) -> Entries:
+def checked(value: object, where: str) -> Entries:
     """``value`` as entries.
 
     Raises:
         SettingsError: it is something else; the text begins with ``where``.
     """
-    if not _is_list(value) or not all(_is_list(cluster) for cluster in value):
-        raise SettingsError(f"{where}: {quoted(value, 60)}; expected {EXPECTED}")
-    for entry in (entry for cluster in value for entry in cluster):
-        is_id = isinstance(entry, int) and not isinstance(entry, bool)
-        if not is_id and not (isinstance(entry, str) and re.fullmatch(r"#\d{1,9}", entry)):
-            raise SettingsError(f"{where}: entry {quoted(entry, 60)}; expected {EXPECTED}")
-    return value
+    try:
+        return msgspec.convert(value, _ENTRIES)
+    except msgspec.ValidationError as error:
+        raise SettingsError(f"{where}: {error}; expected {EXPECTED}") from None
 
 
 def given_clusters(problem: Problem, entries: Entries, rest: Sequence[int]) -> tuple[Groups, tuple[str, ...]]:
@@ -115,7 +106,3 @@ def _instances(problem: Problem, entry: int | str, notes: list[str]) -> list[int
             f'write "#{ids[0]}" or "#{ids[1]}" to distinguish them'
         )
     return ids
-
-
-def _is_list(value: Any) -> bool:
-    return isinstance(value, list | tuple)

@@ -15,6 +15,9 @@ from verefine_viz.core.settings import SceneSettings
 from verefine_viz.observation.normals import estimate_normals
 from verefine_viz.observation.support_plane import find_support
 
+NEAREST_M = 1e-4
+"""Depth below is none, which no camera measures, and of which normals cannot be worked out [m]."""
+
 
 def observe(
     camera: Camera,
@@ -41,6 +44,7 @@ def observe(
     object_mask = np.zeros(camera.shape, dtype=bool)
     for mask in masks:
         object_mask |= mask
+    depth_m = np.where(depth_m < NEAREST_M, 0, depth_m)
     note = ""
     try:
         support = find_support(depth_m, camera, object_mask, settings.gravity, R_world_cam, settings.seed)

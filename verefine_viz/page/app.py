@@ -13,7 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from verefine_viz.core.errors import Cancelled, SettingsError, VerefineError, unknown
+from verefine_viz.core.errors import Cancelled, SettingsError, unknown
+from verefine_viz.core.files import first_line
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import METHODS
@@ -264,8 +265,8 @@ class App:
                 session, records = gallery.session(entry.run), gallery.records(entry.run)
                 try:
                     space = self._open_space(session, None, make_tools, checks, progress, entry.row.frame, records)
-                except VerefineError as error:
-                    fault = str(error)
+                except Exception as error:
+                    fault = first_line(error)
                 else:
                     self._gallery = gallery
                     return space

@@ -13,11 +13,11 @@ from msgspec import structs
 from PIL import Image
 
 from verefine_viz.core.errors import Cancelled, InputError, VerefineError
-from verefine_viz.core.paths import atomic
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import RunState, Watcher
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
+from verefine_viz.core.writing import atomic
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.maps_sheet import maps_sheet
 from verefine_viz.page.protocol import AnyVerb, Save, UnconfirmedError, write_verb

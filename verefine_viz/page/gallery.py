@@ -168,7 +168,7 @@ class Gallery:
                 others = tuple(t for t in tags.pop(key, ()) if t != tag)
                 if others or on:
                     tags[key] = (*others, tag) if on else others
-            self._save(run, self._files[run].model_copy(update={"tags": tags}))
+            self._save(run, TagFile(tags))
 
     def _save(self, run: str, file: TagFile) -> None:
         if run in self.tag_faults:

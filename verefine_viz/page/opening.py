@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.errors import InputError, SettingsError, unknown
-from verefine_viz.core.paths import at_home
 from verefine_viz.core.settings import Session
+from verefine_viz.core.writing import at_home
 from verefine_viz.page.gallery import Entry, Gallery
 from verefine_viz.page.link import PageLink, read_link
 from verefine_viz.page.protocol import Open

@@ -15,9 +15,9 @@ import numpy as np
 
 from verefine_viz import __version__
 from verefine_viz.core.errors import InputError, VerefineError, unknown
-from verefine_viz.core.paths import atomic
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import Session
+from verefine_viz.core.writing import atomic
 from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.bundle import InlinedBlobs, bundle, compressed, element, webp

@@ -13,9 +13,9 @@ from msgspec.structs import replace
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
-from verefine_viz.core.paths import at_home
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.core.writing import at_home
 from verefine_viz.methods.registry import method_of
 from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.paths import at_home
 from verefine_viz.core.settings import Session
+from verefine_viz.core.writing import at_home
 from verefine_viz.page.gallery import Gallery
 from verefine_viz.run.record import RunRecord
 from verefine_viz.run.run_file import SUFFIX, RunFile

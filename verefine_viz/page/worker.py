@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import traceback
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,7 +17,6 @@ from verefine_viz.core.errors import Cancelled, VerefineError
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.page.protocol import AnyVerb, Cancel, Look, Open, Want
 from verefine_viz.physics.decomposition import PARTS_OF
-from verefine_viz.refiners.registry import raised_by_refiner
 from verefine_viz.run.kernel_compilation import COMPILING, compiling_reported
 
 _LOG = logging.getLogger(__name__)
@@ -297,8 +297,7 @@ class Worker:
 
 
 def unforeseen(error: Exception) -> str:
-    """Say what an error is that was not foreseen: a bug, unless a refiner of another program raised it."""
-    of_refiner = raised_by_refiner(error)
-    if not of_refiner:
-        return f"{type(error).__name__}: {error} (a bug: please report it with the log)"
-    return f"{of_refiner[0].upper()}{of_refiner[1:]}. The run stands before it: mend the refiner, then start again."
+    """Say what was raised that was not foreseen, and where: a bug here, or in a refiner of another program."""
+    at = traceback.extract_tb(error.__traceback__)[-1:]
+    where = f" ({at[0].filename}:{at[0].lineno})" if at else ""
+    return f"{type(error).__name__}: {error}{where}; the log has more. The run stands before it."

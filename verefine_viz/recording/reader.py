@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.paths import open_input
+from verefine_viz.core.files import reading
 from verefine_viz.recording import entities
 from verefine_viz.recording.recording_file import read_bytes
 from verefine_viz.run.record import RunRecord
@@ -52,7 +52,7 @@ def run_file_beside(path: Path) -> Path | None:
 
 def check_rerun_file(path: Path) -> None:
     """Raise InputError where there is no rerun file at ``path``."""
-    with open_input(path, "recording") as file:
+    with reading(path, "recording") as file:
         head = file.read(_HEAD_BYTES)
     if not head:
         raise InputError(f"{path} is empty; expected a recording (.rrd) that view or batch wrote")

@@ -1,115 +1,20 @@
-"""Refiners by name. A new one is a class with ``refine`` (core.protocols.Refiner) and a line in ``REFINERS``.
-
-An exception of another program's refiner is marked as such, so that it is not taken for a bug of this one.
-"""
+"""Refiners by name. A new one is a class with ``refine`` (core.protocols.Refiner) and a line in ``REFINERS``."""
 
 from __future__ import annotations
 
-import sysconfig
-import traceback
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from itertools import dropwhile
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Refiner
-from verefine_viz.core.refiner_steps import LearnedRefiner, RefinerStep, TrainedRange
 from verefine_viz.core.settings import Session
 from verefine_viz.refiners.icp import Icp
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 
 if TYPE_CHECKING:
     from verefine_viz.refiners.depth_net import DepthNet
-
-_OWN = __name__.partition(".")[0]
-_PACKAGE = Path(__file__).parents[1]
-_LIBRARIES = ("<frozen ", *(sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")))
-_RAISED = "raised by the refiner "
-
-
-class Foreign:
-    """Refines as another program's refiner does, and marks the exceptions of that.
-
-    Args:
-        name: what sessions call it.
-        inner: the refiner itself.
-
-    Raises:
-        SettingsError: its ``trained_range`` is none.
-    """
-
-    def __init__(self, name: str, inner: Refiner) -> None:
-        self._name, self._inner = name, inner
-        trained = getattr(inner, "trained_range", None)
-        if not isinstance(trained, TrainedRange | None):
-            raise SettingsError(
-                f"trained_range of the refiner {name!r} is {trained!r}, expected a TrainedRange(rotation_deg=…, "
-                "shift_radii=…) of verefine_viz.core.refiner_steps"
-            )
-        self.trained_range = trained
-
-    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
-        """The refiner's own result."""
-        with _marked(self._name):
-            return self._inner.refine(target, T_cam_obj, fixed)
-
-
-class ForeignLearned(Foreign):
-    """The same for one that can say what it saw.
-
-    Args:
-        name: what sessions call it.
-        inner: the refiner itself.
-    """
-
-    def __init__(self, name: str, inner: LearnedRefiner) -> None:
-        super().__init__(name, inner)
-        self._learned = inner
-
-    def explain(self, target: Target, T_cam_obj: Float) -> list[RefinerStep]:
-        """The refiner's own steps.
-
-        Raises:
-            InputError: it returned something else.
-        """
-        with _marked(self._name):
-            steps = self._learned.explain(target, T_cam_obj)
-        if not isinstance(steps, Sequence) or not all(isinstance(step, RefinerStep) for step in steps):
-            raise InputError(
-                f"explain of the refiner {self._name!r} returned {type(steps).__name__}, expected a list of "
-                "RefinerStep of verefine_viz.core.refiner_steps"
-            )
-        return list(steps)
-
-
-def raised_by_refiner(error: BaseException) -> str:
-    """The message for an exception of another program's refiner: which one raised what, and where; "" for any other."""
-    note = next((n for n in getattr(error, "__notes__", ()) if n.startswith(_RAISED)), None)
-    if note is None:
-        return ""
-    called = dropwhile(_is_outside, traceback.extract_tb(error.__traceback__))
-    outside = [frame for frame in called if _is_outside(frame)]
-    # An exception of a library is shown where the refiner called it.
-    frames = [f for f in outside if not f.filename.startswith(_LIBRARIES)] or outside
-    where = f" ({frames[-1].filename}:{frames[-1].lineno})" if frames else ""
-    return f"the refiner {note.removeprefix(_RAISED)} raised {type(error).__name__}: {error}{where}"
-
-
-def _is_outside(frame: traceback.FrameSummary) -> bool:
-    return not Path(frame.filename).is_relative_to(_PACKAGE)
-
-
-@contextmanager
-def _marked(name: str) -> Iterator[None]:
-    try:
-        yield
-    except Exception as error:
-        error.add_note(f"{_RAISED}{name!r}")
-        raise
 
 
 class Identity:
@@ -176,9 +81,4 @@ def make_refiner(name: str, session: Session) -> Refiner:
     """
     if name not in REFINERS:
         raise SettingsError(unknown("refiner", name, REFINERS))
-    make = REFINERS[name]
-    if getattr(make, "__module__", "").partition(".")[0] == _OWN:
-        return make(session)
-    with _marked(name):
-        refiner = make(session)
-    return ForeignLearned(name, refiner) if isinstance(refiner, LearnedRefiner) else Foreign(name, refiner)
+    return REFINERS[name](session)

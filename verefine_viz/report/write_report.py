@@ -15,7 +15,7 @@ from verefine_viz.batch.index import batch_of, find_runs
 from verefine_viz.batch.progress import counted_bar
 from verefine_viz.batch.runs import Runs
 from verefine_viz.core.errors import InputError, VerefineError
-from verefine_viz.core.paths import atomic, clear_parts
+from verefine_viz.core.writing import atomic, clear_parts
 from verefine_viz.page.bundle import bundle, part, picture
 from verefine_viz.page.gallery import Entry, Gallery
 from verefine_viz.page.share import as_typed, opened_answer, shared

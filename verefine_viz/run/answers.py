@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from verefine_viz.core.paths import atomic
 from verefine_viz.core.problem import LeftOut
+from verefine_viz.core.writing import atomic
 from verefine_viz.run.record import Answer, RunEnd, RunRecord, unsolved
 from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.results_csv import ResultRow

@@ -21,7 +21,7 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.geometry import apply, as_rigid
 from verefine_viz.run.capture_folder import CapturedFrame, CapturedObject, CaptureFolder
-from verefine_viz.scenes.image_files import intrinsics_of
+from verefine_viz.scenes.image_files import CameraEntry, intrinsics_of
 from verefine_viz.scenes.meshes import Mesh, read_mesh
 
 TOO_LARGE, TOO_SMALL = 30.0, 5.0
@@ -105,7 +105,7 @@ def _checked(
     gravity_cam: ArrayLike | None,
 ) -> CapturedFrame:
     depth = _depth(depth_m)
-    entry = {"cam_K": finite(K, "K", (3, 3)).tolist()}
+    entry = CameraEntry(cam_K=finite(K, "K", (3, 3)))
     camera = Camera(intrinsics_of(entry, "K"), depth.shape[1], depth.shape[0])
     photo = None if rgb is None else _photo(rgb, camera.shape)
     down = None if gravity_cam is None else finite(gravity_cam, "gravity_cam", (3,))

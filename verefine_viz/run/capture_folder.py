@@ -14,9 +14,9 @@ import tomli_w
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
-from verefine_viz.core.errors import InputError
-from verefine_viz.core.json_files import read_json, write_json
-from verefine_viz.core.paths import atomic, wait_for_lock, why_not
+from verefine_viz.core.errors import InputError, in_one_line
+from verefine_viz.core.files import id_of, read_json
+from verefine_viz.core.writing import atomic, wait_for_lock, why_not, write_json
 from verefine_viz.run.session_file import CAPTURE_HEAD, SCENE_ID, scene_folder
 from verefine_viz.scenes.detections import encode_rle
 from verefine_viz.scenes.image_files import read_color, write_image
@@ -127,7 +127,7 @@ class CaptureFolder:
 
     def _add(self, frame: CapturedFrame, new: Mapping[int, CapturedObject]) -> str:
         cameras = _json_or({}, self._cameras)
-        number = 1 + max(map(int, cameras), default=0)
+        number = 1 + max((id_of(key) or 0 for key in cameras), default=0)
         self._clear(number)
         self._write_models(new)
         step_mm = next(step for step in DEPTH_STEPS_MM if frame.depth_m.max() * 1e3 / step < 65535)
@@ -181,7 +181,7 @@ class CaptureFolder:
             self._image(kind, number).unlink(missing_ok=True)
         # Detections are written before poses and ground truth, and cleared after them: without, there are no others.
         detections = _json_or([], self._folder / DETECTIONS)
-        others = [entry for entry in detections if entry["image_id"] != number]
+        others = [entry for entry in detections if entry.get("image_id") != number]
         if len(others) == len(detections):
             return
         for path in self._results():
@@ -287,10 +287,11 @@ class CaptureFolder:
             "gravity": "world" if any("cam_R_w2c" in camera for camera in cameras.values()) else "plane",
             **({"sequence": True} if self._is_sequence else {}),
         }
-        session = {"title": self._folder.resolve().name, "scene": scene, "hypotheses": hypotheses}
+        session = {"title": in_one_line(self._folder.resolve().name), "scene": scene, "hypotheses": hypotheses}
         with atomic(self._folder / SESSION) as part:
             part.write_text(CAPTURE_HEAD + tomli_w.dumps(session), encoding="utf-8")
 
 
 def _json_or(empty: Any, path: Path) -> Any:
-    return read_json(path, type(empty)) if path.is_file() else empty
+    kind = dict[str, Any] if isinstance(empty, dict) else list[dict[str, Any]]
+    return read_json(path, kind) if path.is_file() else empty

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import InputError, in_one_line
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import CAPTURE_HEAD, load_session
 from verefine_viz.scenes.pose_sequence import CAMERA, DEPTH, PoseSequence, is_sequence
@@ -68,7 +68,7 @@ def _recorded(folder: Path, scene: dict[str, Any], overrides: Mapping[str, Any])
 
 def _session(folder: Path, sections: Mapping[str, Mapping[str, Any]], overrides: Mapping[str, Any]) -> Session:
     given = {name: {**fields, **overrides.get(name, {})} for name, fields in sections.items()}
-    return load_session(None, {"title": folder.resolve().name, **overrides, **given})
+    return load_session(None, {"title": in_one_line(folder.resolve().name), **overrides, **given})
 
 
 def holds_frames(folder: Path) -> bool:

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from verefine_viz.core.errors import InputError, VerefineError
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.files import first_line
 from verefine_viz.core.problem import Problem, Target
+from verefine_viz.run.capture import FARTHEST_M
 from verefine_viz.run.capture_folder import CapturedFrame, CapturedObject, CaptureFolder
 from verefine_viz.run.data_folder import LOOKED_FOR, data_folder
 from verefine_viz.scenes.meshes import Mesh
@@ -37,8 +39,8 @@ def imported(folder: Path, out: Path) -> Iterator[str]:
         try:
             problem = source.problem(frame)
             yield f"{frame} → {capture.add(_captured(problem))}"
-        except VerefineError as error:
-            yield f"{frame} failed: {error}"
+        except Exception as error:  # The others are imported all the same.
+            yield f"{frame} failed: {first_line(error)}"
 
 
 def _captured(problem: Problem) -> CapturedFrame:
@@ -48,7 +50,7 @@ def _captured(problem: Problem) -> CapturedFrame:
     is_given = support is not None and support.gravity_source == "given"
     down = -support.T_world_cam[2, :3] if support is not None and is_given else None
     objects = [_captured_object(target, has_gt) for target in problem.targets]
-    depth_m = observation.depth_m.astype(np.float64)
+    depth_m = np.where(observation.depth_m > FARTHEST_M, 0.0, observation.depth_m.astype(np.float64))
     return CapturedFrame(observation.camera.K, depth_m, observation.rgb, objects, down)
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import platformdirs
 from numba.core.event import Event, Listener, install_listener
 
-from verefine_viz.core.paths import one_at_a_time
+from verefine_viz.core.writing import one_at_a_time
 
 COMPILING = "Compiling kernels (once after installing); a minute or two in all."
 

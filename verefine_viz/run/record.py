@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Literal
+from typing import Annotated, Literal
 
-from msgspec import Struct, field
+from msgspec import Meta, Struct, field
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Hypothesis, LeftOut, Problem
@@ -66,6 +66,9 @@ class RunHeader(Struct, frozen=True, eq=False):
     """About the data."""
 
 
+Size = Annotated[float, Meta(ge=0)]
+
+
 class Answer(Struct, frozen=True, eq=False, kw_only=True):
     """What became of one object: its pose, its errors, its times, and why it is wrong. None, 0 or "" = unknown.
 
@@ -100,13 +103,13 @@ class Answer(Struct, frozen=True, eq=False, kw_only=True):
     """Of the answer, by the program whose steps were recorded, in its own units."""
     missing_depth: float | None = None
     """Share of the object's mask without depth."""
-    add_s_mm: float | None = None
+    add_s_mm: Size | None = None
     """ADD, or ADD-S for symmetric objects, of the answer against ground truth."""
-    initial_add_s_mm: float | None = None
+    initial_add_s_mm: Size | None = None
     """The same for the hypothesis with the best initial score."""
-    rotation_deg: float | None = None
-    translation_mm: float | None = None
-    diameter_mm: float | None = None
+    rotation_deg: Size | None = None
+    translation_mm: Size | None = None
+    diameter_mm: Size | None = None
     best_hypothesis: int | None = None
     """Number of the hypothesis that the answer comes from, from 1."""
     best_iteration: int | None = None

@@ -22,8 +22,8 @@ from msgspec import structs
 
 from verefine_viz.core.arrays import finite, frozen
 from verefine_viz.core.errors import InputError, ShapeError, in_one_line
+from verefine_viz.core.files import read_file
 from verefine_viz.core.geometry import as_rigid
-from verefine_viz.core.paths import read_input
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Contacts, Iteration, SimulatedPath
 from verefine_viz.core.settings import Session
@@ -78,7 +78,7 @@ class RunFile:
         Raises:
             InputError: what is written of it cannot be read.
         """
-        return read_input(self.path, "run file") + _ending(end)
+        return read_file(self.path, "run file") + _ending(end)
 
     def close(self) -> None:
         """Leave the run as it is; later calls do nothing."""
@@ -117,7 +117,7 @@ def read_run_file(path: Path, with_iterations: bool = True) -> RunRecord:
     Raises:
         InputError: it cannot be read, is something else or of a later version, or holds not even its header.
     """
-    return decoded(read_input(path, "run file"), f"run file {path}", with_iterations)
+    return decoded(read_file(path, "run file"), f"run file {path}", with_iterations)
 
 
 def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecord:

@@ -14,8 +14,9 @@ import tomli_w
 from pydantic import ValidationError
 
 from verefine_viz.core.errors import InputError, SettingsError, meant, quoted, unknown
-from verefine_viz.core.paths import at_home, atomic, open_input
+from verefine_viz.core.files import read_file
 from verefine_viz.core.settings import PUBLISHED, SURROUNDINGS, Session
+from verefine_viz.core.writing import at_home, atomic
 
 Raw = Mapping[str, Any]
 Layer = tuple[str, Raw]
@@ -202,7 +203,10 @@ def _with_absolute_paths(raw: Raw, folder: Path) -> dict[str, Any]:
 
 def _absolute(path: str, folder: Path) -> str:
     # What no path can be is refused with the field that holds it; a loop of links where the file is opened.
-    return path if "\0" in path else os.path.realpath(folder / at_home(path))
+    whole = path if "\0" in path else os.path.realpath(folder / at_home(path))
+    if whole != whole.encode("utf-8", "replace").decode():
+        raise InputError(f"{whole} is no UTF-8, in which session files are written; rename it")
+    return whole
 
 
 def _without_none(value: Any) -> Any:
@@ -217,10 +221,7 @@ def _read(path: Path) -> dict[str, Any]:
         inside = path / "session.toml"
         hint = f"; did you mean {inside}?" if inside.is_file() else ""
         raise InputError(f"session file {path} cannot be read: it is a folder, expected a .toml file{hint}")
-    with open_input(path, "session file") as file:
-        content = file.read(LARGEST_BYTES + 1)
-    if len(content) > LARGEST_BYTES:
-        raise InputError(f"session file {path} is larger than {LARGEST_BYTES // 1_000_000} MB, expected a .toml file")
+    content = read_file(path, "session file", LARGEST_BYTES)
     try:
         # Some editors begin a text with a byte order mark, which TOML does not know; some end lines as Windows does.
         text = content.decode("utf-8-sig").replace("\r\n", "\n")

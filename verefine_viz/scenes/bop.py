@@ -7,29 +7,25 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Literal, TypeVar
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.errors import InputError, ShapeError, unknown
-from verefine_viz.core.geometry import as_rigid, transform
-from verefine_viz.core.json_files import (
-    id_of,
-    integer_of,
-    number_of,
-    numbers_of,
-    position_of,
-    read_json,
-    read_numbered,
-)
+from verefine_viz.core.errors import InputError, ShapeError, in_one_line, unknown
+from verefine_viz.core.files import Id, Numbered, Numbers3, Numbers3x3, Real, id_of, read_json
+from verefine_viz.core.geometry import as_rigid, check_reach, transform
 from verefine_viz.core.text_format import listed
 from verefine_viz.scenes.image_files import (
+    CameraEntry,
     depth_scale_of,
     find_image,
     intrinsics_notes,
@@ -44,8 +40,31 @@ from verefine_viz.scenes.models import ModelLibrary
 MaskFolder = Literal["mask_visib", "mask"]
 NO_COLOR = "the frame has no rgb or gray image; it is drawn without colour"
 """A note of images without; colour is optional."""
-MOST_INSTANCES = 100_000
-"""Of an object in an image that a targets file may ask for."""
+T = TypeVar("T")
+
+
+class TruthEntry(msgspec.Struct, frozen=True):
+    """An instance's entry in scene_gt.json."""
+
+    obj_id: Id
+    cam_R_m2c: Numbers3x3 | None = None
+    cam_t_m2c: Numbers3 | None = None
+    """[mm]."""
+
+
+class InfoEntry(msgspec.Struct, frozen=True):
+    """An instance's entry in scene_gt_info.json."""
+
+    visib_fract: Real
+
+
+class TargetEntry(msgspec.Struct, frozen=True):
+    """An entry of a targets file; without an object where the task is detection (BOP'24)."""
+
+    scene_id: Id
+    im_id: Id
+    obj_id: Id | None = None
+    inst_count: Annotated[int, Meta(ge=0, le=100_000)] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,12 +118,14 @@ class BopDataset:
             raise InputError(f"{unknown('split', split, splits)} in {self.folder}{_meant(self.folder, split)}")
         self.models = ModelLibrary(self.folder, model_points, seed)
         self._scenes = _scenes_in(self.folder / split)
-        self._json: dict[Path, dict[int, Any]] = {}
+        self._cameras: dict[int, Numbered[CameraEntry]] = {}
+        self._truths: dict[int, Numbered[tuple[TruthEntry, ...]] | None] = {}
+        self._infos: dict[int, Numbered[tuple[InfoEntry, ...]] | None] = {}
 
     @property
     def name(self) -> str:
         """The folder's name: ycbv, lmo, …"""
-        return self.folder.name
+        return in_one_line(self.folder.name)
 
     @property
     def scene_ids(self) -> tuple[int, ...]:
@@ -129,33 +150,31 @@ class BopDataset:
         Raises:
             InputError: no such scene, or its scene_camera.json is missing or damaged.
         """
-        return tuple(sorted(self.of_images(scene_id, "scene_camera.json")))
+        return tuple(sorted(self.cameras(scene_id)))
 
-    def of_images(self, scene_id: int, name: str) -> dict[int, Any]:
-        """What a scene's scene_camera.json, scene_gt.json or scene_gt_info.json has for each image.
+    def cameras(self, scene_id: int) -> Numbered[CameraEntry]:
+        """What a scene's scene_camera.json has for each image.
 
         Raises:
             InputError: no such scene, or the file is missing or damaged.
         """
-        path = self.scene_folder(scene_id) / name
-        if path not in self._json:
-            self._json[path] = read_numbered(path, "image")
-        return self._json[path]
+        if scene_id not in self._cameras:
+            path = self.scene_folder(scene_id) / "scene_camera.json"
+            self._cameras[scene_id] = Numbered(path, CameraEntry, "image")
+        return self._cameras[scene_id]
 
-    def instances(self, scene_id: int, im_id: int, name: str) -> list[Any] | None:
-        """What scene_gt.json or scene_gt_info.json lists for an image; None without such a file, or image in it.
+    def truths(self, scene_id: int) -> Numbered[tuple[TruthEntry, ...]] | None:
+        """What a scene's scene_gt.json has for each image, None without one; as :meth:`cameras`."""
+        if scene_id not in self._truths:
+            self._truths[scene_id] = _if_there(self.scene_folder(scene_id) / "scene_gt.json", tuple[TruthEntry, ...])
+        return self._truths[scene_id]
 
-        Raises:
-            InputError: no such scene, or the file is damaged.
-        """
-        path = self.scene_folder(scene_id) / name
-        content = self.of_images(scene_id, name) if os.path.lexists(path) else {}
-        if im_id not in content:
-            return None
-        entries = content[im_id]
-        if not isinstance(entries, list):
-            raise InputError(f"{path}, image {im_id} is a JSON {type(entries).__name__}, expected a list of instances")
-        return entries
+    def infos(self, scene_id: int) -> Numbered[tuple[InfoEntry, ...]] | None:
+        """What a scene's scene_gt_info.json has for each image, None without one; as :meth:`cameras`."""
+        if scene_id not in self._infos:
+            path = self.scene_folder(scene_id) / "scene_gt_info.json"
+            self._infos[scene_id] = _if_there(path, tuple[InfoEntry, ...])
+        return self._infos[scene_id]
 
     def depth_file(self, scene_id: int, im_id: int) -> Path:
         """Where the depth image is.
@@ -175,8 +194,12 @@ class BopDataset:
         Raises:
             InputError: as :meth:`image_ids`.
         """
-        entries = self.of_images(scene_id, "scene_camera.json").values()
-        return any(isinstance(entry, dict) and "cam_R_w2c" in entry for entry in entries)
+        cameras = self.cameras(scene_id)
+        for im_id in cameras:
+            with suppress(InputError):  # That image's own trouble.
+                if cameras[im_id].cam_R_w2c is not None:
+                    return True
+        return False
 
     def has(self, scene_id: int, im_id: int) -> bool:
         """Whether the image is on the disk."""
@@ -201,8 +224,8 @@ class BopDataset:
         """
         self.check(scene_id, im_id)
         folder = self.scene_folder(scene_id)
-        where = f"{folder / 'scene_camera.json'}, image {im_id}"
-        entry = self.of_images(scene_id, "scene_camera.json")[im_id]
+        cameras = self.cameras(scene_id)
+        entry, where = cameras[im_id], cameras.where(im_id)
         K, scale_mm = intrinsics_of(entry, where), depth_scale_of(entry, where)
         path = self.depth_file(scene_id, im_id)
         depth_m = read_depth(path, scale_mm)
@@ -218,7 +241,7 @@ class BopDataset:
         except ShapeError as error:
             raise InputError(f"{where}: {error}") from None
         R_world_cam = _R_world_cam(entry, where)
-        return BopImage(camera, depth_m, rgb, R_world_cam, _T_map_cam(entry, R_world_cam, where), notes)
+        return BopImage(camera, depth_m, rgb, R_world_cam, _T_map_cam(entry, R_world_cam), notes)
 
     def ground_truth(self, scene_id: int, im_id: int) -> tuple[GroundTruth, ...] | None:
         """The annotated instances of an image in the file's order; None where the data set has no scene_gt.
@@ -226,11 +249,13 @@ class BopDataset:
         Raises:
             InputError: scene_gt.json is damaged, or an entry has no obj_id.
         """
-        entries = self.instances(scene_id, im_id, "scene_gt.json")
-        if entries is None:
+        truths, infos = self.truths(scene_id), self.infos(scene_id)
+        if truths is None or im_id not in truths:
             return None
-        visible = self._visible_shares(scene_id, im_id)
-        where = f"{self.scene_folder(scene_id) / 'scene_gt.json'}, image {im_id}"
+        entries, where = truths[im_id], truths.where(im_id)
+        of_image = () if infos is None or im_id not in infos else infos[im_id]
+        # Visible masks that were drawn, not rendered, may be larger than the rendered silhouette.
+        visible = {k: min(max(info.visib_fract, 0.0), 1.0) for k, info in enumerate(of_image)}
         return tuple(
             _ground_truth(entry, gt_id, visible.get(gt_id), f"{where}, entry {gt_id}")
             for gt_id, entry in enumerate(entries)
@@ -278,12 +303,9 @@ class BopDataset:
             raise InputError(f"{path} is {size_text(rgb.shape)} pixels, but the depth image is {size_text(shape)}")
         return rgb, ()
 
-    def _visible_shares(self, scene_id: int, im_id: int) -> dict[int, float]:
-        entries = self.instances(scene_id, im_id, "scene_gt_info.json") or []
-        where = f"{self.scene_folder(scene_id) / 'scene_gt_info.json'}, image {im_id}"
-        shares = (number_of(entry, "visib_fract", f"{where}, entry {k}") for k, entry in enumerate(entries))
-        # Visible masks that were drawn, not rendered, may be larger than the rendered silhouette.
-        return {k: min(max(share, 0.0), 1.0) for k, share in enumerate(shares)}
+
+def _if_there(path: Path, kind: type[T]) -> Numbered[T] | None:
+    return Numbered(path, kind, "image") if os.path.lexists(path) else None
 
 
 def target_counts(path: Path) -> dict[tuple[int, int], dict[int, int]]:
@@ -295,20 +317,15 @@ def target_counts(path: Path) -> dict[tuple[int, int], dict[int, int]]:
         InputError: the file is missing or damaged, or an entry lacks a number; the entry is named.
     """
     counts: dict[tuple[int, int], dict[int, int]] = {}
-    entries = read_json(path, list)
+    entries = read_json(path, tuple[TargetEntry, ...])
     for k, entry in enumerate(entries):
-        where = f"{path}, entry {k}"
-        of_image = counts.setdefault((integer_of(entry, "scene_id", where), integer_of(entry, "im_id", where)), {})
-        if "obj_id" in entries[0]:
-            of_image[integer_of(entry, "obj_id", where)] = _instances(entry, where)
+        of_image = counts.setdefault((entry.scene_id, entry.im_id), {})
+        if entries[0].obj_id is None:
+            continue
+        if entry.obj_id is None or entry.inst_count is None:
+            raise InputError(f"{path}: entry {k} has no 'obj_id' or no 'inst_count', as the first one has")
+        of_image[entry.obj_id] = entry.inst_count
     return counts
-
-
-def _instances(entry: Any, where: str) -> int:
-    n = integer_of(entry, "inst_count", where)
-    if not 0 <= n <= MOST_INSTANCES:
-        raise InputError(f"{where}: 'inst_count' is {n}, expected 0 or more instances, up to {MOST_INSTANCES}")
-    return n
 
 
 def _meant(folder: Path, split: str) -> str:
@@ -330,37 +347,40 @@ def _scenes_in(folder: Path) -> dict[int, list[Path]]:
     return dict(sorted(scenes.items()))
 
 
-def pose_of(entry: Any, where: str) -> tuple[Float, Float]:
+def pose_of(entry: TruthEntry, where: str) -> tuple[Float, Float]:
     """R (3, 3) and t (3,) [mm] of an entry of scene_gt.json, with the digits of the file.
 
     Raises:
-        InputError: a number is missing, or too large.
+        InputError: one of them is missing, or t is out of reach.
     """
-    return numbers_of(entry, "cam_R_m2c", 9, where).reshape(3, 3), position_of(entry, "cam_t_m2c", where)
-
-
-def _R_world_cam(entry: dict[str, Any], where: str) -> Float | None:
-    if "cam_R_w2c" not in entry:
-        return None
-    R_cam_world = numbers_of(entry, "cam_R_w2c", 9, where).reshape(3, 3)
+    if entry.cam_R_m2c is None or entry.cam_t_m2c is None:
+        raise InputError(f"{where} has no 'cam_R_m2c' or no 'cam_t_m2c'")
     try:
-        return as_rigid(transform(R_cam_world, np.zeros(3)), f"{where}: 'cam_R_w2c'")[:3, :3].T
+        check_reach(entry.cam_t_m2c * 1e-3, f"{where}: 'cam_t_m2c'")
+    except ShapeError as error:
+        raise InputError(str(error)) from None
+    return entry.cam_R_m2c, entry.cam_t_m2c
+
+
+def _R_world_cam(entry: CameraEntry, where: str) -> Float | None:
+    if entry.cam_R_w2c is None:
+        return None
+    try:
+        return as_rigid(transform(entry.cam_R_w2c, np.zeros(3)), f"{where}: 'cam_R_w2c'")[:3, :3].T
     except ShapeError as error:
         raise InputError(str(error)) from None
 
 
-def _T_map_cam(entry: dict[str, Any], R_world_cam: Float | None, where: str) -> Float | None:
-    if R_world_cam is None or "cam_t_w2c" not in entry:
+def _T_map_cam(entry: CameraEntry, R_world_cam: Float | None) -> Float | None:
+    if R_world_cam is None or entry.cam_t_w2c is None:
         return None
-    t_cam_world = numbers_of(entry, "cam_t_w2c", 3, where) * 1e-3
-    return transform(R_world_cam, -R_world_cam @ t_cam_world)
+    return transform(R_world_cam, -R_world_cam @ (entry.cam_t_w2c * 1e-3))
 
 
-def _ground_truth(entry: Any, gt_id: int, visib_fract: float | None, where: str) -> GroundTruth:
-    obj_id = integer_of(entry, "obj_id", where)
+def _ground_truth(entry: TruthEntry, gt_id: int, visib_fract: float | None, where: str) -> GroundTruth:
     try:
         R, t_mm = pose_of(entry, where)
         pose = as_rigid(transform(R, t_mm * 1e-3), f"{where}: the pose")
     except (InputError, ShapeError) as error:
-        return GroundTruth(gt_id, obj_id, None, visib_fract, str(error))
-    return GroundTruth(gt_id, obj_id, pose, visib_fract)
+        return GroundTruth(gt_id, entry.obj_id, None, visib_fract, str(error))
+    return GroundTruth(gt_id, entry.obj_id, pose, visib_fract)

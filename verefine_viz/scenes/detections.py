@@ -6,13 +6,36 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from pycocotools import mask as coco
 
 from verefine_viz.core.arrays import Mask
-from verefine_viz.core.errors import InputError, quoted
-from verefine_viz.core.json_files import integer_of, number_of, read_json
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.files import Id, Real, decoded_json, first_line, read_json
 from verefine_viz.scenes.image_files import size_text
+
+
+class Entry(msgspec.Struct, frozen=True):
+    """One entry of the file; its mask is decoded when its image is asked for."""
+
+    scene_id: Id
+    image_id: Id
+    category_id: Id
+    score: Real = 1.0
+    segmentation: msgspec.Raw = msgspec.Raw(b"null")
+
+
+class RunLengths(msgspec.Struct, frozen=True):
+    """A mask in COCO's run-length encoding: a list of runs, or its compressed string."""
+
+    size: tuple[int, int]
+    """Height and width."""
+    counts: str | list[int]
+
+
+NO_MASK = (b"null", b"{}", b"[]", b'""')
+"""What stands for a box without a mask."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +60,9 @@ class DetectionsFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._entries: dict[tuple[int, int], list[tuple[int, dict[str, Any]]]] = {}
-        for k, entry in enumerate(read_json(path, list)):
-            where = f"{path}, entry {k}"
-            image = (integer_of(entry, "scene_id", where), integer_of(entry, "image_id", where))
-            integer_of(entry, "category_id", where)
-            self._entries.setdefault(image, []).append((k, entry))
+        self._entries: dict[tuple[int, int], list[tuple[int, Entry]]] = {}
+        for k, entry in enumerate(read_json(path, tuple[Entry, ...])):
+            self._entries.setdefault((entry.scene_id, entry.image_id), []).append((k, entry))
 
     @property
     def images(self) -> tuple[tuple[int, int], ...]:
@@ -51,7 +71,7 @@ class DetectionsFile:
 
     def obj_ids(self, scene_id: int, im_id: int) -> frozenset[int]:
         """The objects that were detected in an image."""
-        return frozenset(int(entry["category_id"]) for _, entry in self._entries.get((scene_id, im_id), ()))
+        return frozenset(entry.category_id for _, entry in self._entries.get((scene_id, im_id), ()))
 
     def of_image(
         self, scene_id: int, im_id: int, shape: tuple[int, int]
@@ -70,43 +90,34 @@ class DetectionsFile:
         boxes = 0
         for k, entry in self._entries.get((scene_id, im_id), ()):
             where = f"{self.path}, entry {k}"
-            obj_id = integer_of(entry, "category_id", where)
-            score = number_of(entry, "score", where) if "score" in entry else 1.0
-            segmentation = entry.get("segmentation")
-            if not segmentation:
+            segmentation = bytes(entry.segmentation)
+            if segmentation in NO_MASK:
                 boxes += 1
                 continue
-            detections.append(Detection(obj_id, score, decode_rle(segmentation, shape, where)))
+            try:
+                mask = decode_rle(decoded_json(segmentation, RunLengths), shape)
+            except ValueError as error:
+                polygons = "; polygons are not read" * segmentation.startswith(b"[")
+                raise InputError(f"{where}: 'segmentation': {first_line(error)}{polygons}") from None
+            detections.append(Detection(entry.category_id, entry.score, mask))
         notes = ()
         if boxes:
             notes = (f"{boxes} detections in {self.path.name} have a box but no mask; they are left out",)
         return tuple(sorted(detections, key=lambda d: -d.score)), notes
 
 
-def decode_rle(segmentation: Any, shape: tuple[int, int], where: str) -> Mask:
+def decode_rle(encoded: RunLengths, shape: tuple[int, int]) -> Mask:
     """The mask (H, W) of a run-length encoding, read-only.
 
-    Args:
-        segmentation: {"size": [h, w], "counts": list of run lengths, or COCO's compressed string}.
-        shape: (height, width) the mask must have.
-        where: what to call the entry in an error.
-
     Raises:
-        InputError: another size, or run lengths that do not fill the image.
+        ValueError: it is of another size than ``shape`` (height, width), or its runs do not fill the image.
     """
-    if not isinstance(segmentation, dict) or "counts" not in segmentation or "size" not in segmentation:
-        raise InputError(f"{where}: 'segmentation' needs 'counts' and 'size' (run-length encoding, no polygons)")
-    size, counts = segmentation["size"], segmentation["counts"]
-    if not isinstance(size, list) or tuple(size) != shape:
-        raise InputError(
-            f"{where}: the mask is made for [h, w] = {quoted(size, 40)}, but the image is {size_text(shape)} pixels"
-        )
-    runs, n_pixels = _runs(counts), shape[0] * shape[1]
+    if encoded.size != shape:
+        raise ValueError(f"the mask is made for [h, w] = {[*encoded.size]}, but the image is {size_text(shape)} pixels")
+    runs = _string_runs(encoded.counts) if isinstance(encoded.counts, str) else encoded.counts
     # Checked here because pycocotools leaves memory uninitialised where the runs end early.
-    if runs is None or min(runs, default=0) < 0 or sum(runs) != n_pixels:
-        raise InputError(
-            f"{where}: the mask's run lengths are damaged, expected a sum of {n_pixels} pixels, none below 0"
-        )
+    if runs is None or min(runs, default=0) < 0 or sum(runs) != shape[0] * shape[1]:
+        raise ValueError(f"the run lengths are damaged, expected a sum of {shape[0] * shape[1]} pixels, none below 0")
     uncompressed: Any = {"size": list(shape), "counts": runs}
     rle: Any = coco.frPyObjects(uncompressed, *shape)
     mask = np.ascontiguousarray(coco.decode(rle)).astype(bool)
@@ -118,13 +129,6 @@ def encode_rle(mask: Mask) -> dict[str, Any]:
     """The run-length encoding of a mask (H, W), compressed as COCO does; :func:`decode_rle` gives the mask back."""
     encoded: Any = coco.encode(np.asfortranarray(mask, dtype=np.uint8))
     return {"size": list(mask.shape), "counts": encoded["counts"].decode("ascii")}
-
-
-def _runs(counts: Any) -> list[int] | None:
-    if isinstance(counts, str):
-        return _string_runs(counts)
-    are_integers = isinstance(counts, list) and all(isinstance(r, int) and not isinstance(r, bool) for r in counts)
-    return counts if are_integers else None
 
 
 def _string_runs(text: str) -> list[int] | None:

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from verefine_viz.core.errors import InputError, SettingsError, quoted
-from verefine_viz.core.json_files import id_of
+from verefine_viz.core.files import id_of
 from verefine_viz.core.text_format import listed
 from verefine_viz.scenes.bop import BopDataset
 

@@ -15,9 +15,9 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError, unknown
-from verefine_viz.core.geometry import inverse, transform
+from verefine_viz.core.files import reading
+from verefine_viz.core.geometry import check_reach, inverse, transform
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.paths import read_input
 from verefine_viz.core.problem import LeftOut, Placed, Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import HypothesesSettings, PhysicsSettings, SceneSettings
@@ -46,6 +46,8 @@ MIDDLE_MM = (-256.5, 180.5)
 """The board's middle in its own frame [mm]; the table's here."""
 DROP_M = 0.004
 """Objects are dropped from this height, as the layouts have them up to 2 mm in the board [m]."""
+MOST_BYTES, MOST_OBJECTS = 10_000_000, 100
+"""Of a layout."""
 SKEWED = 0.02
 """Largest deviation of a rotation's entries: the layouts are rounded to 3 to 4 digits."""
 
@@ -80,32 +82,28 @@ def read_layout(file: Path) -> tuple[LayoutObject, ...]:
     Raises:
         InputError: the file is none, or a pose of it is no rotation and translation.
     """
-    wanted = "expected a GRASPA layout such as layout_0.xml"
-    try:
-        root = ET.fromstring(read_input(file, "layout"))
-    except ET.ParseError as error:
-        raise InputError(f"{file} is no XML ({error}); {wanted}") from None
-    elements = root.findall("ManipulationObject")
-    if not elements:
-        raise InputError(f"{file} has no ManipulationObject; {wanted}")
-    return tuple(LayoutObject(e.get("name", ""), _pose(e, file)) for e in elements)
+    with reading(file, "layout", MOST_BYTES) as opened:
+        elements = ET.parse(opened).getroot().findall("ManipulationObject")
+        if not 0 < len(elements) <= MOST_OBJECTS:
+            raise ValueError(
+                f"it has {len(elements)} ManipulationObject, expected 1 to {MOST_OBJECTS}, as in GRASPA's layout_0.xml"
+            )
+        return tuple(LayoutObject(e.get("name", ""), _pose(e)) for e in elements)
 
 
-def _pose(element: ET.Element, file: Path) -> Float:
-    where = f"{file}, {element.get('name', 'an object without a name')}"
-    matrix = element.find(".//Matrix4x4")
-    rows = [] if matrix is None else [matrix.find(f"row{k}") for k in (1, 2, 3)]
-    try:
-        T = np.array([[float(row.get(f"c{k}", "")) for k in (1, 2, 3, 4)] for row in rows if row is not None])
-    except ValueError as error:
-        raise InputError(f"{where}: {error}; expected the numbers c1 to c4 in each row of its Matrix4x4") from None
+def _pose(element: ET.Element) -> Float:
+    where = element.get("name", "an object without a name")
+    rows = [element.find(f".//Matrix4x4/row{k}") for k in (1, 2, 3)]
+    T = np.array([[float(row.get(f"c{k}", "nan")) for k in (1, 2, 3, 4)] for row in rows if row is not None])
     if T.shape != (3, 4) or not np.isfinite(T).all():
-        raise InputError(f"{where}: expected a Matrix4x4 of finite numbers with row1 to row4")
+        raise ValueError(f"{where}: expected a Matrix4x4 of finite numbers, c1 to c4 in row1 to row4")
     U, _, Vt = np.linalg.svd(T[:, :3])
     R = U @ Vt
     if np.linalg.det(R) < 0 or np.abs(R - T[:, :3]).max() > SKEWED:
-        raise InputError(f"{where}: its Matrix4x4 is no rotation; expected one, with the translation in mm")
-    return transform(R, T[:, 3] * 1e-3)
+        raise ValueError(f"{where}: its Matrix4x4 is no rotation; expected one, with the translation in mm")
+    t_m = T[:, 3] * 1e-3
+    check_reach(t_m, where)
+    return transform(R, t_m)
 
 
 class LayoutSource:

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import os
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, BinaryIO
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 from PIL import Image
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import check_intrinsics
 from verefine_viz.core.errors import InputError, ShapeError
-from verefine_viz.core.json_files import number_of, numbers_of
-from verefine_viz.core.paths import atomic, open_input
+from verefine_viz.core.files import Numbers3, Numbers3x3, reading
+from verefine_viz.core.writing import atomic
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 """Looked for in this order."""
@@ -29,6 +34,15 @@ def find_image(folder: Path, stem: str) -> Path | None:
     """
     candidates = (folder / f"{stem}{suffix}" for suffix in SUFFIXES)
     return next((path for path in candidates if os.path.lexists(path)), None)
+
+
+@contextmanager
+def open_image(file: BinaryIO) -> Iterator[Image.Image]:
+    """An image of at most 89 million pixels; above, Pillow only warns."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", Image.DecompressionBombWarning)
+        with Image.open(file) as image:
+            yield image
 
 
 def read_color(path: Path) -> NDArray[np.uint8]:
@@ -115,38 +129,45 @@ def image_width(path: Path) -> int:
     Raises:
         InputError: missing, damaged, or no image.
     """
-    try:
-        with open_input(path) as file, Image.open(file) as image:
-            return image.width
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(f"{path} is damaged or no image ({error}); fetch it again") from None
+    with reading(path, "image") as file, open_image(file) as image:
+        return image.width
 
 
 def _read(path: Path) -> Image.Image:
-    try:
-        with open_input(path) as file, Image.open(file) as image:
-            image.load()
-            return image.copy()
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(f"{path} is damaged or no image ({error}); fetch it again") from None
+    with reading(path, "image") as file, open_image(file) as image:
+        image.load()
+        return image.copy()
 
 
 # Numbers of scene_camera.json.
 
-DEPTH_SCALE_MM = (1e-6, 1e4)
-"""Least and largest depth_scale [mm a step]: data sets have 0.1 to 1, and metres as floats 1000."""
+
+class CameraEntry(msgspec.Struct, frozen=True):
+    """An image's entry in scene_camera.json."""
+
+    cam_K: Numbers3x3 | None = None
+    """[px]."""
+    depth_scale: Annotated[float, Meta(ge=1e-6, le=1e4)] | None = None
+    """Millimetres per step of the depth image: data sets have 0.1 to 1, and metres as floats 1000."""
+    cam_R_w2c: Numbers3x3 | None = None
+    cam_t_w2c: Numbers3 | None = None
+    """[mm]."""
+    cam_model: Any = None
+    """Of a fisheye camera."""
 
 
-def intrinsics_of(entry: Any, where: str) -> Float:
+def intrinsics_of(entry: CameraEntry, where: str) -> Float:
     """The matrix (3, 3) [px] of an image's entry in scene_camera.json.
 
     Raises:
         InputError: there is none, the camera is no pinhole camera, or not one by
             :func:`~verefine_viz.core.camera.check_intrinsics`.
     """
-    if isinstance(entry, dict) and "cam_K" not in entry and "cam_model" in entry:
+    K = entry.cam_K
+    if K is None and entry.cam_model is not None:
         raise InputError(f"{where} has a 'cam_model' (fisheye); only pinhole cameras with 'cam_K' are supported")
-    K = numbers_of(entry, "cam_K", 9, where).reshape(3, 3)
+    if K is None:
+        raise InputError(f"{where} has no 'cam_K'")
     try:
         check_intrinsics(K)
     except ShapeError as error:
@@ -154,14 +175,11 @@ def intrinsics_of(entry: Any, where: str) -> Float:
     return K
 
 
-def depth_scale_of(entry: Any, where: str) -> float:
-    """Millimetres per step of an image's depth, of its entry in scene_camera.json.
-
-    Raises:
-        InputError: there is none, or it is out of ``DEPTH_SCALE_MM``.
-    """
-    low, high = DEPTH_SCALE_MM
-    return number_of(entry, "depth_scale", where, low, high, f"millimetres per step > 0, {low:g} to {high:g}")
+def depth_scale_of(entry: CameraEntry, where: str) -> float:
+    """Millimetres per step of an image's depth; InputError where its entry has none."""
+    if entry.depth_scale is None:
+        raise InputError(f"{where} has no 'depth_scale', expected millimetres per step of the depth image")
+    return entry.depth_scale
 
 
 def intrinsics_notes(K: Float, shape: tuple[int, ...]) -> tuple[str, ...]:

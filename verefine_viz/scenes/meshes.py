@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import io
+import logging
 import os
 import re
 from dataclasses import dataclass
-from io import TextIOWrapper
-from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import trimesh
@@ -21,9 +21,9 @@ from trimesh.visual import TextureVisuals
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, in_one_line
-from verefine_viz.core.json_files import id_of
+from verefine_viz.core.files import first_line, id_of, read_file, reading
 from verefine_viz.core.model import Texture
-from verefine_viz.core.paths import open_input, read_input
+from verefine_viz.scenes.image_files import SUFFIXES, open_image
 from verefine_viz.scenes.mesh_surface import edges, merged, turned_outward
 
 FORMATS = (".ply", ".obj", ".glb", ".gltf", ".stl")
@@ -42,8 +42,14 @@ LARGEST_COORDINATE = 1e9
 """Of a vertex, in the unit of its file."""
 LONGEST_SHOWN = 80
 """Of a texture's name, in a note [characters]."""
+LARGEST_READ_PX = 4096
+"""A texture is made smaller before anything is done with it until no side is longer."""
 LARGEST_TEXTURE_PX = 1024
 """A texture is made smaller until no side is longer: a camera sees fewer pixels of an object."""
+
+
+# It logs what it cannot read, with a traceback; the notes of a mesh say it.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,41 +108,32 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
     Raises:
         InputError: missing, damaged, no triangles, or coordinates that are not finite.
     """
-    _check_file(path)
-    texture, notes = _texture(path)
-    # trimesh would log a traceback of an image that cannot be used.
-    loaded = _loaded(path, skip_materials=bool(notes))
-    bare = path.suffix.lower() == ".ply" and texture is None and isinstance(loaded.visual, TextureVisuals)
-    colors = None if notes or bare else _baked_colors(loaded)
-    image = None if notes or bare else _texture_image(loaded)
-    vertices, faces = np.asarray(loaded.vertices, dtype=np.float64), np.asarray(loaded.faces)
-    uv = None if image is None else np.asarray(loaded.visual.uv, dtype=np.float32)[faces]  # pyright: ignore
-    if not (np.unique(edges(faces), return_counts=True)[1] == 2).all():
-        vertices, faces, colors, is_whole = merged(vertices, faces, colors)
-        uv = None if uv is None else uv[is_whole]
-    turned = turned_outward(vertices, faces)
-    faces = np.where(turned[:, None], faces[:, ::-1], faces)
-    if image is not None and uv is not None:
-        skin = Texture(image, np.where(turned[:, None, None], uv[:, ::-1], uv))
+    with reading(_mesh_file(path)) as file:
+        beside = _Beside(path)
+        loaded = _loaded(file, path, beside)
+        vertices, faces = np.asarray(loaded.vertices, dtype=np.float64), np.asarray(loaded.faces)
+        colors, image, uv = (None, None, None) if beside.faults else _colours(loaded, path, beside)
+        if not (np.unique(edges(faces), return_counts=True)[1] == 2).all():
+            vertices, faces, colors, is_whole = merged(vertices, faces, colors)
+            uv = None if uv is None else uv[is_whole]
+        if not len(faces):
+            raise ValueError("all its triangles are degenerate: it has no surface")
+        turned = turned_outward(vertices, faces)
+        faces = np.where(turned[:, None], faces[:, ::-1], faces)
+        skin = None if image is None or uv is None else Texture(image, np.where(turned[:, None, None], uv[:, ::-1], uv))
+        notes = tuple(f"{fault}; the model is drawn in one colour" for fault in beside.faults[:1])
         return Mesh(vertices * unit_m, faces.astype(np.int32), colors, notes, skin)
-    return Mesh(vertices * unit_m, faces.astype(np.int32), colors, notes)
 
 
 def read_geometry(path: Path) -> tuple[Float, NDArray[np.int32]]:
     """Vertices (V, 3), every one that the file has, in its order and unit, and faces (F, 3) as they are.
 
-    Numbers of ascii files have all their digits, as the official toolkit reads them.
-
     Raises:
         InputError: as :func:`read_mesh`.
     """
-    _check_file(path)
-    loaded = _loaded(path, skip_materials=True)
-    vertices = np.asarray(loaded.vertices, dtype=np.float64)
-    written = _ascii_vertices(path)
-    if written is not None and written.shape == vertices.shape:
-        vertices = written
-    return vertices, np.asarray(loaded.faces).astype(np.int32)
+    with reading(_mesh_file(path)) as file:
+        loaded = _loaded(file, path, _Beside(path), skip_materials=True)
+        return np.asarray(loaded.vertices, dtype=np.float64), np.asarray(loaded.faces).astype(np.int32)
 
 
 def largest_distance(points: Float) -> float:
@@ -178,144 +175,97 @@ def _hull_at_once(points: Float) -> NDArray[np.intp]:
         return np.arange(len(points))  # flat or a line: no hull in 3D
 
 
-def _check_file(path: Path) -> None:
+def _mesh_file(path: Path) -> Path:
     if path.suffix.lower() not in FORMATS:
         raise InputError(f"{path} is no mesh file; supported: {', '.join(f[1:] for f in FORMATS)}")
-    if not os.path.lexists(path):
-        raise InputError(f"{path} is missing")
+    return path
 
 
-def _loaded(path: Path, skip_materials: bool) -> trimesh.Trimesh:
-    """The mesh of a file as trimesh reads it; refused where it is damaged or holds no triangles."""
-    try:
-        with open_input(path) as file:
-            loaded = trimesh.load_mesh(
-                file, path.suffix[1:], resolver=_Beside(str(path)), process=False, skip_materials=skip_materials
-            )
-    except InputError:
-        raise
-    except Exception as error:  # trimesh's loaders raise whatever their parsing stumbles over
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise InputError(f"{path} is damaged, cut off or no mesh ({reason}); fetch it again") from None
+def _loaded(file: BinaryIO, path: Path, beside: _Beside, skip_materials: bool = False) -> trimesh.Trimesh:
+    """The mesh as trimesh reads it, which checks neither that it is whole nor its numbers."""
+    header = file.read(65536).split(b"end_header")[0] if path.suffix.lower() == ".ply" else b""
+    file.seek(0)
+    loaded = trimesh.load_mesh(file, path.suffix[1:], resolver=beside, process=False, skip_materials=skip_materials)
     if not isinstance(loaded, trimesh.Trimesh) or len(loaded.faces) == 0:
-        raise InputError(f"{path} holds no triangles; a triangle mesh is expected, not a point cloud")
-    if not np.isfinite(loaded.vertices).all():
-        raise InputError(f"{path} holds vertices that are NaN or infinite")
-    if np.abs(loaded.vertices).max() > LARGEST_COORDINATE:
-        raise InputError(
-            f"{path} has a vertex at {np.abs(loaded.vertices).max():.3g}, expected coordinates within "
-            f"±{LARGEST_COORDINATE:g}"
-        )
-    if len(loaded.faces) < (promised := _promised_faces(path)):
-        raise InputError(f"{path} ends after {len(loaded.faces)} of {promised} faces; fetch it again")
+        raise ValueError("no triangles; a triangle mesh is expected, not a point cloud")
+    promised = re.search(rb"^element\s+face\s+(\d+)", header, re.MULTILINE)
+    if promised and len(loaded.faces) < int(promised[1]):
+        raise ValueError(f"it ends after {len(loaded.faces)} of {int(promised[1])} faces; fetch it again")
+    if not np.abs(loaded.vertices).max() < LARGEST_COORDINATE:
+        raise ValueError(f"vertices that are NaN or beyond ±{LARGEST_COORDINATE:g}")
     if loaded.faces.min() < 0 or loaded.faces.max() >= len(loaded.vertices):
-        raise InputError(f"{path} has faces that name vertices that do not exist; the file is damaged")
+        raise ValueError("faces that name vertices that do not exist; fetch it again")
+    if header.count(b"TextureFile") > 1:
+        beside.faults.append(f"{path.name} names several textures, of which one is read")
     return loaded
-
-
-def _ascii_vertices(path: Path) -> Float | None:
-    """The vertices of an ascii PLY in double precision (trimesh rounds them to single); None for any other file."""
-    if path.suffix.lower() != ".ply" or "format ascii" not in (header := _ply_header(path)):
-        return None
-    element = re.search(r"^element\s+vertex\s+(\d+)((?:\s+property.*)*)", header, re.MULTILINE)
-    if element is None or header.find("element") != element.start():
-        return None  # other elements come before the vertices
-    names = [line.split()[-1] for line in element.group(2).strip().splitlines()]
-    with TextIOWrapper(open_input(path), "latin-1") as lines:
-        while not next(lines).startswith("end_header"):
-            pass
-        body = (line for line in lines if line.strip())
-        return np.loadtxt(islice(body, int(element.group(1))), usecols=[names.index(axis) for axis in "xyz"], ndmin=2)
-
-
-def _baked_colors(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
-    visual: Any = mesh.visual
-    if isinstance(visual, TextureVisuals):
-        visual = visual.to_color()
-    if visual.kind not in ("vertex", "face"):
-        return None
-    colors = np.asarray(visual.vertex_colors, dtype=np.uint8)
-    return colors[:, :3] if len(colors) == len(mesh.vertices) else None
-
-
-def _texture_image(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
-    """(h, w, 3) the texture of a mesh as trimesh reads it; None where there is none that covers it."""
-    visual: Any = mesh.visual
-    if not isinstance(visual, TextureVisuals) or visual.uv is None or len(visual.uv) != len(mesh.vertices):
-        return None
-    material: Any = visual.material
-    image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
-    if not isinstance(image, Image.Image) or not np.isfinite(visual.uv).all():
-        return None
-    image = image.convert("RGB")
-    if max(image.size) > LARGEST_TEXTURE_PX:
-        image.thumbnail((LARGEST_TEXTURE_PX, LARGEST_TEXTURE_PX))
-    return np.asarray(image)
 
 
 class _Beside(FilePathResolver):
     """The files that a mesh file names (materials, textures, buffers), opened like every other input."""
 
+    def __init__(self, mesh: Path) -> None:
+        super().__init__(str(mesh))
+        self._mesh = mesh
+        self.n_given = 0
+        self.faults: list[str] = []
+        """What of them cannot be used."""
+
     def get(self, name: str) -> bytes:
-        return read_input(self.absolute(name))
+        """The content of a file; what fails is a fault, of which trimesh makes a grey texture."""
+        shown = in_one_line(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}…")
+        try:
+            path = Path(self.absolute(name))
+            if not os.path.lexists(path):
+                raise FileNotFoundError("it does not exist")
+            content = read_file(path)
+            content = content if path.suffix.lower() not in SUFFIXES else _texture_file(content)
+        except Exception as error:
+            self.faults.append(f"{shown}, which {self._mesh.name} names, cannot be used: {first_line(error)}")
+            raise
+        self.n_given += 1
+        return content
 
 
-def _texture(path: Path) -> tuple[str | None, tuple[str, ...]]:
-    """The texture that a mesh file names, None without one, and why it cannot be used (empty = it can)."""
-    try:
-        names = _texture_names(path)
-        name = names[0] if names else None
-        why = None if name is None else _unusable(path.parent / name)
-    except InputError as error:
-        return None, (f"{error}; {path.name} is drawn in one colour",)
-    if path.suffix.lower() == ".ply" and len(names) > 1:
-        return None, (f"{path.name} names {len(names)} textures, of which one is read; it is drawn in one colour",)
-    if name is None or why is None:
-        return name, ()
-    shown = in_one_line(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}…")
-    return name, (f"texture {shown} of {path.name} {why}; the model is drawn in one colour",)
+def _texture_file(content: bytes) -> bytes:
+    """A texture, made smaller where it would fill the memory."""
+    with open_image(io.BytesIO(content)) as image:
+        image.load()
+        if max(image.size) <= LARGEST_READ_PX:
+            return content
+        image.thumbnail((LARGEST_READ_PX, LARGEST_READ_PX))
+        smaller = io.BytesIO()
+        image.convert("RGB").save(smaller, "PNG")
+        return smaller.getvalue()
 
 
-def _unusable(texture: Path) -> str | None:
-    """What is wrong with an image; None where it can be used.
-
-    Raises:
-        InputError: something that is no file stands in its place.
-    """
-    if not os.path.lexists(texture):
-        return "is missing"
-    try:
-        with open_input(texture) as file, Image.open(file) as image:
-            image.load()
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
-        return "is damaged"
-    return None
-
-
-def _texture_names(path: Path) -> list[str]:
-    """The images that a PLY header, or an OBJ's material file, names."""
-    if path.suffix.lower() == ".ply":
-        return re.findall(r"^comment\s+TextureFile\s+(.+?)\s*$", _ply_header(path), re.IGNORECASE | re.MULTILINE)
-    if path.suffix.lower() == ".obj":
-        library = re.search(rb"^mtllib\s+(.+?)\s*$", read_input(path), re.MULTILINE)
-        materials = path.parent / os.fsdecode(library.group(1)) if library else path
-        if library and os.path.lexists(materials):
-            material = read_input(materials).decode("latin-1")
-            return re.findall(r"^\s*map_Kd\s+(?:-\S+\s+\S+\s+)*(.+?)\s*$", material, re.MULTILINE)
-    return []
+def _colours(
+    mesh: trimesh.Trimesh, path: Path, beside: _Beside
+) -> tuple[NDArray[np.uint8] | None, NDArray[np.uint8] | None, NDArray[np.float32] | None]:
+    """The colours at the vertices (V, 3), the texture (h, w, 3), and where faces lie in it (F, 3, 2)."""
+    visual: Any = mesh.visual
+    if not isinstance(visual, TextureVisuals):
+        return _vertex_colors(visual, mesh), None, None
+    if path.suffix.lower() in (".ply", ".obj") and not beside.n_given:
+        return None, None, None  # Coordinates of a texture that the file does not name.
+    if visual.uv is not None and not np.isfinite(visual.uv).all():
+        beside.faults.append(f"texture coordinates of {path.name} are NaN or infinite")
+        return None, None, None
+    colors = _vertex_colors(visual.to_color(), mesh)
+    material: Any = visual.material
+    image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
+    if visual.uv is None or len(visual.uv) != len(mesh.vertices) or not isinstance(image, Image.Image):
+        return colors, None, None
+    image = image.convert("RGB")
+    if max(image.size) > LARGEST_TEXTURE_PX:
+        image.thumbnail((LARGEST_TEXTURE_PX, LARGEST_TEXTURE_PX))
+    return colors, np.asarray(image), np.asarray(visual.uv, dtype=np.float32)[np.asarray(mesh.faces)]
 
 
-def _promised_faces(path: Path) -> int:
-    """Faces that a PLY's header announces; a truncated ascii file reads without complaint. 0 = unknown."""
-    if path.suffix.lower() != ".ply":
-        return 0
-    element = re.search(r"^element\s+face\s+(\d+)", _ply_header(path), re.MULTILINE)
-    return int(element.group(1)) if element else 0
-
-
-def _ply_header(path: Path) -> str:
-    with open_input(path) as file:
-        return file.read(65536).split(b"end_header")[0].decode("latin-1")
+def _vertex_colors(visual: Any, mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
+    if visual.kind not in ("vertex", "face"):
+        return None
+    colors = np.asarray(visual.vertex_colors, dtype=np.uint8)
+    return colors[:, :3] if len(colors) == len(mesh.vertices) else None
 
 
 # Models as BOP has them: binary PLY files in millimetres, and their entries in models_info.json.

@@ -6,34 +6,54 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
+import msgspec
 import numpy as np
 import trimesh
+from msgspec import Meta
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError, in_one_line, quoted, unknown
+from verefine_viz.core.files import Numbered, Numbers3, Numbers4x4, id_of, read_json
 from verefine_viz.core.geometry import as_rigid, axis_angle, check_reach, transform
-from verefine_viz.core.json_files import id_of, key_of, number_of, numbers_of, position_of, read_json, read_numbered
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.scenes.meshes import Mesh, mesh_files, read_mesh, unit_of_format
 
-# An object's symmetries in ``models_info.json``.
+# An object's entry in ``models_info.json``.
+
+
+class Axis(msgspec.Struct, frozen=True):
+    """A continuous symmetry."""
+
+    axis: Numbers3
+    """Of any length."""
+    offset: Numbers3
+    """A point of it [mm]."""
+
+
+class ModelInfo(msgspec.Struct, frozen=True):
+    """An object's entry in models_info.json, in millimetres."""
+
+    diameter: Annotated[float, Meta(ge=1e-3, le=1e6)] | None = None
+    symmetries_discrete: tuple[Numbers4x4, ...] = ()
+    symmetries_continuous: tuple[Axis, ...] = ()
+
 
 CONTINUOUS_STEPS = 64
 """Rotations that stand for a continuous symmetry (5.6° apart); the official scores use 315."""
 
 
-def symmetry_transforms(info: dict[str, Any], where: str, continuous_steps: int = CONTINUOUS_STEPS) -> Float:
+def symmetry_transforms(info: ModelInfo, where: str, continuous_steps: int = CONTINUOUS_STEPS) -> Float:
     """All transforms (S, 4, 4) [m] of the object frame that leave the object looking the same; the identity first.
 
     Args:
-        info: the object's entry of models_info.json (millimetres).
+        info: the object's entry of models_info.json.
         where: what to call the entry in an error.
         continuous_steps: rotations per continuous axis.
 
     Raises:
-        InputError: an entry is incomplete or no rigid transform.
+        InputError: an entry is no rigid transform, or no direction.
     """
     discrete, continuous = listed_symmetries(info, where, continuous_steps, 1e-3)
     try:
@@ -44,7 +64,7 @@ def symmetry_transforms(info: dict[str, Any], where: str, continuous_steps: int 
 
 
 def listed_symmetries(
-    info: dict[str, Any], where: str, continuous_steps: int, unit: float
+    info: ModelInfo, where: str, continuous_steps: int, unit: float
 ) -> tuple[list[Float], list[Float]]:
     """The discrete symmetries (4, 4) with the digits of the file, and the steps of all continuous ones.
 
@@ -55,24 +75,27 @@ def listed_symmetries(
         unit: of the result's translations, per millimetre.
 
     Raises:
-        InputError: an entry is incomplete.
+        InputError: an axis is no direction, or a position is out of reach.
     """
-    discrete = []
-    for k, values in enumerate(_list(info, "symmetries_discrete", where)):
-        place = f"{where}: symmetries_discrete[{k}]"
-        T = numbers_of({"it": values}, "it", 16, place).reshape(4, 4).copy()
-        try:
-            check_reach(T[:3, 3] * 1e-3, place)
-        except ShapeError as error:
-            raise InputError(str(error)) from None
-        T[:3, 3] *= unit
-        discrete.append(T)
-    continuous = [
-        T
-        for k, entry in enumerate(_list(info, "symmetries_continuous", where))
-        for T in _rotations(entry, f"{where}: symmetries_continuous[{k}]", continuous_steps, unit)
-    ]
+    try:
+        discrete = [
+            _scaled(T, unit, f"{where}: symmetries_discrete[{k}]") for k, T in enumerate(info.symmetries_discrete)
+        ]
+        continuous = [
+            T
+            for k, axis in enumerate(info.symmetries_continuous)
+            for T in _rotations(axis, f"{where}: symmetries_continuous[{k}]", continuous_steps, unit)
+        ]
+    except ShapeError as error:
+        raise InputError(str(error)) from None
     return discrete, continuous
+
+
+def _scaled(T_mm: Float, unit: float, where: str) -> Float:
+    check_reach(T_mm[:3, 3] * 1e-3, where)
+    T = T_mm.copy()
+    T[:3, 3] *= unit
+    return T
 
 
 def combined_symmetries(discrete: Sequence[Float], continuous: Sequence[Float]) -> Float:
@@ -84,20 +107,13 @@ def combined_symmetries(discrete: Sequence[Float], continuous: Sequence[Float]) 
     return np.stack([C @ D for D in every for C in continuous] if continuous else every)
 
 
-def _rotations(entry: Any, where: str, n_steps: int, unit: float) -> list[Float]:
-    axis = numbers_of(entry, "axis", 3, where)
-    offset = position_of(entry, "offset", where) * unit
-    if not np.linalg.norm(axis) > 0:
-        raise InputError(f"{where}: 'axis' is zero, expected a direction")
-    turns = (axis_angle(axis, 2 * np.pi * i / n_steps) for i in range(n_steps))
+def _rotations(symmetry: Axis, where: str, n_steps: int, unit: float) -> list[Float]:
+    if not np.linalg.norm(symmetry.axis) > 0:
+        raise ShapeError(f"{where}: 'axis' is zero, expected a direction")
+    check_reach(symmetry.offset * 1e-3, f"{where}: 'offset'")
+    offset = symmetry.offset * unit
+    turns = (axis_angle(symmetry.axis, 2 * np.pi * i / n_steps) for i in range(n_steps))
     return [transform(R, offset - R @ offset) for R in turns]
-
-
-def _list(info: dict[str, Any], key: str, where: str) -> list[Any]:
-    value = key_of(info, key, where) if key in info else []
-    if not isinstance(value, list):
-        raise InputError(f"{where}: {key!r} is a JSON {type(value).__name__}, expected a list")
-    return value
 
 
 # The unit of a mesh file, checked against the diameter that models_info.json states for the object.
@@ -105,21 +121,8 @@ def _list(info: dict[str, Any], key: str, where: str) -> list[Any]:
 SIZE_TOLERANCE = 1.2
 """Ratio between a mesh's own and its stated diameter above which there is a note."""
 
-DIAMETER_MM = (1e-3, 1e6)
-"""Least and largest diameter that models_info.json may state [mm]."""
-
 LONGEST_NAME = 200
 """Of an object [characters]."""
-
-
-def diameter_mm_of(info: Any, where: str) -> float:
-    """The diameter of an object's entry in models_info.json [mm].
-
-    Raises:
-        InputError: there is none, or it is out of ``DIAMETER_MM``.
-    """
-    low, high = DIAMETER_MM
-    return number_of(info, "diameter", where, low, high, f"millimetres > 0, {low:g} to {high:g}")
 
 
 def checked_unit(file: str, own_m: float, stated_m: float | None) -> tuple[float, str]:
@@ -206,9 +209,8 @@ class ModelLibrary:
         self.folder = _models_folder(dataset)
         self._n_points = n_points
         self._seed = seed
-        self._info: dict[int, Any] = {}
-        if os.path.lexists(self.folder / "models_info.json"):
-            self._info = read_numbered(self.folder / "models_info.json", "object")
+        infos = self.folder / "models_info.json"
+        self._infos = Numbered(infos, ModelInfo, "object") if os.path.lexists(infos) else {}
         self._names = _names(dataset, self.folder)
         self._loaded: dict[int, tuple[ObjectModel, tuple[str, ...]]] = {}
         self._meshes = mesh_files(self.folder)
@@ -241,10 +243,8 @@ class ModelLibrary:
             raise InputError(f"{unknown('model', obj_id, self.ids)} in {self.folder}")
         path = self._meshes[obj_id]
         where = f"{self.folder / 'models_info.json'}, object {obj_id}"
-        info = self._info.get(obj_id, {})
-        if not isinstance(info, dict):
-            raise InputError(f"{where} is a JSON {type(info).__name__}, expected an object with 'diameter'")
-        stated_m = diameter_mm_of(info, where) * 1e-3 if "diameter" in info else None
+        info = self._infos[obj_id] if obj_id in self._infos else ModelInfo()
+        stated_m = None if info.diameter is None else info.diameter * 1e-3
         symmetries = symmetry_transforms(info, where)
         mesh = read_mesh(path, unit_of_format(path))
         factor, note = checked_unit(path.name, mesh.diameter_m, stated_m)
@@ -270,7 +270,7 @@ def _names(dataset: Path, models: Path) -> dict[int, str]:
     if path is None:
         return {}
     names: dict[int, str] = {}
-    for key, value in read_json(path, dict).items():
+    for key, value in read_json(path, dict[str, str | int | None]).items():
         # Both directions are in use: {"1": "can"} and {"can": 1}.
         number, name = (key, value) if id_of(key) is not None else (value, key)
         obj_id = id_of(str(number))

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.errors import InputError, ShapeError, in_one_line
+from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import FARTHEST_M, as_rigid, distance_m
-from verefine_viz.core.paths import read_input
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.scenes.image_files import SUFFIXES, find_image, read_color, read_mask, read_steps, size_text
 from verefine_viz.scenes.meshes import FORMATS, read_geometry
@@ -26,6 +26,8 @@ from verefine_viz.scenes.trace_files import RecordedFrame, RecordedObject
 CAMERA, DEPTH, RGB = "cam_K.txt", "depth", "rgb"
 MASKS, MESHES = ("masks", "mask", "gt_mask"), ("mesh", "meshes", "model", "models")
 POSES, GROUND_TRUTH = "ob_in_cam", "annotated_poses"
+MOST_BYTES = 1_000_000
+"""Of a text file of a matrix."""
 LARGEST_M, DEEPEST_M = 5.0, 60.0
 """A mesh that is larger, and depth with a median beyond, are in millimetres."""
 
@@ -44,6 +46,7 @@ class PoseSequence:
     """
 
     folder: Path
+    notes: tuple[str, ...] = ()
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -52,7 +55,7 @@ class PoseSequence:
             raise InputError(
                 f"{self.folder} holds no sequence; expected {CAMERA}, {DEPTH}/, {RGB}/ and mesh/*.obj in it"
             )
-        names = sorted(path.stem for path in (self.folder / DEPTH).iterdir() if path.suffix.lower() in SUFFIXES)
+        names = sorted({path.stem for path in (self.folder / DEPTH).iterdir() if path.suffix.lower() in SUFFIXES})
         if not names:
             raise InputError(f"{self.folder / DEPTH} holds no image; expected {', '.join(SUFFIXES)}")
         return tuple(names)
@@ -60,7 +63,7 @@ class PoseSequence:
     @property
     def objects(self) -> tuple[str, ...]:
         """The one object, which is called as the folder is."""
-        return (self.folder.resolve().name,)
+        return (in_one_line(self.folder.resolve().name),)
 
     def frame(self, name: str) -> RecordedFrame:
         """One frame; a pose that cannot be read becomes a note."""
@@ -152,10 +155,8 @@ def _matrix(path: Path, shape: tuple[int, int]) -> Float:
     Raises:
         InputError: there are others than expected.
     """
-    try:
-        values = np.array(read_input(path).decode("utf-8").replace(",", " ").split(), dtype=np.float64)
-    except (UnicodeDecodeError, ValueError):
-        raise InputError(f"{path} holds something else than numbers, expected {shape[0]}×{shape[1]}") from None
-    if values.size != shape[0] * shape[1] or not np.isfinite(values).all():
-        raise InputError(f"{path} holds {values.size} numbers, expected {shape[0]}×{shape[1]} finite ones")
-    return values.reshape(shape)
+    with reading(path, most_bytes=MOST_BYTES) as file:
+        values = np.array(file.read().decode("utf-8-sig").replace(",", " ").split(), dtype=np.float64)
+        if values.size != shape[0] * shape[1] or not np.isfinite(values).all():
+            raise ValueError(f"{values.size} numbers, expected {shape[0]}×{shape[1]} finite ones")
+        return values.reshape(shape)

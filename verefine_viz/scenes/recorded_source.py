@@ -14,6 +14,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Instance, LeftOut, Placed, Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
+from verefine_viz.core.text_format import listed
 from verefine_viz.observation.observed_frame import observe
 from verefine_viz.scenes.frames import frame_name, parse_frame, repeated_notes
 from verefine_viz.scenes.hypothesis_pool import check_asked, check_covered, file_notes, pools_of_frame, results_of
@@ -25,7 +26,9 @@ from verefine_viz.scenes.segments import Segment, draw_placed
 from verefine_viz.scenes.trace_files import (
     RecordedFrame,
     RecordedObject,
+    begun_at,
     image_numbers,
+    left_out_of,
     object_names,
     read_trace,
     recorded_answers,
@@ -59,11 +62,15 @@ class Traces:
         if not self._folders:
             raise InputError(f"{folder} holds no trace; expected a folder that verefine_viz.trace.Trace was given")
         self.names = tuple(self._folders)
+        left_out = left_out_of(folder)
+        self.notes = (f"traces still being written, or without all their files, left out: {listed(left_out)}",) * bool(
+            left_out
+        )
 
     @property
     def objects(self) -> tuple[str, ...]:
         """By the first trace that has them, in the order in which the traces were begun."""
-        by_age = sorted(self._folders.values(), key=lambda path: (path / "depth.npy").stat().st_mtime_ns)
+        by_age = sorted(self._folders.values(), key=begun_at)
         return tuple(dict.fromkeys(name for path in by_age for name in object_names(path)))
 
     def frame(self, name: str) -> RecordedFrame:
@@ -104,7 +111,11 @@ class RecordedSource:
         for frame in scene.frames:
             self._check_frame(frame)
         self.frames: tuple[str, ...] = tuple(dict.fromkeys(scene.frames)) or tuple(self._names)
-        self.notes: tuple[str, ...] = (*repeated_notes(scene.frames), *file_notes(self._results))
+        self.notes: tuple[str, ...] = (
+            *self._recording.notes,
+            *repeated_notes(scene.frames),
+            *file_notes(self._results),
+        )
         strange = [i for i in scene.objects if i not in self._obj_ids.values()]
         if strange:
             there = ", ".join(f"{i} ({name})" for name, i in self._obj_ids.items())

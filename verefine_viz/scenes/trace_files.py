@@ -2,26 +2,65 @@
 
 from __future__ import annotations
 
-import json
 import re
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
-from numpy.typing import NDArray
+from msgspec import Meta
+from numpy.typing import DTypeLike, NDArray
 
-from verefine_viz.core.arrays import Float, Mask
-from verefine_viz.core.errors import InputError, ShapeError
-from verefine_viz.core.geometry import as_rigid
-from verefine_viz.core.paths import open_input, read_input
+from verefine_viz.core.array_cache import NPZ_READING
+from verefine_viz.core.arrays import Float, Mask, plain_array
+from verefine_viz.core.errors import InputError, ShapeError, in_one_line
+from verefine_viz.core.files import Numbers3, Numbers3x3, Numbers4x4, Real, decoded_json, first_line, reading
+from verefine_viz.core.geometry import as_rigid, check_reach
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
+from verefine_viz.scenes.image_files import DEEPEST_M
 from verefine_viz.trace import CALLS, FORMAT
 
+MOST_BYTES, MOST_OBJECTS, MOST_HYPOTHESES, MOST_STEPS = 200_000_000, 100, 1000, 20_000
+"""Of the calls of a trace; hypotheses and steps are those of one object."""
+Number = Annotated[int, Meta(ge=-(2**31), le=2**31)]
 QUIET_S = 5.0
 """A trace that was not closed counts as over when nothing was written for so long [s]."""
+NOT_CLOSED = "the trace was cut short: its program still runs, or was stopped"
+"""A note."""
+
+
+class Call(msgspec.Struct, frozen=True):
+    """A line of a trace: about the frame (the first one), an object, a pose, a problem, or the end."""
+
+    trace: int | None = None
+    started: Real = 0.0
+    K: Numbers3x3 | None = None
+    rgb: bool = False
+    gravity_cam: Numbers3 | None = None
+
+    object: Number | None = None
+    name: Annotated[str, Meta(max_length=200)] = ""
+    """Of the object, or of the step."""
+    mesh: str | None = None
+    """Beside this an object has a unit, a mask and a ground truth."""
+    unit_m: Annotated[float, Meta(gt=0, le=1000)] = 1.0
+    mask: str = ""
+    truth: Numbers4x4 | None = None
+
+    T: Numbers4x4 | None = None
+    hypothesis: Number | None = None
+    step: Number | None = None
+    answer: bool = False
+    score: Real | None = None
+    ms: Annotated[float, Meta(ge=0, le=1e12)] = 0.0
+    note: str = ""
+
+    problem: str | None = None
+    closed: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,23 +102,44 @@ def is_trace(folder: Path) -> bool:
 
 
 def traces_in(folder: Path) -> tuple[Path, ...]:
-    """The traces of a folder: itself, or those directly in it that are not being written, by name with numbers as
-    numbers.
-    """
+    """The traces of a folder: itself, or those directly in it that are complete, by name with numbers as numbers."""
     if is_trace(folder):
         return (folder,)
-    inside = [path for path in folder.iterdir() if is_trace(path) and _is_over(path / CALLS)]
-    return tuple(sorted(inside, key=_natural))
+    return tuple(sorted(filter(_is_complete, filter(is_trace, folder.iterdir())), key=_natural))
 
 
-def _is_over(calls: Path) -> bool:
-    """Whether a trace was closed, or its program has not written for a while."""
-    status = calls.stat()
-    if not status.st_size or time.time() - status.st_mtime > QUIET_S:
-        return status.st_size > 0
-    with open_input(calls) as file:
-        file.seek(max(status.st_size - 64, 0))
-        return b'"closed"' in file.read()
+def left_out_of(folder: Path) -> tuple[str, ...]:
+    """The names of traces in a folder that are being written, or lack files."""
+    inside = () if is_trace(folder) else filter(is_trace, folder.iterdir())
+    return tuple(in_one_line(path.name) for path in sorted(inside, key=_natural) if not _is_complete(path))
+
+
+def written_ns(folder: Path) -> dict[int, int]:
+    """When each trace of a folder was last written to [ns since 1970], by its image number."""
+    traces = traces_in(folder)
+    numbers = image_numbers([path.resolve().name for path in traces])
+    # A copy that keeps the times of what was copied cannot keep this one.
+    return {number: (path / CALLS).stat().st_ctime_ns for number, path in zip(numbers, traces, strict=True)}
+
+
+def _is_complete(folder: Path) -> bool:
+    """Whether a trace was closed, or its program has not written for a while, and all files are there that it names."""
+    try:
+        status = (folder / CALLS).stat()
+        is_closed, named = _summary(folder, status.st_mtime_ns, status.st_size)
+    except (InputError, OSError):
+        return False
+    is_over = is_closed or (status.st_size > 0 and time.time() - status.st_mtime > QUIET_S)
+    return is_over and all((folder / name).is_file() for name in named)
+
+
+@lru_cache(maxsize=10_000)
+def _summary(folder: Path, changed_ns: int, size: int) -> tuple[bool, tuple[str, ...]]:
+    """Whether a trace was closed, and the files that it names, as of a time."""
+    calls, _ = _calls(folder)
+    named = ["depth.npy", *(["rgb.npy"] if calls[0].rgb else [])]
+    named += [name for call in calls if call.mesh is not None for name in (call.mesh, call.mask) if name]
+    return any(call.closed for call in calls), tuple(named)
 
 
 def image_numbers(names: Sequence[str]) -> tuple[int, ...]:
@@ -96,7 +156,12 @@ def object_names(folder: Path) -> tuple[str, ...]:
     Raises:
         InputError: the trace cannot be read.
     """
-    return tuple(str(line.get("name", "")) for line in _lines(folder)[0] if "object" in line and "name" in line)
+    return tuple(in_one_line(call.name) for call in _calls(folder)[0] if call.mesh is not None)
+
+
+def begun_at(folder: Path) -> float:
+    """When a trace was begun [s since 1970]."""
+    return _calls(folder)[0][0].started
 
 
 def recorded_answers(folder: Path) -> dict[str, tuple[Float, float | None]]:
@@ -105,17 +170,22 @@ def recorded_answers(folder: Path) -> dict[str, tuple[Float, float | None]]:
     Raises:
         InputError: the trace cannot be read.
     """
-    lines, _ = _lines(folder)
+    calls, _ = _calls(folder)
     answers: dict[str, tuple[Float, float | None]] = {}
-    for line in lines:
-        if "object" not in line or "name" not in line:
-            continue
-        own = [other for other in lines if other.get("object") == line["object"] and len(other.get("T", ())) == 16]
-        if own:
-            T = np.reshape(own[-1]["T"], (4, 4)).astype(np.float64)
-            scored = (o["score"] for o in reversed(own) if "score" in o and np.allclose(o["T"], T.ravel(), atol=1e-5))
-            answers[str(line["name"])] = T, next(scored, None)
+    for name, own in _poses_by_name(calls).items():
+        T = own[-1][1]
+        scored = (o.score for o, pose in reversed(own) if o.score is not None and np.allclose(pose, T, atol=1e-5))
+        answers[name] = T, next(scored, None)
     return answers
+
+
+def _poses_by_name(calls: Sequence[Call]) -> dict[str, list[tuple[Call, Float]]]:
+    """The calls about poses, and the poses (4, 4) [m], of each object that has any."""
+    poses: dict[int | None, list[tuple[Call, Float]]] = {}
+    for call in calls:
+        if call.T is not None:
+            poses.setdefault(call.object, []).append((call, call.T))
+    return {in_one_line(one.name): poses[one.object] for one in calls if one.mesh is not None and one.object in poses}
 
 
 def read_trace(folder: Path) -> RecordedFrame:
@@ -124,109 +194,117 @@ def read_trace(folder: Path) -> RecordedFrame:
     Raises:
         InputError: there is no trace, it is of another version, or its images are damaged or missing.
     """
-    lines, notes = _lines(folder)
-    head = lines[0]
-    depth = _loaded(folder / "depth.npy", "depth", np.float32)
-    rgb = _loaded(folder / "rgb.npy", "colour", np.uint8) if head.get("rgb") else None
+    calls, notes = _calls(folder)
+    head, name = calls[0], in_one_line(folder.resolve().name)
+    if head.K is None:
+        raise InputError(f"trace {folder} has no camera; record it again")
+    depth = _loaded(folder / "depth.npy", np.float32)
+    rgb = _loaded(folder / "rgb.npy", np.uint8) if head.rgb else None
+    if not ((depth >= 0) & (depth <= DEEPEST_M)).all():
+        raise InputError(f"{folder / 'depth.npy'}: depth that is negative, not finite, or beyond {DEEPEST_M:g} m")
     if depth.ndim != 2 or (rgb is not None and rgb.shape != (*depth.shape, 3)):
         raise InputError(f"trace {folder}: its images do not have one size; record it again")
-    problems = [str(line["problem"]) for line in lines if "problem" in line]
+    problems = [call.problem for call in calls if call.problem is not None]
     if problems:
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-        notes.append(f"{len(problems)} not recorded: {problems[0]}{more}")
-    if not any("closed" in line for line in lines):
-        notes.append("the trace was not closed: its program still runs, or was stopped")
-    objects = []
-    for line in lines:
-        if "object" in line and "mesh" in line:
-            own = [other for other in lines if other.get("object") == line["object"] and "T" in other]
-            objects.append(_object(folder, line, own, depth.shape, notes))
-    down = head.get("gravity_cam")
-    K, gravity = np.array(head["K"], dtype=np.float64), None if down is None else np.array(down, dtype=np.float64)
-    return RecordedFrame(folder.resolve().name, K, depth, rgb, tuple(objects), gravity, tuple(notes))
+        notes.append(f"{len(problems)} not recorded: {in_one_line(problems[0])}{more}")
+    if not any(call.closed for call in calls):
+        notes.append(NOT_CLOSED)
+    begun = [call for call in calls if call.mesh is not None]
+    if len(begun) > MOST_OBJECTS:
+        raise InputError(f"trace {folder} has {len(begun)} objects, expected at most {MOST_OBJECTS}")
+    own = _poses_by_name(calls)
+    objects = [_object(folder, call, own.get(in_one_line(call.name), ()), depth.shape, notes) for call in begun]
+    return RecordedFrame(name, head.K, depth, rgb, tuple(objects), head.gravity_cam, tuple(notes))
 
 
 def _object(
-    folder: Path, line: Mapping[str, Any], own: Sequence[Mapping[str, Any]], shape: tuple[int, ...], notes: list[str]
+    folder: Path, begun: Call, own: Sequence[tuple[Call, Float]], shape: tuple[int, ...], notes: list[str]
 ) -> RecordedObject:
-    """An object's line, and the lines about its poses."""
-    name, mesh = str(line["name"]), str(line["mesh"])
-    mask = None
-    if line.get("mask"):
-        mask = _loaded(folder / str(line["mask"]), f"mask of {name}", np.bool_)
+    """An object, given the call that began it and those about its poses."""
+    name, mask = in_one_line(begun.name), None
+    if begun.mask:
+        mask = _loaded(folder / begun.mask, np.bool_)
         if mask.shape != shape:
             raise InputError(f"trace {folder}: the mask of {name} has another size than depth; record it again")
-    poses: dict[int, list[Mapping[str, Any]]] = {}
-    """The lines of each hypothesis, as the program numbered them."""
+    poses: dict[int, list[tuple[Call, Float]]] = {}
+    """Of each hypothesis, as the program numbered them."""
+    index: dict[int, int] = {}
     steps: list[RecordedStep] = []
-    for entry in own:
+    for call, pose in own:
         try:
-            T = as_rigid(np.reshape(entry["T"], (4, 4)), "pose")
-        except (ShapeError, ValueError) as error:
+            T = as_rigid(pose, "pose")
+            check_reach(T[:3, 3], "pose")
+        except ShapeError as error:
             notes.append(f"{name}: a recorded pose is left out: {error}")
             continue
-        entry = {**entry, "T": T}
-        h = int(entry.get("hypothesis", entry.get("step", _nearest(poses, T))))
+        given = (number for number in (call.hypothesis, call.step) if number is not None)
+        h = next(given, None)
+        h = _nearest(poses, T) if h is None else h
         is_first = h not in poses
-        poses.setdefault(h, []).append(entry)
-        if is_first and "step" in entry:
+        poses.setdefault(h, []).append((call, T))
+        index.setdefault(h, len(index))
+        if is_first and call.step is not None:
             notes.append(f"{name}: hypothesis {h} has no initial pose; its first step counts as one")
-        elif not is_first or "hypothesis" not in entry:
-            what = ANSWER if "answer" in entry else "new initial pose" if "hypothesis" in entry else entry.get("name")
-            index = [*poses].index(h)
-            step = RecordedStep(
-                index,
-                T,
-                str(what or "refined"),
-                entry.get("score"),
-                float(entry.get("ms", 0.0)),
-                str(entry.get("note", "")),
-            )
-            steps.append(step)
-    firsts = [lines[0] for lines in poses.values()]
-    scores = tuple(first.get("score") for first in firsts)
+        elif not is_first or call.hypothesis is None:
+            what = ANSWER if call.answer else "new initial pose" if call.hypothesis is not None else call.name
+            text = in_one_line(what) or "refined"
+            steps.append(RecordedStep(index[h], T, text, call.score, call.ms, in_one_line(call.note)))
+    if len(poses) > MOST_HYPOTHESES or len(steps) > MOST_STEPS:
+        raise InputError(
+            f"trace {folder}: {name} has {len(poses)} hypotheses and {len(steps)} steps, expected at most "
+            f"{MOST_HYPOTHESES} and {MOST_STEPS}"
+        )
+    firsts = [first for (first, *_) in poses.values()]
+    scores = tuple(call.score for call, _ in firsts)
     hypotheses = tuple(
-        Hypothesis(first["T"], 0.0 if score is None else score, f"{name} #{h}")
-        for h, first, score in zip(poses, firsts, scores, strict=True)
+        Hypothesis(T, 0.0 if call.score is None else call.score, f"{name} #{h}")
+        for h, (call, T) in zip(poses, firsts, strict=True)
     )
-    T_gt = None if line.get("truth") is None else as_rigid(np.reshape(line["truth"], (4, 4)), f"ground truth of {name}")
-    path = folder / mesh if mesh else None
-    return RecordedObject(name, path, float(line["unit_m"]), mask, hypotheses, scores, tuple(steps), T_gt)
+    T_gt = None
+    if begun.truth is not None:
+        try:
+            T_gt = as_rigid(begun.truth, "ground truth")
+        except ShapeError as error:
+            notes.append(f"{name}: {error}; it is left out")
+    mesh = folder / begun.mesh if begun.mesh else None
+    return RecordedObject(name, mesh, begun.unit_m, mask, hypotheses, scores, tuple(steps), T_gt)
 
 
-def _nearest(poses: Mapping[int, Sequence[Mapping[str, Any]]], T_cam_obj: Float) -> int:
+def _nearest(poses: Mapping[int, Sequence[tuple[Call, Float]]], T_cam_obj: Float) -> int:
     """The hypothesis whose latest pose an answer is nearest to; 0 where there is none."""
-    return min(poses, key=lambda h: float(np.abs(poses[h][-1]["T"] - T_cam_obj).max()), default=0)
+    return min(poses, key=lambda h: float(np.abs(poses[h][-1][1] - T_cam_obj).max()), default=0)
 
 
-def _lines(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
-    """What the calls wrote, the line about the frame first; and notes about lines that are not whole."""
-    path = folder / CALLS
+def _calls(folder: Path) -> tuple[list[Call], list[str]]:
+    """What the calls wrote, the line about the frame first; and a note about lines that are not whole."""
     if not is_trace(folder):
         raise InputError(f"{folder} holds no trace; expected the folder that verefine_viz.trace.Trace was given")
-    lines: list[dict[str, Any]] = []
-    n_damaged = 0
-    for raw in read_input(path, "trace").splitlines():
-        try:
-            line = json.loads(raw)
-            lines += [line] if isinstance(line, dict) else []
-            n_damaged += not isinstance(line, dict)
-        except ValueError:  # A program that was killed leaves half a line.
-            n_damaged += 1
-    if not lines or "trace" not in lines[0] or "K" not in lines[0]:
-        raise InputError(f"trace {folder} has not begun: its program was stopped before the images were written")
-    if lines[0]["trace"] != FORMAT:
-        raise InputError(f"trace {folder} was written by another version; record it again")
-    return lines, [f"{n_damaged} lines of the trace are damaged and left out"] if n_damaged else []
+    calls: list[Call] = []
+    faults: list[str] = []
+    with reading(folder / CALLS, "trace", MOST_BYTES) as file:
+        for number, line in enumerate(file, 1):
+            try:
+                calls.append(decoded_json(line, Call))
+            except (ValueError, RecursionError) as error:  # A program that was killed leaves half a line.
+                faults.append(f"line {number}: {first_line(error)}")
+                if number == 1:
+                    raise
+        if not calls or calls[0].trace is None:
+            raise ValueError("it has not begun: its program was stopped before the images were written")
+        if calls[0].trace != FORMAT:
+            raise ValueError("it was written by another version; record it again")
+    n = len(faults)
+    return calls, [f"{n} line{'s' * (n > 1)} of the trace damaged and left out ({faults[0]})"] if faults else []
 
 
-def _loaded(path: Path, what: str, dtype: type[np.generic]) -> NDArray[Any]:
-    try:
-        with open_input(path) as file:
-            return np.load(file, allow_pickle=False).astype(dtype, copy=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{path}: the {what} image cannot be read ({error}); record the trace again") from None
+def _loaded(path: Path, dtype: DTypeLike) -> NDArray[Any]:
+    with reading(path, most_bytes=MOST_BYTES) as file, NPZ_READING:
+        array = np.load(file, allow_pickle=False)
+        if dtype is np.bool_ and isinstance(array, np.ndarray) and array.dtype.kind in "iu":
+            array = array != 0
+        return plain_array(array, dtype)
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", path.name)]
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d{1,18})", path.name)]

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.paths import atomic
+from verefine_viz.core.writing import atomic
 from verefine_viz.studies.solve_unit import Outcome
 from verefine_viz.studies.study_plan import Claim, Panel, Study
 

@@ -16,7 +16,7 @@ from rich.markup import escape
 from rich.table import Table
 from scipy.stats import binomtest
 
-from verefine_viz.core.paths import atomic
+from verefine_viz.core.writing import atomic
 from verefine_viz.studies.figure import COLORS, DPI, MARKERS, band, save
 from verefine_viz.studies.grasping_study import PAPER, TABLE
 from verefine_viz.studies.solve_unit import Outcome

@@ -9,6 +9,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
@@ -16,9 +17,9 @@ from verefine_viz.batch.folder import LOCK_FILE
 from verefine_viz.batch.runs import file_stem
 from verefine_viz.batch.worker_pool import interrupts_ignored
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError, unknown
-from verefine_viz.core.json_files import read_json, write_json
-from verefine_viz.core.paths import atomic, check_folder, clear_parts, read_input, try_lock
+from verefine_viz.core.files import read_file, read_json
 from verefine_viz.core.settings import Session
+from verefine_viz.core.writing import atomic, check_folder, clear_parts, try_lock, write_json
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.studies.ablation import ablation, robustness
 from verefine_viz.studies.grasping_study import grasping
@@ -98,7 +99,7 @@ class StudyJournal:
         """What a unit came to; None where it is not finished, or its entry is damaged."""
         file = self._file(unit)
         with suppress(InputError, ValidationError):
-            entry = UnitResult.model_validate_json(read_input(file)) if file.exists() else None
+            entry = UnitResult.model_validate_json(read_file(file)) if file.exists() else None
             if entry is not None and entry.unit == unit:
                 return entry.outcomes
         return None
@@ -129,7 +130,7 @@ class StudyJournal:
             write_json(file, about)
             return
         try:
-            before = read_json(file, dict)
+            before = read_json(file, dict[str, Any])
         except InputError:
             raise self._no_journal() from None
         if before != about:

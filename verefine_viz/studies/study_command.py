@@ -12,8 +12,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from verefine_viz.batch.progress import counted_bar
-from verefine_viz.core.paths import atomic, clear_parts
 from verefine_viz.core.settings import Session
+from verefine_viz.core.writing import atomic, clear_parts
 from verefine_viz.run.session_file import load_session
 from verefine_viz.studies.figure import Points, draw, points_of, rows, save, verdicts
 from verefine_viz.studies.grasp_table import report_grasps

@@ -15,7 +15,7 @@ import torch
 
 import verefine_viz
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.paths import atomic
+from verefine_viz.core.writing import atomic
 from verefine_viz.training.progress_bar import Progress
 
 CHECKPOINT_FORMAT = 1

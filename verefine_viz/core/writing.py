@@ -1,9 +1,10 @@
-"""Paths, input files, whole-or-nothing writes and lock files."""
+"""Places to write to, whole-or-nothing writes, JSON files and lock files."""
 
 from __future__ import annotations
 
 import errno
 import fcntl
+import json
 import os
 import re
 import stat
@@ -13,12 +14,10 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
-from verefine_viz.core.errors import InputError, quoted
+from verefine_viz.core.errors import InputError
 
-LEVELS_BELOW = 3
-"""How far below a folder, named by mistake, what was meant is searched for."""
 _ABOUT_PATHS = (
     errno.ENOENT, errno.ENOTDIR, errno.EEXIST, errno.EISDIR, errno.ENOTEMPTY, errno.EACCES, errno.EPERM, errno.EROFS,
 )  # fmt: skip
@@ -105,65 +104,6 @@ def _there(path: Path) -> Path:
     return next((part for part in (path, *path.parents) if os.path.lexists(part)), path)
 
 
-# Input files: a pipe, a device, a loop of links or a NUL in a name is one clear line and no hang.
-
-_KINDS = (
-    (stat.S_ISDIR, "a folder"),
-    (stat.S_ISFIFO, "a pipe"),
-    (stat.S_ISCHR, "a device"),
-    (stat.S_ISBLK, "a device"),
-    (stat.S_ISSOCK, "a socket"),
-)
-
-
-def open_input(path: Path, label: str = "") -> BinaryIO:
-    """The regular file at ``path``, open for reading; the caller closes it.
-
-    Args:
-        path: the file; links are followed.
-        label: what the file is, before its path in messages ("session file").
-
-    Raises:
-        InputError: it is missing, cannot be read, or is no regular file.
-    """
-    name = f"{label} {path}".lstrip()
-    try:
-        # Before it is opened: opening a device can do something, and opening a pipe waits for its other end.
-        _check_regular(os.stat(path), name)  # noqa: PTH116
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    except FileNotFoundError:
-        raise InputError(f"{name} does not exist") from None
-    except ValueError:
-        raise InputError(f"{label} {quoted(str(path))} is no path: it holds a NUL character".lstrip()) from None
-    except OSError as error:
-        raise InputError(f"{name} cannot be read: {error.strerror}") from None
-    try:
-        _check_regular(os.fstat(descriptor), name)  # It may have been replaced in between.
-    except InputError:
-        os.close(descriptor)
-        raise
-    return os.fdopen(descriptor, "rb")
-
-
-def read_input(path: Path, label: str = "") -> bytes:
-    """All bytes of the regular file at ``path``; as :func:`open_input`.
-
-    Raises:
-        InputError: it is missing, cannot be read, or is no regular file.
-    """
-    with open_input(path, label) as file:
-        try:
-            return file.read()
-        except OSError as error:
-            raise InputError(f"{label} {path} cannot be read: {error.strerror}".lstrip()) from None
-
-
-def _check_regular(status: os.stat_result, name: str) -> None:
-    if not stat.S_ISREG(status.st_mode):
-        kind = next((kind for is_kind, kind in _KINDS if is_kind(status.st_mode)), "something else")
-        raise InputError(f"{name} is {kind}, expected a file")
-
-
 # Output files are written whole or not at all.
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -192,6 +132,16 @@ def atomic(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             part.unlink()
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write ``content``, whole or not at all.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    with atomic(path) as part:
+        part.write_text(json.dumps(content, indent=1), encoding="utf-8")
 
 
 def clear_parts(folder: Path, of: str = "") -> None:

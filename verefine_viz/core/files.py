@@ -1,0 +1,239 @@
+"""The door: every file that comes from outside is opened here, and what goes wrong in it becomes one line."""
+
+from __future__ import annotations
+
+import codecs
+import gzip
+import io
+import math
+import os
+import re
+import stat
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, BinaryIO, Generic, Literal, TypeVar, get_args
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, ShapeError, VerefineError, in_one_line, quoted
+
+MOST_BYTES = 2_000_000_000
+"""Size of a file that is read, unless its reader says less."""
+MOST_JSON_BYTES = 1_000_000_000
+"""The same for JSON, and for what a .json.gz unpacks to."""
+LONGEST = 300
+"""What is shown of an error of a library [characters]."""
+LEVELS_BELOW = 3
+"""How far below a folder, named by mistake, what was meant is searched for."""
+_KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+    (stat.S_ISSOCK, "a socket"),
+)
+
+T = TypeVar("T")
+
+
+@contextmanager
+def reading(path: Path, what: str = "", most_bytes: int = MOST_BYTES) -> Iterator[BinaryIO]:
+    """Open a regular file for reading; whatever is raised inside names the file in one line.
+
+    Args:
+        path: the file; links are followed.
+        what: what the file is, before its path in messages ("session file").
+        most_bytes: size above which it is refused.
+
+    Raises:
+        InputError: it is missing, no regular file or too large, or an exception was raised inside. One that already
+            names its file passes as it is.
+    """
+    name = f"{what} {path}".lstrip()
+    try:
+        with opened(path, name, most_bytes) as file:
+            yield file
+    except Exception as error:
+        if isinstance(error, VerefineError) and not isinstance(error, ShapeError):
+            raise
+        raise InputError(f"{name}: {first_line(error)}") from None
+
+
+def read_file(path: Path, what: str = "", most_bytes: int = MOST_BYTES) -> bytes:
+    """Return the content of a file; as :func:`reading`."""
+    with reading(path, what, most_bytes) as file:
+        return file.read()
+
+
+def first_line(error: Exception) -> str:
+    """Describe what was raised in one line."""
+    if isinstance(error, MemoryError):
+        return "it does not fit into memory"
+    if isinstance(error, RecursionError):
+        return "it is nested too deeply"
+    text = (error.strerror if isinstance(error, OSError) else None) or str(error)
+    line = in_one_line(re.sub(r" <_io[^>]*>", "", next(iter(text.strip().splitlines()), "")))[:LONGEST]
+    is_plain = isinstance(error, ValueError | OSError | VerefineError | msgspec.MsgspecError)
+    return line if line and is_plain else f"{type(error).__name__}: {line}".removesuffix(": ")
+
+
+def opened(path: Path, name: str = "", most_bytes: int = MOST_BYTES) -> BinaryIO:
+    """Open a regular file, which the caller closes; ``name`` is what messages call it.
+
+    Raises:
+        InputError: it is missing, no regular file, too large, or cannot be read.
+    """
+    name = name or str(path)
+    try:
+        # Before it is opened: opening a device can do something, and opening a pipe waits for its other end.
+        _check_regular(os.stat(path), name, most_bytes)  # noqa: PTH116
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except FileNotFoundError:
+        raise InputError(f"{name} does not exist") from None
+    except OSError as error:
+        raise InputError(f"{name} cannot be read: {error.strerror}") from None
+    except ValueError:
+        raise InputError(f"{quoted(name)} is no path: it holds a NUL or half a character") from None
+    try:
+        _check_regular(os.fstat(descriptor), name, most_bytes)  # It may have been replaced in between.
+    except InputError:
+        os.close(descriptor)
+        raise
+    return os.fdopen(descriptor, "rb")
+
+
+def _check_regular(status: os.stat_result, name: str, most_bytes: int) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        kind = next((kind for is_kind, kind in _KINDS if is_kind(status.st_mode)), "something else")
+        raise InputError(f"{name} is {kind}, expected a file")
+    if status.st_size > most_bytes:
+        raise InputError(f"{name} is larger than {most_bytes / 1e6:g} MB")
+
+
+# JSON, decoded into types. Bounds are metadata of the fields.
+
+Id = Annotated[int, Meta(ge=-(2**53), le=2**53)]
+Real = Annotated[float, Meta(ge=-1e300, le=1e300)]
+"""A finite number."""
+Share = Annotated[float, Meta(ge=0, le=1)]
+Numbers3 = np.ndarray[tuple[Literal[3]], np.dtype[np.float64]]
+Numbers3x3 = np.ndarray[tuple[Literal[3], Literal[3]], np.dtype[np.float64]]
+Numbers4x4 = np.ndarray[tuple[Literal[4], Literal[4]], np.dtype[np.float64]]
+"""Finite numbers, row by row, flat or nested in the file."""
+
+
+def read_json(path: Path, kind: type[T], what: str = "") -> T:
+    """Return the content of a JSON file (.json or .json.gz) as ``kind``.
+
+    Raises:
+        InputError: as :func:`reading`; where something does not fit ``kind``, its place is named as ``$[3].cam_K``.
+    """
+    with reading(path, what, MOST_JSON_BYTES) as file:
+        return decoded_json(file.read(), kind)
+
+
+def decoded_json(raw: bytes, kind: type[T]) -> T:
+    """Return JSON as ``kind``; ValueError where it is damaged or something else."""
+    if raw[:2] == b"\x1f\x8b":
+        with gzip.GzipFile(fileobj=io.BytesIO(raw)) as packed:
+            raw = packed.read(MOST_JSON_BYTES + 1)
+        if len(raw) > MOST_JSON_BYTES:
+            raise ValueError(f"it unpacks to more than {MOST_JSON_BYTES / 1e6:.0f} MB")
+    raw = raw.removeprefix(codecs.BOM_UTF8)
+    if b"NaN" in raw or b"Infinity" in raw:  # Python writes them, and no field takes them.
+        raw = _NOT_FINITE.sub(b"null", raw)
+    try:
+        return _decoder(kind).decode(raw)
+    except msgspec.ValidationError as error:
+        raise ValueError(re.sub(r" - at `\$(.*)`$", r" (at $\1)", str(error))) from None
+    except msgspec.DecodeError as error:
+        raise ValueError(f"not JSON: {_placed(str(error).removeprefix('JSON is malformed: '), raw)}") from None
+
+
+def _placed(message: str, raw: bytes) -> str:
+    """A message of msgspec with a line and a column in place of the number of a byte."""
+    byte = re.fullmatch(r"(.*) \(byte (\d+)\)", message)
+    if byte is None:
+        return message
+    before = raw[: int(byte[2])]
+    newline = b"\n"
+    return f"{byte[1]} in line {before.count(newline) + 1}, column {len(before) - before.rfind(newline)}"
+
+
+_NOT_FINITE = re.compile(rb"(?<=[\[,:\s])(NaN|-?Infinity)(?=[\],}\s])")
+
+
+@cache
+def _decoder(kind: type[T]) -> msgspec.json.Decoder[T]:
+    # Not strict: 5.0 is an id as well, as numpy and pandas write them.
+    return msgspec.json.Decoder(kind, strict=False, dec_hook=_array)
+
+
+def _array(kind: Any, value: Any) -> Float:
+    shape = tuple(get_args(length)[0] for length in get_args(get_args(kind)[0]))
+    try:
+        numbers = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"Expected {math.prod(shape)} numbers") from None
+    if numbers.size != math.prod(shape):
+        raise ValueError(f"Expected {math.prod(shape)} numbers, got {numbers.size}")
+    if not (np.abs(numbers) < 1e100).all():
+        raise ValueError("Expected finite numbers")
+    return numbers.reshape(shape)
+
+
+class Numbered(Mapping[int, T], Generic[T]):
+    """A JSON object whose keys are numbers, such as ids of images; an entry is decoded when it is asked for.
+
+    Args:
+        path: the file.
+        kind: what an entry is.
+        of: what the keys number, for messages: "image", "object".
+
+    Raises:
+        InputError: as :func:`read_json`, or a key is no number.
+    """
+
+    def __init__(self, path: Path, kind: type[T], of: str) -> None:
+        self._path, self._kind, self._of = path, kind, of
+        self._raw: dict[int, msgspec.Raw] = {}
+        for key, raw in read_json(path, dict[str, msgspec.Raw]).items():
+            number = id_of(key)
+            if number is None:
+                raise InputError(f"{path}: {quoted(key, 40)} is no {of}, expected its number, as in {{'0': …, '1': …}}")
+            self._raw[number] = raw
+
+    def where(self, number: int) -> str:
+        """Name an entry in a message."""
+        return f"{self._path}, {self._of} {number}"
+
+    def __getitem__(self, number: int) -> T:
+        """The entry.
+
+        Raises:
+            InputError: it is not what it should be; the place is named.
+        """
+        raw = self._raw[number]
+        try:
+            return decoded_json(bytes(raw), self._kind)
+        except (ValueError, RecursionError) as error:
+            raise InputError(f"{self.where(number)}: {first_line(error)}") from None
+
+    def __contains__(self, number: object) -> bool:
+        return number in self._raw
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._raw)
+
+    def __len__(self) -> int:
+        return len(self._raw)
+
+
+def id_of(text: str) -> int | None:
+    """The number that a text is, whatever zeros are in front of it; None where it is none, or has over 18 digits."""
+    return int(text) if re.fullmatch(r"0*\d{1,18}", text, re.ASCII) and len(text) < 100 else None
