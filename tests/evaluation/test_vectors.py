@@ -67,19 +67,15 @@ def test_depth_is_the_official_one_but_for_its_16_bits(official: Vectors) -> Non
         assert ((full[0] > 0) != (full[1] > 0)).sum() <= 2, case["name"]
 
 
-SINGLE = 2e-5
-"""trimesh reads the vertices of an ascii file in single precision [mm]."""
-
-
 def test_other_errors(official: Vectors) -> None:
     for case in official.rendered:
         name, model, pose = case["name"], official.model(case), poses(case)
         assert len(model.symmetries_mm) == case["n_syms"], name
         K = np.array(case["K"])
-        assert mssd_mm(model, *pose) == pytest.approx(case["mssd"], abs=SINGLE, rel=0), name
-        assert mspd_px(model, *pose, K) == pytest.approx(case["mspd"], abs=SINGLE, rel=1e-6), name
-        assert add_mm(model, *pose) == pytest.approx(case["add"], abs=SINGLE, rel=0), name
-        assert adi_mm(model, *pose) == pytest.approx(case["adi"], abs=SINGLE, rel=0), name
+        assert mssd_mm(model, *pose) == pytest.approx(case["mssd"], abs=1e-9, rel=0), name
+        assert mspd_px(model, *pose, K) == pytest.approx(case["mspd"], abs=1e-9, rel=1e-12), name
+        assert add_mm(model, *pose) == pytest.approx(case["add"], abs=1e-9, rel=0), name
+        assert adi_mm(model, *pose) == pytest.approx(case["adi"], abs=1e-9, rel=0), name
         # acos turns the last bit of a cosine near 1 into 1e-6 degrees.
         assert np.linalg.norm(pose[1] - pose[3]) == pytest.approx(case["te_mm"], abs=1e-9, rel=0), name
         overlap = spheres_overlap_in_image(pose[1], pose[3], case["diameter"])

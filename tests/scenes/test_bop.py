@@ -196,13 +196,6 @@ def test_a_mesh_of_another_size_is_said(tmp_path: Path) -> None:
     assert "141.4 mm across, models_info.json says 300 mm; one of them is wrong" in notes[0]
 
 
-def test_a_wrong_depth_scale_is_noticed(tmp_path: Path) -> None:
-    made = make(tmp_path)
-    made.edit("scene_camera.json", lambda c: c["3"].update(depth_scale=1.0))
-    notes = made.read().notes
-    assert any("check 'depth_scale'" in note for note in notes)
-
-
 def test_missing_scene_gt_points_to_detections(tmp_path: Path) -> None:
     made = make(tmp_path)
     (made.scene / "scene_gt.json").unlink()

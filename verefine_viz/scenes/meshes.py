@@ -7,6 +7,7 @@ import logging
 import os
 import re
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -72,6 +73,10 @@ class Mesh:
         return largest_distance(self.vertices_m)
 
 
+MOST_HEAD_BYTES = 100_000
+"""Of a PLY file: its header is shorter."""
+
+
 def mesh_files(folder: Path) -> dict[int, Path]:
     """The mesh file of each object of a folder, ``obj_000005.ply`` or with another number of zeros, by BOP id.
 
@@ -133,7 +138,29 @@ def read_geometry(path: Path) -> tuple[Float, NDArray[np.int32]]:
     """
     with reading(_mesh_file(path)) as file:
         loaded = _loaded(file, path, _Beside(path), skip_materials=True)
-        return np.asarray(loaded.vertices, dtype=np.float64), np.asarray(loaded.faces).astype(np.int32)
+        vertices = np.asarray(loaded.vertices, dtype=np.float64)
+        file.seek(0)
+        exact = _ascii_vertices(file)
+        if exact is not None and exact.shape == vertices.shape:
+            vertices = exact
+        return vertices, np.asarray(loaded.faces).astype(np.int32)
+
+
+def _ascii_vertices(file: BinaryIO) -> Float | None:
+    """The vertices of an ascii PLY in double precision (trimesh rounds them to single); None for any other file."""
+    head = file.read(MOST_HEAD_BYTES).partition(b"end_header")[0].decode("latin-1")
+    first = re.search(r"^element\s+vertex\s+(\d+)((?:\s+property.*)*)", head, re.MULTILINE)
+    if "format ascii" not in head or first is None or head.find("element") != first.start():
+        return None  # Other elements come before the vertices.
+    names = [line.split()[-1] for line in first[2].strip().splitlines()]
+    file.seek(0)
+    lines = io.TextIOWrapper(file, "latin-1")
+    while not next(lines).startswith("end_header"):
+        pass
+    body = (line for line in lines if line.strip())
+    vertices = np.loadtxt(islice(body, int(first[1])), usecols=[names.index(axis) for axis in "xyz"], ndmin=2)
+    lines.detach()
+    return vertices
 
 
 def largest_distance(points: Float) -> float:
