@@ -74,10 +74,11 @@ def test_the_header_lets_it_run_again(tmp_path: Path) -> None:
 
 
 floats = st.none() | st.floats(allow_nan=False)
+lengths_mm = st.none() | st.floats(min_value=0, allow_nan=False)
 
 
 @given(
-    score=floats, mm=floats, name=st.text(), status=st.sampled_from(["ok", "no_answer", "left_out", "failed"]),
+    score=floats, mm=lengths_mm, name=st.text(), status=st.sampled_from(["ok", "no_answer", "left_out", "failed"]),
     n=st.integers(0, 2**40), T=st.none() | st.just(np.eye(4)),
 )  # fmt: skip
 @settings(max_examples=30, deadline=None)
@@ -88,6 +89,14 @@ def test_answers_come_back(tmp_path_factory: pytest.TempPathFactory, score, mm, 
     file.begin(RunHeader(1, "", "0/1", "", {}, ()))
     file.finish(end)
     assert first_difference(read_run_file(file.path).end, end) is None
+
+
+def test_an_error_below_zero_is_damage(tmp_path: Path) -> None:
+    file = RunFile(tmp_path / "a.vfrun", SHORT)
+    file.begin(RunHeader(1, "", "0/1", "", {}, ()))
+    file.finish(RunEnd(answers=(Answer(frame="0/1", name="a", status="ok", add_s_mm=-6.0),)))
+    with pytest.raises(InputError, match=r"is damaged: Expected `float` >= 0.0 - at `\$.answers\[0\].add_s_mm`"):
+        read_run_file(file.path)
 
 
 def test_an_iteration_is_in_the_file_when_the_next_one_begins(tmp_path: Path) -> None:
