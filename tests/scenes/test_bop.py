@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from tests.scenes.bop_folder import OBJ_IDS, box_ply, detections, make
+from verefine_viz.calibration.plausibility import data_doubts
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import HypothesesSettings
 from verefine_viz.scenes.bop import BopDataset
@@ -199,8 +200,7 @@ def test_a_mesh_of_another_size_is_said(tmp_path: Path) -> None:
 def test_a_wrong_depth_scale_is_noticed(tmp_path: Path) -> None:
     made = make(tmp_path)
     made.edit("scene_camera.json", lambda c: c["3"].update(depth_scale=1.0))
-    notes = made.read().notes
-    assert any("check 'depth_scale'" in note for note in notes)
+    assert any("depth that is 10 times smaller would fit" in doubt for doubt in data_doubts(made.read()))
 
 
 def test_missing_scene_gt_points_to_detections(tmp_path: Path) -> None:
