@@ -13,7 +13,7 @@ import trimesh
 from PIL import Image
 
 from tests.calibration.sizes import real, scene
-from tests.calibration.test_plausibility import Z_UP, wide_frame
+from tests.calibration.test_consistency import Z_UP, wide_frame
 from verefine_viz.calibration.consistency import TO_OPENGL, data_doubts
 from verefine_viz.commands.dataset_check import check_split
 from verefine_viz.core.arrays import Float, Mask

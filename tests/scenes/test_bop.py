@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from tests.scenes.bop_folder import OBJ_IDS, box_ply, detections, make
-from verefine_viz.calibration.plausibility import data_doubts
+from verefine_viz.calibration.consistency import data_doubts
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import HypothesesSettings
 from verefine_viz.scenes.bop import BopDataset
