@@ -57,6 +57,19 @@ def made_up(seed: int) -> Problem:
     return frame_of(things, rng, view, camera=CAMERA)
 
 
+def wide(seed: int) -> Problem:
+    """Four objects at the edge of the image of a wide lens."""
+    camera = Camera(np.array([[280.0, 0, 319.5], [0, 280.0, 239.5], [0, 0, 1]]), 640, 480)
+    rng, things = np.random.default_rng(seed), []
+    for k, name in enumerate(rng.permutation(("jug", "carton", "block", "bottle", "can", "mug"))[:4]):
+        m = model(str(name))
+        T = standing(m, rng, 0.01)
+        T[:2, 3] += 0.32 * np.array([np.cos(k * np.pi / 2), np.sin(k * np.pi / 2)])
+        things.append(Thing(m, T))
+    view = Viewpoint(float(rng.uniform(-180, 180)), float(rng.uniform(40, 70)), 0.6)
+    return frame_of(things, rng, view, camera=camera)
+
+
 def clean_frames(data: Path, n_made_up: int) -> Iterator[Problem]:
     """With ground truth, and nothing wrong."""
     for folder in ("ycbv", "lm"):
@@ -126,6 +139,12 @@ def truth(times: float) -> Fault:
 def inverted_masks(p: Problem) -> Problem:
     """Masks of everything but the objects."""
     return replace(p, instances=tuple(replace(i, mask=~i.mask) for i in p.instances))
+
+
+def distances(p: Problem) -> Problem:
+    """Depth images of distances from the camera."""
+    rays = p.observation.camera.back_project(np.ones(p.observation.camera.shape))
+    return measured(p, depth=p.observation.depth_m * np.linalg.norm(rays, axis=-1))
 
 
 def in_8_bits(p: Problem) -> Problem:
@@ -296,6 +315,8 @@ def main() -> int:
     print("| what is off | named | false alarms |\n|---|---|---|")
     for name, check, faults in CHECKS:
         print_row(name, check, faults, frames, frames[:: arguments.every])
+    seen_wide = [wide(seed) for seed in range(arguments.made_up * 4 // 15)]
+    print_row("distances in place of depth", says("seem to hold distances"), (distances,), seen_wide, seen_wide)
     printed = [p for p in frames if has_prints(p)]
     if printed:
         displaced = tuple(colour(*by) for by in ((4, 0), (-3, 2), (0, -5)))

@@ -230,7 +230,7 @@ def test_scores_need_targets_and_objects_without_a_diameter_are_named(made: Made
     made.edit("../../models/models_info.json", lambda content: content["5"].pop("diameter"))
     assert "object 5 has no 'diameter'" in missing(check_split(made.root, "test"))["evaluate:"]
     made.edit("../../models/models_info.json", lambda content: content.pop("5"))
-    assert "models_info.json, object 5 has no 'diameter'" in missing(check_split(made.root, "test"))["evaluate:"]
+    assert "models_info.json, object 5 has no" in missing(check_split(made.root, "test"))["evaluate:"]
     assert advice(made) == {}, "it can be solved"
     (made.root / "models" / "models_info.json").unlink()
     assert "models_info.json does not exist" in missing(check_split(made.root, "test"))["evaluate:"]

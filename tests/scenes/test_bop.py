@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from tests.scenes.bop_folder import OBJ_IDS, box_ply, detections, make
+from verefine_viz.calibration.consistency import data_doubts
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import HypothesesSettings
 from verefine_viz.scenes.bop import BopDataset
@@ -194,6 +195,12 @@ def test_a_mesh_of_another_size_is_said(tmp_path: Path) -> None:
     notes = made.read().notes
     assert len(notes) == 1
     assert "141.4 mm across, models_info.json says 300 mm; one of them is wrong" in notes[0]
+
+
+def test_a_wrong_depth_scale_is_noticed(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    made.edit("scene_camera.json", lambda c: c["3"].update(depth_scale=1.0))
+    assert any("depth that is 10 times smaller would fit" in doubt for doubt in data_doubts(made.read()))
 
 
 def test_missing_scene_gt_points_to_detections(tmp_path: Path) -> None:

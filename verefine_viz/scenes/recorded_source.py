@@ -173,7 +173,7 @@ class RecordedSource:
         try:
             camera = Camera(recorded.K, recorded.depth_m.shape[1], recorded.depth_m.shape[0])
         except ShapeError as error:
-            raise InputError(f"{recorded.name}: {error}") from None
+            raise InputError(f"frame {recorded.name}: {error}") from None
         return self._problem(parse_frame(frame), recorded, camera, progress)
 
     def _problem(
