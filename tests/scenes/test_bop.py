@@ -122,6 +122,16 @@ def test_frames_are_those_of_the_targets_file(tmp_path: Path) -> None:
     assert made.open().frames == ("7/4",)
 
 
+def test_of_several_targets_files_that_of_bop19_counts(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    asked = BopDataset(tmp_path, "test").targets
+    for year in (18, 24):
+        (tmp_path / f"test_targets_bop{year}.json").write_text(json.dumps([{"scene_id": 7, "im_id": 4}]))
+    assert BopDataset(tmp_path, "test").targets == asked
+    (tmp_path / "test_targets_bop19.json").unlink()
+    assert BopDataset(made.root, "test").targets == {(7, 4): {}}
+
+
 def test_targets_that_are_not_on_the_disk_are_left_out_with_a_note(tmp_path: Path) -> None:
     made = make(tmp_path)
     more = {"scene_id": 99, "im_id": 1, "obj_id": 2, "inst_count": 1}

@@ -54,6 +54,20 @@ def test_a_sequence_is_read(tmp_path: Path) -> None:
     assert np.count_nonzero(second.instances[0].mask) == pytest.approx(24 * 24, rel=0.1)
 
 
+def test_frames_go_by_their_numbers_and_poses_of_a_debug_folder_count(tmp_path: Path) -> None:
+    folder = write_sequence(tmp_path / "mustard", n=4)
+    for kind, ending in (("rgb", "png"), ("depth", "png"), ("ob_in_cam", "txt")):
+        for k, file in enumerate(sorted((folder / kind).iterdir())):
+            file.rename(file.with_name(f"{8 + k}.{ending}"))
+    (folder / "debug").mkdir()
+    (folder / "ob_in_cam").rename(folder / "debug" / "ob_in_cam")
+    assert PoseSequence(folder).names == ("8", "9", "10", "11")
+    source = source_of(folder)
+    assert source.frames == ("0/8", "0/9", "0/10", "0/11")
+    for k, frame in enumerate(source.frames):
+        assert np.allclose(source.problem(frame).instances[0].hypotheses[0].T_cam_obj, pose(x=0.002 * k))
+
+
 def test_depth_in_metres_and_a_mesh_in_millimetres_are_understood(tmp_path: Path) -> None:
     folder = write_sequence(tmp_path / "mustard", size=100)
     depth, _ = picture()

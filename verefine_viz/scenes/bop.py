@@ -279,13 +279,15 @@ class BopDataset:
 
     @cached_property
     def targets(self) -> Mapping[tuple[int, int], Mapping[int, int]] | None:
-        """What the benchmark asks for, as :func:`target_counts` of the first targets file; None without one.
+        """What the benchmark asks for, as :func:`target_counts` of the targets file; None without one.
+
+        Of several it is that of BOP'19, which ``evaluate`` takes as well, else the newest.
 
         Raises:
             InputError: the file is damaged.
         """
         paths = sorted(self.folder.glob(f"{self.split.split('_')[0]}_targets_bop*.json"))
-        return target_counts(paths[0]) if paths else None
+        return target_counts(max(paths, key=lambda path: (path.name.endswith("bop19.json"), path))) if paths else None
 
     def detection_files(self) -> tuple[str, ...]:
         """JSON files in the data set's folder that look like detections, for hints in errors."""

@@ -55,7 +55,8 @@ class PoseSequence:
             raise InputError(
                 f"{self.folder} holds no sequence; expected {CAMERA}, {DEPTH}/, {RGB}/ and mesh/*.obj in it"
             )
-        names = sorted({path.stem for path in (self.folder / DEPTH).iterdir() if path.suffix.lower() in SUFFIXES})
+        stems = {path.stem for path in (self.folder / DEPTH).iterdir() if path.suffix.lower() in SUFFIXES}
+        names = sorted(stems, key=_in_order)
         if not names:
             raise InputError(f"{self.folder / DEPTH} holds no image; expected {', '.join(SUFFIXES)}")
         return tuple(names)
@@ -81,7 +82,7 @@ class PoseSequence:
             first, second, *_ = self._mesh_files
             notes.append(f"the folder holds {len(self._mesh_files)} meshes; {first.name} is used, not {second.name}")
         mask_file = next((file for kind in MASKS if (file := find_image(self.folder / kind, name))), None)
-        pose, T_gt = (self._pose(kind, name, notes) for kind in (POSES, GROUND_TRUTH))
+        pose, T_gt = (self._pose(kind, name, notes) for kind in (self._poses, GROUND_TRUTH))
         poses = () if pose is None else (Hypothesis(pose, 1.0, POSES),)
         one = RecordedObject(
             self.objects[0],
@@ -97,7 +98,7 @@ class PoseSequence:
 
     def answers(self, name: str) -> dict[str, tuple[Float | None, float | None]]:
         """The program's pose (4, 4) [m] of a frame, None where it has none that can be read; it has no score."""
-        return {self.objects[0]: (self._pose(POSES, name, []), None)}
+        return {self.objects[0]: (self._pose(self._poses, name, []), None)}
 
     def _image(self, kind: str, name: str) -> Path:
         path = find_image(self.folder / kind, name)
@@ -121,6 +122,11 @@ class PoseSequence:
             return None
 
     @cached_property
+    def _poses(self) -> str:
+        """The folder of the program's poses, which FoundationPose writes into its debug folder."""
+        return next((kind for kind in (POSES, f"debug/{POSES}") if (self.folder / kind).is_dir()), POSES)
+
+    @cached_property
     def _K(self) -> Float:
         return _matrix(self.folder / CAMERA, (3, 3))
 
@@ -138,6 +144,11 @@ class PoseSequence:
         file = self._mesh_files[0]
         size = float(np.linalg.norm(np.ptp(read_geometry(file)[0], axis=0)))
         return file, 1e-3 if size > LARGEST_M else 1.0
+
+
+def _in_order(name: str) -> tuple[int, str]:
+    """Names that are numbers go by these, whatever zeros are in front: 8, 9, 10."""
+    return (int(name), name) if name.isdecimal() and len(name) < 100 else (0, name)
 
 
 def _depth(path: Path) -> tuple[NDArray[np.float32], list[str]]:
