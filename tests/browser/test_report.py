@@ -78,6 +78,20 @@ def test_a_failure_opens_at_its_iteration_and_leads_back(pages: Pages, scenes: P
     assert screen.foreign == []
 
 
+def test_a_failure_beside_the_report_is_a_file_of_its_own(pages: Pages, scenes: Path, tmp_path: Path):
+    path = tmp_path / "r.html"
+    assert main(["report", str(scenes.parent), "--embed", "0", "--beside", "1", "--out", str(path)]) == 0
+    screen = pages.open_file(path)
+    wrong = next(r for r in screen.state("state.answers.rows") if r["tone"] == "wrong")
+    assert [r["file"] for r in screen.state("state.answers.rows")].count(None) == 1
+    screen.page.locator(".report .next .link").click()
+    screen.page.wait_for_url("**/r-frames/*.html*")
+    screen.until("state.frame && moment && state.view.k === arg", wrong["k"])
+    assert screen.state("moment.obj") == wrong["obj"]
+    screen.until("document.querySelector('.maps canvas')")
+    assert screen.errors == []
+
+
 def test_a_sweep_sorts_filters_and_searches(pages: Pages, tmp_path: Path):
     screen = pages.open_file(made(sweep(tmp_path / "runs", ("rir", "sir", "pir", "refine"), 2, 6, 2)))
     screen.text("rir gets").wait_for()

@@ -34,13 +34,21 @@ class Report:
     embed: int = 8
     """Frames with a wrong answer that open in the file, the worst first, at most 200: 1 to 3 MB and a few seconds
     each. The others name the command that opens them. 0 = none."""
+    beside: int = 0
+    """So many more frames with a wrong answer get a file each, in a folder beside the report that the report opens, at
+    most 200."""
     pictures: int = 300
     """Answers that have a picture, the worst first, at most 10000: about 8 kB each."""
     workers: int = max(os.cpu_count() or 1, 1)
     """Threads for the BOP scores, no more than 4 per core; they are the same for any number."""
 
     def run(self, arguments: Sequence[str]) -> int:
-        for flag, value, most in (("embed", self.embed, MOST_EMBEDDED), ("pictures", self.pictures, MOST_PICTURES)):
+        numbers = (
+            ("embed", self.embed, MOST_EMBEDDED),
+            ("beside", self.beside, MOST_EMBEDDED),
+            ("pictures", self.pictures, MOST_PICTURES),
+        )
+        for flag, value, most in numbers:
             if not 0 <= value <= most:
                 raise SettingsError(f"--{flag} is {quoted(value)}, expected 0 to {most}")
         check_workers(self.workers)
@@ -48,5 +56,5 @@ class Report:
             check_file(self.out, "report.html")
         from verefine_viz.report.write_report import print_report
 
-        print_report(self.folder, self.other, self.out, self.embed, self.pictures, self.workers)
+        print_report(self.folder, self.other, self.out, self.embed, self.beside, self.pictures, self.workers)
         return 0

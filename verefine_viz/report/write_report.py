@@ -18,7 +18,7 @@ from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.writing import atomic, clear_parts
 from verefine_viz.page.bundle import bundle, part, picture
 from verefine_viz.page.gallery import Entry, Gallery
-from verefine_viz.page.share import as_typed, opened_answer, shared
+from verefine_viz.page.share import as_typed, opened_answer, shared, write_shared
 from verefine_viz.page.thumbnails import Painter
 from verefine_viz.page.views.gallery_answers import answers_message
 from verefine_viz.report.groups import read_runs, sections_of
@@ -40,7 +40,9 @@ class Written:
     """What is missing in it, and why."""
 
 
-def print_report(folder: Path, other: Path | None, out: Path | None, embed: int, pictures: int, workers: int) -> None:
+def print_report(
+    folder: Path, other: Path | None, out: Path | None, embed: int, beside: int, pictures: int, workers: int
+) -> None:
     """Write the report of one or two folders of runs, and print what it says and where it is.
 
     Raises:
@@ -58,7 +60,7 @@ def print_report(folder: Path, other: Path | None, out: Path | None, embed: int,
     selections = [find_runs(named) for named in (folder, other) if named is not None]
     runs = [run for selection in selections for run in selection.runs]
     with counted_bar("reading") as progress:
-        written = write_report(runs, path, len(runs) == len(selections), embed, pictures, workers, progress)
+        written = write_report(runs, path, len(runs) == len(selections), embed, beside, pictures, workers, progress)
     console = Console(highlight=False, soft_wrap=True)
     for line in (*written.headlines, *(s.note for s in selections if s.note), *written.notes):
         console.print(escape(line))
@@ -70,6 +72,7 @@ def write_report(
     path: Path,
     as_named: bool = True,
     embed: int = 0,
+    beside: int = 0,
     pictures: int = MOST_PICTURES,
     workers: int = 1,
     progress: StepProgress = lambda what, done, of: None,
@@ -81,6 +84,7 @@ def write_report(
         path: the HTML file.
         as_named: whether the user named these runs, one or two; else those that are not finished are left out.
         embed: frames with a wrong answer that can be opened in the file, the worst first.
+        beside: so many more have a file of their own, in a folder beside it.
         pictures: answers that have a picture, the worst first.
         workers: threads for the BOP scores.
         progress: what is being done.
@@ -100,10 +104,10 @@ def write_report(
         compared |= wrong_in(*section.pair) if section.pair else {}
     for row, entry in zip(answers["rows"], gallery.entries, strict=True):
         row |= {"group": group_of[id(entry.row)], "compared": compared.get(id(entry.row), ""), "thumb": False}
-        row |= {"command": f"verefine-viz view {_run_file(gallery, entry)}", "part": None}
+        row |= {"command": f"verefine-viz view {_run_file(gallery, entry)}", "part": None, "file": None}
     elements = [
         *_pictures(gallery, answers, pictures, notes, progress),
-        *_parts(gallery, answers, embed, notes, progress),
+        *_frames(gallery, answers, embed, beside, path.with_name(f"{path.stem}-frames"), notes, progress),
     ]
     command = f"verefine-viz view {as_typed(folders[0] if len(folders) == 1 else folders[0].parent)}"
     messages = [
@@ -145,8 +149,13 @@ def _pictures(gallery: Gallery, answers: Json, most: int, notes: list[str], prog
     return drawn
 
 
-def _parts(gallery: Gallery, answers: Json, most: int, notes: list[str], progress: StepProgress) -> list[str]:
-    """The worst frames as parts of the file, as ``verefine-viz share`` has them; of a good run the worst one."""
+def _frames(
+    gallery: Gallery, answers: Json, embed: int, beside: int, folder: Path, notes: list[str], progress: StepProgress
+) -> list[str]:
+    """The worst frames as parts of the file, as ``verefine-viz share`` has them; of a good run the worst one.
+
+    So many more are written into ``folder``, a file each.
+    """
     entries = gallery.entries
     worst = [key for key in answers["orders"][0]["keys"] if entries[key].can_be_opened]
     # Where there is no answer there is less to see.
@@ -157,14 +166,20 @@ def _parts(gallery: Gallery, answers: Json, most: int, notes: list[str], progres
         # Several runs may have the frame, or a folder of run files several of it.
         frames.setdefault((entries[key].run, row.frame, row.method, row.seed), []).append(key)
     parts = list[str]()
-    for done, ((run, *_), keys) in enumerate(list(frames.items())[:most]):
-        progress("failures", done, min(most, len(frames)))
+    for done, ((run, frame, *_), keys) in enumerate(list(frames.items())[: embed + beside]):
+        progress("failures", done, min(embed + beside, len(frames)))
         objects = {i for key in keys if (i := entries[key].row.instance_id) is not None}
         try:
             debugger = opened_answer(gallery, entries[keys[0]])
             known = shared(debugger, answers["rows"][keys[0]]["command"], "end", objects, f"p{done}-")
         except VerefineError as error:
             notes.append(f"Wrong answers cannot be opened in the report: {error}.")
+            continue
+        if done >= embed:
+            file = folder / f"{run}_{frame.replace('/', '_')}_{done}.html"
+            write_shared(known, "", file)
+            for key in keys:
+                answers["rows"][key]["file"] = f"{folder.name}/{file.name}"
             continue
         messages = [message | {"run": run} if message["t"] == "frame" else message for message in known.messages]
         parts += [*known.elements, part(f"part {done}", messages, known.answers)]

@@ -72,8 +72,9 @@ async function open(part) {
   for (const message of given.messages) receive(message.t === "frame" ? { ...message, id: opened } : message);
 }
 
-// A report holds some frames, each a part of its own.
-async function openAnswer({ part, obj, k, command }) {
+// A report holds some frames, each a part of its own; others are files beside it.
+async function openAnswer({ part, file, obj, k, command }) {
+  if (part == null && file) return location.assign(`${file.split("/").map(encodeURIComponent).join("/")}#instance=${obj}&iteration=${k}`);
   if (part == null) return toast("note", `The report does not hold this frame. It opens by ${command}`);
   await open(`part ${part}`);
   history.pushState("answer", "");

@@ -119,7 +119,7 @@ const errorWords = (row) =>
 const tipOf = (row) => [
   `${row.name || "all objects"} · frame ${row.frame} · ${row.run}`,
   row.cause, row.evidence || row.message, !row.opens ? "Cannot be opened."
-    : row.command && row.part == null ? row.command : row.k ? `Opens at iteration ${row.k}.` : "Opens before iteration 1.",
+    : row.command && row.part == null && !row.file ? row.command : row.k ? `Opens at iteration ${row.k}.` : "Opens before iteration 1.",
 ].filter(Boolean).join("\n");
 
 export function Gallery() {
