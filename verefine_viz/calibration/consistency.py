@@ -227,12 +227,11 @@ def explanation(one: Seen, fit: float, objects: Sequence[Seen]) -> str:
     best, k = max(((undone.fit(), -k) for k, undone in _undone(one)), default=(0.0, 0))
     if best >= least:
         return EXPLANATIONS[-k].words
-    others = [other for other in objects if other is not one and replace(one, mask=other.mask).fit() >= least]
-    return (
-        f"the mask of {others[0].name} would fit: masks and poses look as if they were in another order"
-        if others
-        else ""
-    )
+    if one.is_truth:  # Estimates are given to the masks that they fit.
+        for other in objects:
+            if other is not one and replace(one, mask=other.mask).fit() >= least:
+                return f"the mask of {other.name} would fit: masks and poses look as if they were in another order"
+    return ""
 
 
 def _undone(one: Seen) -> Iterator[tuple[int, Seen]]:

@@ -7,7 +7,7 @@ import gzip
 import io
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +71,7 @@ def bundle(
     page = re.sub(r"<title>.*?</title>", lambda m: f"<title>{_escaped(title)}</title>", page)
     policy = f'<meta http-equiv="Content-Security-Policy" content="{CSP}">'
     page = page.replace('<meta charset="utf-8">', f'<meta charset="utf-8">\n    {policy}', 1)
-    imports = {module: _address(module) for module in _modules()}
+    imports = {_name(path): _address(path) for path in sorted(WEB.rglob("*.js"))}
     script = f'<script type="importmap">{json.dumps({"imports": imports})}</script>\n    '
     page = _SCRIPT.sub(lambda m: f'{script}<script type="module">import "web/{m[1]}";</script>', page)
     parts = "\n".join((*elements, part("page", messages, answers)))
@@ -109,19 +109,14 @@ def compressed(data: bytes) -> str:
     return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode()
 
 
-def _modules() -> Mapping[str, Path]:
-    """Return the page's modules by the names under which a file imports them."""
-    return {f"web/{path.relative_to(WEB).as_posix()}": path for path in sorted(WEB.rglob("*.js"))}
+def _name(path: Path) -> str:
+    """Return the name under which a file imports a module of the page."""
+    return f"web/{path.resolve().relative_to(WEB.resolve()).as_posix()}"
 
 
-def _address(module: str) -> str:
+def _address(path: Path) -> str:
     """Return a module as an address; what it imports is named from the top, as such an address has no folder."""
-    path = WEB / module.removeprefix("web/")
-
-    def from_top(match: re.Match[str]) -> str:
-        return f'{match[1]}"web/{(path.parent / match[2]).resolve().relative_to(WEB.resolve()).as_posix()}"'
-
-    source = _IMPORTED.sub(from_top, path.read_text("utf-8"))
+    source = _IMPORTED.sub(lambda m: f'{m[1]}"{_name(path.parent / m[2])}"', path.read_text("utf-8"))
     return f"data:text/javascript;base64,{base64.b64encode(source.encode()).decode()}"
 
 

@@ -294,11 +294,14 @@ def _wants(
     truths = {o["id"]: o["gt"] for o in objects if o["gt"]}
     results = {o["obj"]: o for o in verdict["objects"]} if verdict else {}
 
+    def scored(k: int) -> int:
+        """The first iteration that is scored like iteration k."""
+        return 1 + max((after for after in branch["scored"] if after < max(k, 1)), default=0)
+
     def posed(k: int, obj: int, *poses: Sequence[float] | None) -> Iterator[Json]:
-        scored = 1 + max((after for after in branch["scored"] if after < max(k, 1)), default=0)
         for T in poses:
             if T is not None:
-                yield {"what": "maps", "branch": index, "k": scored, "obj": obj, "T": T}
+                yield {"what": "maps", "branch": index, "k": scored(k), "obj": obj, "T": T}
                 yield {"what": "shaded", "obj": obj, "T": T}
 
     ks = {k for o in results.values() for k in (o["k"], *(finding["k"] for finding in o["findings"]))}
@@ -336,9 +339,8 @@ def _wants(
     if only is None and len(objects) > 1:
         for poses in (answers, truths):
             if poses:
-                k = 1 + max((after for after in branch["scored"] if after < n), default=0)
                 shown = [[o["id"], poses[o["id"]]] for o in objects if o["id"] in poses]
-                yield {"what": "maps", "branch": index, "k": k, "obj": None, "poses": shown}
+                yield {"what": "maps", "branch": index, "k": scored(n), "obj": None, "poses": shown}
 
 
 def _all_poses(

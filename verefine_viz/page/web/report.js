@@ -11,7 +11,7 @@ import { Bars, Dot, Drawing, Forest, Key, LIMIT, Recall, Sorted, axis, colorOf, 
 const CAUSES = ["#4e79a7", "#f28e2b", "#e15759", "#76b7b2", "#59a14f", "#edc948", "#b07aa1", "#ff9da7", "#9c755f",
   "#86bcb6", "#d37295", "#a0cbe8"];
 const STAGES = {
-  read: ["read", "#8d99ae"], prepare: ["prepare models, once", "#c9b48a"], start: ["hypotheses", "#577590"],
+  read: ["read", "#8d99ae"], prepare: ["prepare models, once", "#c9b48a"], compile: ["compile, once", "#b8a06a"], start: ["hypotheses", "#577590"],
   refine: ["refine", "#326eff"], simulate: ["simulate", "#ff8c00"], score: ["score", "#28c850"],
   rest: ["rest of the iterations", "#98a3b5"], grasp: ["grasp", "#e9c46a"], explain: ["look for causes", "#8a76a8"],
   summarise: ["summarise", "#c9ada7"], record: ["record", "#9a8c98"],
