@@ -130,14 +130,14 @@ def _data_folder(path: Path | None, overrides: Mapping[str, Any]) -> DataFolder 
     """
     from verefine_viz.batch.index import is_batch_folder, named_runs
     from verefine_viz.run.data_folder import data_folder, why_unknown
-    from verefine_viz.scenes.layouts.foundation_pose import lacking
 
     if path is None or not path.is_dir() or is_batch_folder(path):
         return None
     known = data_folder(path, overrides)
     if known is None and not named_runs(path) and not (path / "session.toml").exists():
-        batch = "" if lacking(path) else "is no folder of a batch: it has no run.json, and "
-        raise InputError(f"{path} {batch}{why_unknown(path)}")
+        why = why_unknown(path)
+        batch = "is no folder of a batch: it has no run.json, and " if why.startswith("holds no data") else ""
+        raise InputError(f"{path} {batch}{why}")
     return known
 
 

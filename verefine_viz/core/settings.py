@@ -39,6 +39,9 @@ class SceneSettings(Settings):
     """Layout: the XML file of a GRASPA layout, relative to the session file."""
     split: InputPath = "test"
     """BOP: the folder of the split below the data set (test, train_real, test_primesense, …)."""
+    sensor: str = ""
+    """BOP: the sensor whose files are read where scenes have several (cam1 for scene_camera_cam1.json, depth_cam1, …);
+    none = the plain names, else the first sensor with ground truth."""
     demo: str = "mug"
     """Demo: name of the built-in scene; an unknown name lists them."""
     turned: bool = False

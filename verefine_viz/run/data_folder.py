@@ -2,20 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from verefine_viz.core.errors import InputError, in_one_line
 from verefine_viz.core.settings import Session
+from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.run.session_file import CAPTURE_HEAD, load_session
+from verefine_viz.scenes.bop import BopDataset
+from verefine_viz.scenes.bop_files import (
+    Inside,
+    beside,
+    datasets_below,
+    has_truth,
+    inside_dataset,
+    scenes_in,
+    sensors_of,
+    splits_in,
+    splits_to_open,
+)
+from verefine_viz.scenes.frames import frame_name, frames_of_scene
 from verefine_viz.scenes.layouts import readers, recording_in
 from verefine_viz.scenes.layouts.foundation_pose import lacking
 from verefine_viz.scenes.recorded_frame import Recording
 
-SCENES, CAMERAS, SESSION = "*/[0-9]*", "scene_camera.json", "session.toml"
-"""Scenes of a BOP data set, the file that lists the images of one, and the session of a folder of ``keep_frame``."""
+SCENES, CAMERAS, SESSION = "*/[0-9]*", "scene_camera*.json", "session.toml"
+"""Scenes of a BOP data set, the files that list the images of one, and the session of a folder of ``keep_frame``."""
 LOOKED_FOR = (
     "run files (.vfrun)",
     "session.toml (frames of keep_frame)",
@@ -41,18 +56,35 @@ def data_folder(folder: Path, overrides: Mapping[str, Any]) -> DataFolder | None
     own = folder / SESSION
     if own.is_file() and own.read_text("utf-8", errors="replace").startswith(CAPTURE_HEAD):
         return DataFolder("frames of keep_frame", load_session(own, overrides))
-    source = {"dataset": str(folder.resolve())}
     if recording := recording_in(folder):
         return _recorded(folder, recording, overrides)
-    splits = sorted({path.parent.parent.name for path in folder.glob(f"{SCENES}/{CAMERAS}")})
-    if not splits:
-        return None
-    has_gt = any(folder.glob(f"{splits[0]}/[0-9]*/scene_gt.json"))
+    if splits := splits_to_open(folder):
+        return _bop(folder, splits, overrides)
+    inside = inside_dataset(folder)
+    return None if inside is None else _part_of_bop(inside, overrides)
+
+
+def _bop(folder: Path, splits: Sequence[str], overrides: Mapping[str, Any]) -> DataFolder:
+    """A data set in BOP layout, its splits in the order in which they are opened."""
+    split = overrides.get("scene", {}).get("split", splits[0])
     sections = {
-        "scene": {**source, "source": "bop", "split": splits[0]},
-        "hypotheses": {"source": "perturb" if has_gt else "ppf"},
+        "scene": {"dataset": str(folder.resolve()), "source": "bop", "split": split},
+        "hypotheses": {"source": "perturb" if has_truth(folder / split) else "ppf"},
     }
-    return DataFolder(f"a data set in BOP layout, split {splits[0]}", _session(folder, sections, overrides))
+    others = ", ".join(name for name in splits if name != split)
+    what = f"a data set in BOP layout, split {split}{f' (also: {others})' if others else ''}"
+    return DataFolder(what, _session(folder, sections, overrides))
+
+
+def _part_of_bop(inside: Inside, overrides: Mapping[str, Any]) -> DataFolder | None:
+    """The split or the scene that a folder is, opened from its data set."""
+    scene = {"split": inside.split, **overrides.get("scene", {})}
+    if inside.scene_id is not None and "frames" not in scene:
+        dataset = BopDataset(inside.dataset, inside.split, sensor=scene.get("sensor", ""))
+        scene["frames"] = tuple(map(frame_name, frames_of_scene(dataset, inside.scene_id)))
+    known = data_folder(inside.dataset, {**overrides, "scene": scene})
+    part = f"split {inside.split}" if inside.scene_id is None else f"scene {inside.scene_id} of split {inside.split}"
+    return known and DataFolder(f"{part} of the data set {inside.dataset}", known.session)
 
 
 def _recorded(folder: Path, recording: Recording, overrides: Mapping[str, Any]) -> DataFolder:
@@ -82,17 +114,34 @@ def open_session(path: Path, overrides: Mapping[str, Any]) -> Session:
         VerefineError: it is neither, or is damaged.
     """
     known = data_folder(path, overrides) if path.is_dir() else None
-    if known is None and lacking(path):
+    if known is not None:
+        print(f"{path}: {known.what}", file=sys.stderr)
+        return known.session
+    if lacking(path) or (path.is_dir() and _meant(path)):
         raise InputError(f"{path} {why_unknown(path)}")
-    return load_session(path, overrides) if known is None else known.session
+    return load_session(path, overrides)
 
 
 def why_unknown(folder: Path) -> str:
     """What a folder that is none of data lacks, or what was looked for."""
-    return lacking(folder) or f"holds no data that are known; looked for {looked_for()}"
+    return _meant(folder) or lacking(folder) or f"holds no data that are known; looked for {looked_for()}"
 
 
 def looked_for() -> str:
     """What folders of data are recognized by."""
     layouts = [f"{reader.LOOKS_LIKE} ({reader.LAYOUT})" for reader in readers()]
     return "; ".join((*LOOKED_FOR, *layouts))
+
+
+def _meant(folder: Path) -> str:
+    """What a folder lacks to be of a data set in BOP layout, or which ones lie in it; empty where it is like none."""
+    if sensors_of(folder):
+        return "is a scene in BOP layout, but not named by its number: expected DATASET/test/000001"
+    if near := beside(folder / "scene_camera.json"):
+        return f"has no scene_camera.json{near}"
+    for split in splits_in(folder):
+        scene = next(iter(scenes_in(folder / split).values()))[0]
+        if near := beside(scene / "scene_camera.json"):
+            return f"has no {split}/{scene.name}/scene_camera.json{near}"
+    below = [path for path in datasets_below(folder) if splits_to_open(path)]
+    return f"is no data set itself; did you mean {first_of(below, MOST_NAMED, ' or ')}?" if below else ""
