@@ -12,7 +12,7 @@ from PIL import Image
 from tests.scenes.test_trace import SHAPE, K, picture, pose, write_box, write_trace
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.run.data_folder import data_folder, holds_frames, open_session
+from verefine_viz.run.data_folder import data_at, holds_frames, open_session
 from verefine_viz.run.imported_folder import imported
 from verefine_viz.scenes.layouts.foundation_pose import Reader
 from verefine_viz.scenes.source import open_scene
@@ -144,11 +144,11 @@ def test_folders_are_recognized(tmp_path: Path) -> None:
     sequence = write_sequence(tmp_path / "mustard")
     write_trace(tmp_path / "runs" / "a_1", write_box(tmp_path / "box.obj"))
     write_trace(tmp_path / "runs" / "a_2", tmp_path / "box.obj")
-    kinds = {path: data_folder(path, {}) for path in (sequence, tmp_path / "runs", tmp_path / "runs" / "a_1")}
+    kinds = {path: data_at(path, {}) for path in (sequence, tmp_path / "runs", tmp_path / "runs" / "a_1")}
     words = [known.what for known in kinds.values() if known is not None]
     assert words == ["layout of FoundationPose's demo, 3 frames", "traces, 2 frames", "traces, 1 frame"]
     assert all(known is not None and known.session.method.name == "trace" for known in kinds.values())
-    assert data_folder(tmp_path, {}) is None
+    assert data_at(tmp_path, {}) is None
     assert not holds_frames(tmp_path)
     assert holds_frames(tmp_path / "runs")
 
