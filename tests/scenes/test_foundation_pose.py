@@ -185,3 +185,41 @@ def test_names_are_those_of_the_depth_images(tmp_path: Path) -> None:
     folder = write_sequence(tmp_path / "mustard")
     (folder / "depth" / "notes.txt").write_text("")
     assert len(Reader(folder).names) == 3
+
+
+def test_poses_that_are_counted_otherwise_are_paired_in_order(tmp_path: Path) -> None:
+    """As YCBInEOAT has them: images are named by their times, ground truth by 0000000, 0000001, …"""
+    folder = write_sequence(tmp_path / "mustard")
+    (folder / "annotated_poses").mkdir()
+    for k in range(3):
+        np.savetxt(folder / "annotated_poses" / f"{k:07d}.txt", pose(x=0.01 * k))
+    source = source_of(folder)
+    assert source.notes == (
+        "the poses of annotated_poses/ are named otherwise than the frames; they are paired in order",
+    )
+    for k, frame in enumerate(source.frames):
+        assert np.allclose(source.problem(frame).instances[0].T_cam_obj_gt, pose(x=0.01 * k))
+    (folder / "annotated_poses" / "0000001.txt").unlink()
+    source = source_of(folder)
+    assert "has 2 poses of other names than the 3 frames; they are left out" in source.notes[0]
+    assert source.problem("0/1").instances[0].T_cam_obj_gt is None
+
+
+def test_poses_may_be_arrays_or_have_three_rows(tmp_path: Path) -> None:
+    folder = write_sequence(tmp_path / "mustard")
+    for k, file in enumerate(sorted((folder / "ob_in_cam").iterdir())):
+        file.unlink()
+        T = pose(x=0.002 * k)
+        (np.save if k else np.savetxt)(file.with_suffix(".npy" if k else ".txt"), T[:3] if k < 2 else T[None])
+    source = source_of(folder)
+    for k, frame in enumerate(source.frames):
+        assert np.allclose(source.problem(frame).instances[0].hypotheses[0].T_cam_obj, pose(x=0.002 * k))
+
+
+def test_without_poses_a_method_starts_from_the_truth_or_from_the_images(tmp_path: Path) -> None:
+    folder = write_sequence(tmp_path / "mustard")
+    (folder / "ob_in_cam").rename(folder / "annotated_poses")
+    session = open_session(folder, {})
+    assert (session.hypotheses.source, session.method.name) == ("perturb", "rir")
+    shutil.rmtree(folder / "annotated_poses")
+    assert open_session(folder, {}).hypotheses.source == "ppf"
