@@ -79,9 +79,10 @@ class Trace:
             raise ValueError(
                 f"rgb is {photo.dtype} of shape {photo.shape}, expected uint8 of shape {(*depth.shape, 3)}, as depth_m"
             )
-        down = None if gravity_cam is None else _numbers(gravity_cam, "gravity_cam", (3,))
-        if down is not None and (down.shape != (3,) or not np.isfinite(down).all() or not down.any()):
-            raise ValueError("gravity_cam is no direction, expected 3 finite numbers that are not all 0")
+        try:
+            down = None if gravity_cam is None else _axis(gravity_cam)
+        except ValueError as error:
+            raise ValueError(f"gravity_cam: {error}") from None
         self.n_problems = 0
         """Calls, or parts of them, that could not be written."""
         self._problems: list[str] = []
@@ -102,7 +103,7 @@ class Trace:
                 "K": intrinsics.tolist(),
                 "shape": depth.shape,
                 "rgb": photo is not None,
-                "gravity_cam": None if down is None else down.tolist(),
+                "gravity_cam": down,
             }
         )
         if intrinsics[0, 1]:
@@ -111,7 +112,13 @@ class Trace:
             self.problem(f"{folder} holds a trace already; this one is in {self.folder}")
 
     def object(
-        self, name: str, mesh: Path | str, mask: Any = None, unit_m: float = 1.0, truth: Any = None
+        self,
+        name: str,
+        mesh: Path | str,
+        mask: Any = None,
+        unit_m: float = 1.0,
+        truth: Any = None,
+        symmetry_axis: Any = None,
     ) -> TracedObject:
         """An object of the frame, whose steps are then written through what is returned.
 
@@ -121,6 +128,7 @@ class Trace:
             mask: (H, W) its visible pixels: all that is not 0; None = those that its first pose covers.
             unit_m: metres per unit of the mesh file.
             truth: (4, 4) ground truth of T_cam_obj [m], or None.
+            symmetry_axis: (3,) through the middle of the mesh's box; every turn about it looks the same. None = none.
         """
         number = self._n_objects
         self._n_objects += 1
@@ -128,11 +136,13 @@ class Trace:
             name = str(name)
         except Exception:
             name = f"object {number}"
-        self._begin_object(number, name, mesh, mask, unit_m, truth)
+        self._begin_object(number, name, mesh, mask, unit_m, truth, symmetry_axis)
         return TracedObject(self, number, name)
 
     @_never_raises
-    def _begin_object(self, number: int, name: str, mesh: Path | str, mask: Any, unit_m: float, truth: object) -> None:
+    def _begin_object(
+        self, number: int, name: str, mesh: Path | str, mask: Any, unit_m: float, truth: object, axis: object
+    ) -> None:
         line: dict[str, Any] = {
             "object": number,
             "name": name,
@@ -164,6 +174,10 @@ class Trace:
             line["truth"] = None if truth is None else _pose(truth)
         except (TypeError, ValueError) as error:
             self.problem(f"truth of {name}: {error}")
+        try:
+            line["axis"] = None if axis is None else _axis(axis)
+        except (TypeError, ValueError) as error:
+            self.problem(f"symmetry_axis of {name}: {error}")
         self._append(line)
 
     def problem(self, text: str) -> None:
@@ -231,11 +245,10 @@ class TracedObject:
         self._trace, self._number, self._name = trace, number, name
 
     @_never_raises
-    def hypothesis(self, h: int, T_cam_obj: Any, score: Any = None) -> None:
-        """Initial pose ``h`` (4, 4) [m] of the object, with its score in the units of its program."""
-        self._trace.write(
-            {"hypothesis": _whole(h), "object": self._number, "T": _pose(T_cam_obj), **self._score(score)}
-        )
+    def hypothesis(self, h: int, T_cam_obj: Any, score: Any = None, name: str = "") -> None:
+        """Initial pose ``h`` (4, 4) [m] of the object, with its score in the units of its program, and whose it is."""
+        line = {"hypothesis": _whole(h), "object": self._number, "T": _pose(T_cam_obj), "name": str(name)}
+        self._trace.write(line | self._score(score))
 
     @_never_raises
     def step(
@@ -321,6 +334,13 @@ def _pose(T_cam_obj: Any) -> list[float]:
     if math.hypot(*values[3:12:4]) > FARTHEST_M:
         raise ValueError(f"the pose is {math.hypot(*values[3:12:4]):.3g} m away, expected metres")
     return values
+
+
+def _axis(given: Any) -> list[float]:
+    axis = _numbers(given, "the axis", (3,))
+    if axis.shape != (3,) or not np.isfinite(axis).all() or not axis.any():
+        raise ValueError("it is no direction, expected 3 finite numbers that are not all 0")
+    return axis.tolist()
 
 
 def _numbers(values: Any, name: str, shape: tuple[int, ...]) -> np.ndarray:

@@ -28,7 +28,7 @@ from verefine_viz.scenes.bop_files import (
 from verefine_viz.scenes.frames import frame_name, frames_of_scene
 from verefine_viz.scenes.layouts import readers, recording_in
 from verefine_viz.scenes.layouts.foundation_pose import lacking
-from verefine_viz.scenes.recorded_frame import Recording
+from verefine_viz.scenes.recorded_frame import LayoutReader
 
 SCENES, CAMERAS, SESSION = "*/[0-9]*", "scene_camera*.json", "session.toml"
 """Scenes of a BOP data set, the files that list the images of one, and the session of a folder of ``keep_frame``."""
@@ -94,7 +94,7 @@ def _part_of_bop(inside: Inside, overrides: Mapping[str, Any]) -> KnownData | No
     return known and KnownData(f"{part} of the data set {inside.dataset}", known.session)
 
 
-def _recorded(folder: Path, recording: Recording, overrides: Mapping[str, Any]) -> KnownData:
+def _recorded(folder: Path, recording: LayoutReader, overrides: Mapping[str, Any]) -> KnownData:
     n = len(recording.names)
     source = "recorded" if recording.has_poses else "perturb" if recording.has_truth else "ppf"
     scene = {"dataset": str(folder.resolve()), "source": "folder"}

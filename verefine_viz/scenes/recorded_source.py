@@ -19,9 +19,9 @@ from verefine_viz.scenes.frames import frame_name, parse_frame, repeated_notes
 from verefine_viz.scenes.hypothesis_pool import check_asked, check_covered, file_notes, pools_of_frame, results_of
 from verefine_viz.scenes.instance_notes import instance_notes
 from verefine_viz.scenes.layouts import readers, recording_in
-from verefine_viz.scenes.meshes import read_mesh
-from verefine_viz.scenes.models import model_of_mesh
-from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, frame_ids
+from verefine_viz.scenes.meshes import Mesh, read_mesh
+from verefine_viz.scenes.models import Axis, ModelInfo, model_of_mesh, symmetry_transforms
+from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, Recording, frame_ids
 from verefine_viz.scenes.segments import Segment, draw_placed
 
 NEARER_M = 0.02
@@ -45,13 +45,15 @@ class RecordedSource:
     Args:
         scene: which frames and objects; ``dataset`` is absolute.
         hypotheses: where initial poses come from.
+        given: the recording; None = what lies at ``dataset``.
 
     Raises:
         VerefineError: the folder holds nothing of the kind, or a frame or an object does not exist.
     """
 
-    def __init__(self, scene: SceneSettings, hypotheses: HypothesesSettings) -> None:
-        if not scene.dataset:
+    def __init__(self, scene: SceneSettings, hypotheses: HypothesesSettings, given: Recording | None = None) -> None:
+        self._given = given
+        if not scene.dataset and given is None:
             raise SettingsError(f'scene.dataset is empty; set it to the folder of scene.source = "{scene.source}"')
         self._scene, self._hypotheses = scene, hypotheses
         self._results = results_of(hypotheses)
@@ -73,7 +75,7 @@ class RecordedSource:
 
     def _read(self) -> None:
         folder = Path(self._scene.dataset)
-        recording = recording_in(folder) if folder.is_dir() else None
+        recording = self._given or (recording_in(folder) if folder.is_dir() else None)
         if recording is None:
             layouts = "; ".join(f"{reader.LOOKS_LIKE} ({reader.LAYOUT})" for reader in readers())
             raise InputError(f"{folder} is in none of the layouts that are read: {layouts}")
@@ -201,9 +203,16 @@ class RecordedSource:
         key = (one.name, one.mesh.stat().st_size)
         if key not in self._models:
             mesh = read_mesh(one.mesh, one.unit_m)
-            model = model_of_mesh(mesh, obj_id, one.name, self._scene.model_points, self._scene.seed)
+            turns = None if one.symmetry_axis is None else _turns(one.symmetry_axis, mesh, one.name)
+            model = model_of_mesh(mesh, obj_id, one.name, self._scene.model_points, self._scene.seed, turns)
             self._models[key] = model, tuple(f"{one.name} ({obj_id}): {text}" for text in mesh.notes)
         return self._models[key]
+
+
+def _turns(axis: Float, mesh: Mesh, name: str) -> Float:
+    """The turns (S, 4, 4) about an axis through the middle of a mesh's box after which it looks the same."""
+    middle_mm = 500.0 * (mesh.vertices_m.min(axis=0) + mesh.vertices_m.max(axis=0))
+    return symmetry_transforms(ModelInfo(symmetries_continuous=(Axis(axis, middle_mm),)), f"symmetry axis of {name}")
 
 
 def _mask_of(

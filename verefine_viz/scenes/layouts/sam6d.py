@@ -36,7 +36,7 @@ class Detection(msgspec.Struct, frozen=True):
 
 
 class Reader:
-    """The one frame of such a folder; see :class:`~verefine_viz.scenes.recorded_frame.Recording`."""
+    """The one frame of such a folder; see :class:`~verefine_viz.scenes.recorded_frame.LayoutReader`."""
 
     LAYOUT = "layout of SAM-6D's example"
     LOOKS_LIKE = "camera.json, rgb.png, depth.png, *.ply"
