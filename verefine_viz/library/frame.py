@@ -162,7 +162,7 @@ class Frame:
         frame = captured(source.problem(source.frames[0]))
         axes = {one.name: one.symmetry_axis for one in self._recorded.objects}
         objects = [replace(one, symmetry_axis=axes[one.name]) for one in frame.objects]
-        return CaptureFolder(Path(folder)).add(replace(frame, objects=objects))
+        return CaptureFolder(Path(folder)).add(replace(frame, objects=objects, down_cam=self._recorded.down_cam))
 
 
 class OpenedFrame:
