@@ -1,6 +1,6 @@
 """A folder in which frames arrive: which there are, and a batch per data set of it that solves them as they come.
 
-The folder is a data set in BOP layout (what ``keep_frame`` writes is one), or holds several. Each gets a run of its
+The folder is a data set in BOP layout (what ``Frame.keep`` writes is one), or holds several. Each gets a run of its
 own below ``out``, with the files of any batch: a watch that is killed goes on where it was, and ``view`` opens what it
 left.
 """
@@ -374,7 +374,7 @@ def _shown(latest: tuple[tuple[BatchIndex, ...], str]) -> object:
 
 
 def _accept_growth(watched: Watched) -> None:
-    """Lets a run go on with the session that ``keep_frame`` wrote with later frames.
+    """Lets a run go on with the session that ``Frame.keep`` wrote with later frames.
 
     Further results files, more poses per object, and gravity that later frames know do not change what earlier frames
     have to be solved with.

@@ -25,7 +25,7 @@ class View:
     """Open the page in the browser: step through a run and see why a pose won or lost."""
 
     session: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SESSION|DIR|RUN]")] = None
-    """A session file (.toml), a recorded run (.vfrun, .rrd), or a folder: of batch runs, traces, frames of keep_frame,
+    """A session file (.toml), a recorded run (.vfrun, .rrd), or a folder: of batch runs, traces, kept frames,
     a data set in BOP layout or as another program has it, or poses for one near it (.csv, .npz, .yml); none = a
     built-in scene."""
     other: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[RUN_B]")] = None
@@ -40,7 +40,7 @@ class View:
     open_browser: bool = True
     """Open the page in this desktop's browser, where there is one."""
     watch: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
-    """A folder in which frames arrive, in BOP layout or from keep_frame, or that holds several such: each is listed at
+    """A folder in which frames arrive, in BOP layout or from Frame.keep, or that holds several such: each is listed at
     once, solved in the background with the method of SESSION (none = of the folder's own session.toml), and can be
     opened."""
     out: Path | None = None

@@ -16,7 +16,7 @@ from verefine_viz.diagnosis.causes import Diagnosis
 from verefine_viz.diagnosis.diagnose import diagnose
 from verefine_viz.library.frame import AnyFrame, Frame, target_of
 from verefine_viz.run.record import Answer, RunEnd, RunRecord
-from verefine_viz.run.run_file import RunFile
+from verefine_viz.run.run_file import write_record
 
 Section = Mapping[str, Any]
 
@@ -114,13 +114,7 @@ class Run:
             scene = session.scene.model_copy(update={"dataset": str(folder.resolve())})
             session = session.model_copy(update={"scene": scene})
             record = structs.replace(record, header=self._run.record(session).header)
-        file = RunFile(path, session)
-        file.begin(record.header)
-        for iteration in record.iterations:
-            file.append(iteration)
-        if record.end is not None:
-            file.finish(record.end)
-        file.close()
+        write_record(path, record)
         return path
 
     def show(self, height: int = 800) -> Any:

@@ -1,4 +1,4 @@
-"""The folder of ``keep_frame``: BOP layout, detections, results files, and a session over all of it."""
+"""The folder of kept frames: BOP layout, detections, results files, and a session over all of it."""
 
 from __future__ import annotations
 

@@ -31,10 +31,10 @@ from verefine_viz.scenes.layouts.foundation_pose import lacking
 from verefine_viz.scenes.recorded_frame import LayoutReader
 
 SCENES, CAMERAS, SESSION = "*/[0-9]*", "scene_camera*.json", "session.toml"
-"""Scenes of a BOP data set, the files that list the images of one, and the session of a folder of ``keep_frame``."""
+"""Scenes of a BOP data set, the files that list the images of one, and the session of a folder of kept frames."""
 LOOKED_FOR = (
     "run files (.vfrun)",
-    "session.toml (frames of keep_frame)",
+    "session.toml (kept frames)",
     "SPLIT/000001/scene_camera.json (a data set in BOP layout)",
 )
 
@@ -62,7 +62,7 @@ def data_at(folder: Path, overrides: Mapping[str, Any]) -> KnownData | None:
         return None
     own = folder / SESSION
     if own.is_file() and own.read_text("utf-8", errors="replace").startswith(CAPTURE_HEAD):
-        return KnownData("frames of keep_frame", load_session(own, overrides))
+        return KnownData("kept frames", load_session(own, overrides))
     if recording := recording_in(folder):
         return _recorded(folder, recording, overrides)
     if splits := splits_to_open(folder):

@@ -1,4 +1,4 @@
-"""Writes what another program recorded as a folder of ``keep_frame``: a data set in BOP layout with a session."""
+"""Writes what another program recorded as a folder of kept frames: a data set in BOP layout with a session."""
 
 from __future__ import annotations
 

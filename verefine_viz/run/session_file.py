@@ -56,10 +56,8 @@ DEEPEST = 20
 _KIND = re.compile(r"[\[(]|^(constrained-int|int|str)$")
 """One of the kinds that a field may be of; pydantic appends it to the field."""
 _UNITS = {"m": "metres", "mm": "millimetres", "deg": "degrees"}
-CAPTURE_HEAD = (
-    "# Frames kept by keep_frame. This file is written anew with every frame: copy it before you change it.\n"
-)
-"""How the session file of a folder of ``keep_frame`` begins; all of it until the first frame is nearly written."""
+CAPTURE_HEAD = "# Kept frames. This file is written anew with every frame: copy it before you change it.\n"
+"""How the session file of a folder of kept frames begins; all of it until the first frame is nearly written."""
 SCENE_ID = 1
 
 
@@ -69,7 +67,7 @@ def load_session(path: Path | None, overrides: Raw | None = None) -> Session:
     Relative paths in the file are taken from its folder; paths in ``overrides`` from the working directory.
 
     Raises:
-        InputError: the file cannot be read, or is that of a folder of ``keep_frame`` without a finished frame.
+        InputError: the file cannot be read, or is that of a folder of kept frames without a finished frame.
         SettingsError: it is not TOML or empty, a field is unknown or out of range, or data are named that the chosen
             source does not read.
     """
@@ -247,14 +245,14 @@ def scene_folder(folder: Path) -> Path:
 
 
 def _check_holds_a_frame(path: Path, text: str, raw: Raw) -> None:
-    """Raises InputError where the session file is that of a folder of ``keep_frame`` without a finished frame."""
+    """Raises InputError where the session file is that of a folder of kept frames without a finished frame."""
     if not text.startswith(CAPTURE_HEAD):
         return
     scene = scene_folder(path.parent)
     # The camera is the last file of a frame. A copy of the session elsewhere has no scene beside it.
     if not raw or (scene.is_dir() and not (scene / "scene_camera.json").is_file()):
         raise InputError(
-            f"{path.parent} holds no whole frame yet: keep_frame is still writing the first one, or its program was "
+            f"{path.parent} holds no whole frame yet: the first one is still being written, or its program was "
             "stopped in the middle; keep a frame there again, which replaces it, and then open this session"
         )
 
