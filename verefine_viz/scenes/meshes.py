@@ -205,7 +205,7 @@ def _loaded(file: BinaryIO, path: Path, beside: Beside | None = None) -> tuple[F
     header = file.read(MOST_HEAD_BYTES).split(b"end_header")[0] if kind == ".ply" else b""
     file.seek(0)
     source = io.BytesIO(beside.with_materials(file.read())) if kind == ".obj" and beside is not None else file
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), np.errstate(all="ignore"):  # Its numbers are checked below.
         warnings.simplefilter("error", Image.DecompressionBombWarning)
         scene = trimesh.load_scene(
             source, kind[1:], resolver=beside or Beside(path), process=False, skip_materials=beside is None
