@@ -155,7 +155,7 @@ class Trace:
             line["mesh"] = f"mesh_{number}/{Path(mesh).name}"
             for file in missing:
                 self.problem(f"mesh of {name}: {file}, which it names, cannot be copied; the mesh may lose its colours")
-        except (OSError, TypeError, ValueError) as error:
+        except Exception as error:
             self.problem(f"mesh of {name}: {error}")
         try:
             if mask is not None:
@@ -165,17 +165,17 @@ class Trace:
                     raise ValueError(f"it is {what}, expected pixels of the object in shape {self._shape}, as depth_m")
                 np.save(self.folder / f"mask_{number}.npy", inside)
                 line["mask"] = f"mask_{number}.npy"
-        except (OSError, TypeError, ValueError) as error:
+        except Exception as error:
             self.problem(f"mask of {name}: {error}")
         try:
             line["truth"] = None if truth is None else _pose(truth)
-        except (TypeError, ValueError) as error:
+        except Exception as error:
             self.problem(f"truth of {name}: {error}")
         self._append(line)
 
     def problem(self, text: str) -> None:
         """Counts something that could not be written, and writes that."""
-        text = text.encode("utf-8", "replace").decode()
+        text = "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))  # As a terminal can show it.
         self.n_problems += 1
         if self._file < 0:
             if not self._has_warned:  # A loop may go on for hours.
@@ -185,7 +185,7 @@ class Trace:
             self._problems.append(text)
         try:
             if self._file >= 0:
-                self._append({"problem": " ".join(text.split())})
+                self._append({"problem": text})
         except Exception:  # The disk is full: the count is all that is left.
             return
 

@@ -197,6 +197,7 @@ def _part(mesh: trimesh.Trimesh, visual: Any, files: Beside, materials: dict[obj
         files.faults.append(f"{files.mesh.name} has colours at its vertices and a texture over them")
         return None
     try:
+        image.thumbnail((LARGEST_READ_PX, LARGEST_READ_PX))
         colors = np.asarray(uv_to_color(visual.uv, image))
         rgb = materials.setdefault(id(image), image.convert("RGB"))
     except Exception as error:  # Cut off, inside of the mesh's file.
