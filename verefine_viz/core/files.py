@@ -31,6 +31,10 @@ LONGEST = 300
 """What is shown of an error of a library [characters]."""
 LEVELS_BELOW = 3
 """How far below a folder, named by mistake, what was meant is searched for."""
+_CUT_OFF = re.compile(
+    r"truncated|ended before|\bEOF|No data left|read all data|expected length|to its end", re.IGNORECASE
+)
+"""What libraries say where a file ends too early."""
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a pipe"),
@@ -62,7 +66,10 @@ def reading(path: Path, what: str = "", most_bytes: int = MOST_BYTES) -> Iterato
     except Exception as error:
         if isinstance(error, VerefineError) and not isinstance(error, ShapeError):
             raise
-        raise InputError(f"{name}: {first_line(error)}") from None
+        line = first_line(error)
+        is_empty = path.is_file() and path.stat().st_size == 0
+        how = "empty" if is_empty else "cut off" if _CUT_OFF.search(line) else ""
+        raise InputError(f"{name}: {line}{f'; it is {how}, fetch it again' * bool(how)}") from None
 
 
 def read_file(path: Path, what: str = "", most_bytes: int = MOST_BYTES) -> bytes:
