@@ -76,7 +76,7 @@ def files_of_scene(folder: Path, sensor: str = "") -> SceneFiles:
     if sensor and sensor not in there:
         if not any(there):
             raise InputError(f"{folder} has no sensor {sensor!r}, only files of plain names; leave scene.sensor empty")
-        raise InputError(f"{unknown('sensor', sensor, filter(None, there))} in {folder}; set scene.sensor")
+        raise InputError(f"{unknown('sensor', sensor, filter(None, there))} in {folder}")
     if sensor or not there or "" in there:
         return SceneFiles(folder, sensor)
     files = [SceneFiles(folder, name) for name in there]
