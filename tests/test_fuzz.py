@@ -30,7 +30,7 @@ from tests.made_runs import answer, finished, written
 from tests.recording.runs import run_file, session
 from tests.scenes.bop_folder import detections, make
 from tests.scenes.test_graspa_layout import _layout
-from tests.scenes.test_pose_sequence import write_sequence
+from tests.scenes.test_foundation_pose import write_sequence
 from tests.scenes.test_textures import textured_ply
 from tests.scenes.test_trace import write_box, write_trace
 from verefine_viz import cli

@@ -26,7 +26,7 @@ class View:
 
     session: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SESSION|DIR|RUN]")] = None
     """A session file (.toml), a recorded run (.vfrun, .rrd), or a folder: of batch runs, traces, frames of keep_frame,
-    a data set in BOP layout, a sequence as FoundationPose has it; none = a built-in scene."""
+    a data set in BOP layout or as another program has it; none = a built-in scene."""
     other: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[RUN_B]")] = None
     """A recorded run of the same frame, shown beside the first as B (A/B panel)."""
     host: str = "127.0.0.1"

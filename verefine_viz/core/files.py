@@ -26,6 +26,7 @@ MOST_BYTES = 2_000_000_000
 """Size of a file that is read, unless its reader says less."""
 MOST_JSON_BYTES = 1_000_000_000
 """The same for JSON, and for what a .json.gz unpacks to."""
+MOST_YAML_BYTES = 50_000_000
 LONGEST = 300
 """What is shown of an error of a library [characters]."""
 LEVELS_BELOW = 3
@@ -137,6 +138,15 @@ def read_json(path: Path, kind: type[T], what: str = "") -> T:
         return decoded_json(file.read(), kind)
 
 
+def read_yaml(path: Path, kind: type[T], what: str = "") -> T:
+    """Return the content of a YAML file as ``kind``; as :func:`read_json`."""
+    with reading(path, what, MOST_YAML_BYTES) as file:
+        raw = file.read()
+        if b"*" in raw:  # A few lines of them stand for gigabytes.
+            raise ValueError("aliases (*) are not read")
+        return msgspec.yaml.decode(raw, type=kind, strict=False, dec_hook=array_of)
+
+
 def decoded_json(raw: bytes, kind: type[T]) -> T:
     """Return JSON as ``kind``; ValueError where it is damaged or something else."""
     if raw[:2] == b"\x1f\x8b":
@@ -171,10 +181,11 @@ _NOT_FINITE = re.compile(rb"(?<=[\[,:\s])(NaN|-?Infinity)(?=[\],}\s])")
 @cache
 def _decoder(kind: type[T]) -> msgspec.json.Decoder[T]:
     # Not strict: 5.0 is an id as well, as numpy and pandas write them.
-    return msgspec.json.Decoder(kind, strict=False, dec_hook=_array)
+    return msgspec.json.Decoder(kind, strict=False, dec_hook=array_of)
 
 
-def _array(kind: Any, value: Any) -> Float:
+def array_of(kind: Any, value: Any) -> Float:
+    """Return a decoded list as an array of ``kind``, such as :data:`Numbers3`; ValueError where it is none."""
     shape = tuple(get_args(length)[0] for length in get_args(get_args(kind)[0]))
     try:
         numbers = np.asarray(value, dtype=np.float64)

@@ -25,14 +25,16 @@ from verefine_viz.scenes.bop_files import (
     splits_to_open,
 )
 from verefine_viz.scenes.frames import frame_name, frames_of_scene
-from verefine_viz.scenes.pose_sequence import CAMERA, DEPTH, PoseSequence, is_sequence
-from verefine_viz.scenes.trace_files import traces_in
+from verefine_viz.scenes.layouts import readers, recording_in
+from verefine_viz.scenes.layouts.foundation_pose import lacking
+from verefine_viz.scenes.recorded_frame import Recording
 
 SCENES, CAMERAS, SESSION = "*/[0-9]*", "scene_camera*.json", "session.toml"
 """Scenes of a BOP data set, the files that list the images of one, and the session of a folder of ``keep_frame``."""
 LOOKED_FOR = (
-    "run files (.vfrun), traces (calls.jsonl), frames of keep_frame (session.toml), a data set in BOP layout "
-    "(SPLIT/000001/scene_camera.json), and a sequence as FoundationPose's demo has it (cam_K.txt, depth/, rgb/, mesh/)"
+    "run files (.vfrun)",
+    "session.toml (frames of keep_frame)",
+    "SPLIT/000001/scene_camera.json (a data set in BOP layout)",
 )
 
 
@@ -54,15 +56,8 @@ def data_folder(folder: Path, overrides: Mapping[str, Any]) -> DataFolder | None
     own = folder / SESSION
     if own.is_file() and own.read_text("utf-8", errors="replace").startswith(CAPTURE_HEAD):
         return DataFolder("frames of keep_frame", load_session(own, overrides))
-    source = {"dataset": str(folder.resolve())}
-    if traces := traces_in(folder):
-        n = len(traces)
-        what = "1 trace" if n == 1 else f"{n} traces"
-        return DataFolder(what, _recorded(folder, {**source, "source": "trace"}, overrides))
-    if is_sequence(folder):
-        n = len(PoseSequence(folder).names)
-        what = f"a sequence of {n} frames in the layout of FoundationPose"
-        return DataFolder(what, _recorded(folder, {**source, "source": "sequence"}, overrides))
+    if recording := recording_in(folder):
+        return _recorded(folder, recording, overrides)
     if splits := splits_to_open(folder):
         return _bop(folder, splits, overrides)
     inside = inside_dataset(folder)
@@ -92,11 +87,14 @@ def _part_of_bop(inside: Inside, overrides: Mapping[str, Any]) -> DataFolder | N
     return known and DataFolder(f"{part} of the data set {inside.dataset}", known.session)
 
 
-def _recorded(folder: Path, scene: dict[str, Any], overrides: Mapping[str, Any]) -> Session:
-    sections: dict[str, Any] = {"scene": scene, "hypotheses": {"source": "recorded"}}
-    if overrides.get("hypotheses", {}).get("source", "recorded") == "recorded":
+def _recorded(folder: Path, recording: Recording, overrides: Mapping[str, Any]) -> DataFolder:
+    n = len(recording.names)
+    source = "recorded" if recording.has_poses else "perturb" if recording.has_truth else "ppf"
+    scene = {"dataset": str(folder.resolve()), "source": "folder"}
+    sections: dict[str, Any] = {"scene": scene, "hypotheses": {"source": source}}
+    if {"source": source, **overrides.get("hypotheses", {})}["source"] == "recorded":
         sections["method"] = {"name": "trace"}
-    return _session(folder, sections, overrides)
+    return DataFolder(f"{recording.LAYOUT}, {n} frame{'s' * (n > 1)}", _session(folder, sections, overrides))
 
 
 def _session(folder: Path, sections: Mapping[str, Mapping[str, Any]], overrides: Mapping[str, Any]) -> Session:
@@ -106,7 +104,7 @@ def _session(folder: Path, sections: Mapping[str, Mapping[str, Any]], overrides:
 
 def holds_frames(folder: Path) -> bool:
     """Whether a folder holds frames itself, not in folders of it that do."""
-    return bool(traces_in(folder)) or is_sequence(folder) or any(folder.glob(f"{SCENES}/{CAMERAS}"))
+    return any(reader.recognizes(folder) for reader in readers()) or any(folder.glob(f"{SCENES}/{CAMERAS}"))
 
 
 def open_session(path: Path, overrides: Mapping[str, Any]) -> Session:
@@ -119,25 +117,20 @@ def open_session(path: Path, overrides: Mapping[str, Any]) -> Session:
     if known is not None:
         print(f"{path}: {known.what}", file=sys.stderr)
         return known.session
-    if is_begun(path) or (path.is_dir() and _meant(path)):
+    if path.is_dir() and (lacking(path) or _meant(path)):
         raise InputError(f"{path} {why_unknown(path)}")
     return load_session(path, overrides)
 
 
-def is_begun(folder: Path) -> bool:
-    """Whether a folder that is none of data has parts of a sequence."""
-    return (folder / DEPTH).is_dir() or (folder / CAMERA).is_file()
-
-
 def why_unknown(folder: Path) -> str:
     """What a folder that is none of data lacks, or what was looked for."""
-    if meant := _meant(folder):
-        return meant
-    if (folder / DEPTH).is_dir() and not (folder / CAMERA).is_file():
-        return f"has {DEPTH}/ but no {CAMERA}: write the 3×3 camera matrix [px] into it"
-    if (folder / CAMERA).is_file():
-        return f"has {CAMERA} but no {DEPTH}/: save a depth image [mm] per frame there"
-    return f"holds no data that are known; looked for {LOOKED_FOR}"
+    return _meant(folder) or lacking(folder) or f"holds no data that are known; looked for {looked_for()}"
+
+
+def looked_for() -> str:
+    """What folders of data are recognized by."""
+    layouts = [f"{reader.LOOKS_LIKE} ({reader.LAYOUT})" for reader in readers()]
+    return "; ".join((*LOOKED_FOR, *layouts))
 
 
 def _meant(folder: Path) -> str:
