@@ -16,7 +16,7 @@ from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.evaluation.ground_truth import find_targets, read_targets
 from verefine_viz.evaluation.results_scores import evaluate_files
-from verefine_viz.run.data_folder import data_folder, open_session
+from verefine_viz.run.data_folder import data_folder, holds_frames, open_session
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.results_csv import ResultRow, write_results
 from verefine_viz.scenes.source import SceneSource, open_scene
@@ -77,6 +77,7 @@ def masks_are(problem: Problem, made: Made, *gt_ids: int) -> bool:
 
 def test_a_sensor_is_chosen_by_its_name(tmp_path: Path) -> None:
     made = with_sensors(make(tmp_path), "cam1", "photoneo", grey="photoneo")
+    assert holds_frames(tmp_path)
     plain, median_m = made.problem, float(np.median(made.problem.observation.depth_m))
     for given, read in (("", "cam1"), ("cam1", "cam1"), ("photoneo", "photoneo")):
         source = opened(tmp_path, sensor=given)

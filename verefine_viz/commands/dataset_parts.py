@@ -95,6 +95,6 @@ def splits_of(folder: Path) -> tuple[str, ...]:
         below = first_of(datasets_below(folder), MOST_NAMED, " or ")
         expected = folder / "test" / "000001" / "scene_camera.json"
         raise InputError(
-            f"{folder} holds no split with scenes; {f'did you mean {below}?' if below else f'expected {expected}'}"
+            f"{folder} holds no split with scenes; {f'did you mean {below}?' if below else f'expected for example {expected}'}"
         )
     return splits

@@ -132,14 +132,14 @@ class Inside:
 
 def inside_dataset(folder: Path) -> Inside | None:
     """What a folder is within a data set; None where it is none of a split or a scene with images."""
-    found: list[Inside] = []
+    places: list[Inside] = []
     for path in (folder.absolute(), folder.resolve()):  # A link may lead out of the data set, or into it.
         if sensors_of(path) and (scene_id := id_of(path.name)) is not None:
-            found.append(Inside(path.parent.parent, path.parent.name, scene_id))
+            places.append(Inside(path.parent.parent, path.parent.name, scene_id))
         elif any(map(sensors_of, path.glob("[0-9]*"))):
-            found.append(Inside(path.parent, path.name, None))
-    with_models = [one for one in found if any(one.dataset.glob("models*"))]
-    return next(iter((*with_models, *found)), None)
+            places.append(Inside(path.parent, path.name, None))
+    with_models = [one for one in places if any(one.dataset.glob("models*"))]
+    return next(iter((*with_models, *places)), None)
 
 
 def datasets_below(folder: Path) -> tuple[Path, ...]:
