@@ -15,10 +15,8 @@ from tests.scenes.bop_folder import OBJ_IDS, Made, detections, make, refusal
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.evaluation.ground_truth import find_targets, read_targets
-from verefine_viz.evaluation.results_scores import evaluate_files
 from verefine_viz.run.data_folder import data_folder, holds_frames, open_session
 from verefine_viz.scenes.bop import BopDataset
-from verefine_viz.scenes.results_csv import ResultRow, write_results
 from verefine_viz.scenes.source import SceneSource, open_scene
 
 FILES = ("scene_camera", "scene_gt", "scene_gt_info")
@@ -105,22 +103,6 @@ def test_the_sensor_with_ground_truth_and_depth_is_preferred(tmp_path: Path) -> 
     (made.scene / "scene_gt_a.json").unlink()
     shutil.rmtree(made.scene / "depth_b")
     assert made.read().title.endswith(" c")
-
-
-def test_scores_are_over_the_poses_of_the_chosen_sensor(tmp_path: Path) -> None:
-    made = with_sensors(make(tmp_path / "boxes"), "cam1", "cam2")
-
-    def nearer(c: dict[str, list[dict[str, list[float]]]]) -> None:
-        for entry in c["3"]:
-            entry["cam_t_m2c"][2] -= 100
-
-    made.edit("scene_gt_cam2.json", nearer)
-    rows = [ResultRow(7, 3, obj_id, 1.0, T, 0.1) for obj_id, T in zip(OBJ_IDS, made.truth, strict=True)]
-    path = tmp_path / "own_boxes-test.csv"
-    write_results(path, rows)
-    recalls = [evaluate_files([path], made.root, sensor=sensor).scores[0].recalls for sensor in ("", "cam1", "cam2")]
-    assert all(recall is not None for recall in recalls)
-    assert [recall.mssd.mean() == 1 for recall in recalls if recall is not None] == [True, True, False]
 
 
 def test_a_fisheye_camera_without_depth_is_refused_in_one_line(tmp_path: Path) -> None:

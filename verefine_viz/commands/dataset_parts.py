@@ -93,8 +93,6 @@ def splits_of(folder: Path) -> tuple[str, ...]:
         raise InputError(f"{folder} is a split itself: name the data set's folder, {folder.resolve().parent}")
     if not splits:
         below = first_of(datasets_below(folder), MOST_NAMED, " or ")
-        expected = folder / "test" / "000001" / "scene_camera.json"
-        raise InputError(
-            f"{folder} holds no split with scenes; {f'did you mean {below}?' if below else f'expected for example {expected}'}"
-        )
+        expected = f"expected for example {folder / 'test' / '000001' / 'scene_camera.json'}"
+        raise InputError(f"{folder} holds no split with scenes; {f'did you mean {below}?' if below else expected}")
     return splits

@@ -73,7 +73,7 @@ def _bop(folder: Path, splits: Sequence[str], overrides: Mapping[str, Any]) -> D
     }
     others = ", ".join(name for name in splits if name != split)
     what = f"a data set in BOP layout, split {split}{f' (also: {others})' if others else ''}"
-    return DataFolder(what, _session(folder, sections, overrides))
+    return DataFolder(in_one_line(what), _session(folder, sections, overrides))
 
 
 def _part_of_bop(inside: Inside, overrides: Mapping[str, Any]) -> DataFolder | None:
@@ -84,7 +84,7 @@ def _part_of_bop(inside: Inside, overrides: Mapping[str, Any]) -> DataFolder | N
         scene["frames"] = tuple(map(frame_name, frames_of_scene(dataset, inside.scene_id)))
     known = data_folder(inside.dataset, {**overrides, "scene": scene})
     part = f"split {inside.split}" if inside.scene_id is None else f"scene {inside.scene_id} of split {inside.split}"
-    return known and DataFolder(f"{part} of the data set {inside.dataset}", known.session)
+    return known and DataFolder(in_one_line(f"{part} of the data set {inside.dataset}"), known.session)
 
 
 def _recorded(folder: Path, recording: Recording, overrides: Mapping[str, Any]) -> DataFolder:
@@ -115,7 +115,7 @@ def open_session(path: Path, overrides: Mapping[str, Any]) -> Session:
     """
     known = data_folder(path, overrides) if path.is_dir() else None
     if known is not None:
-        print(f"{path}: {known.what}", file=sys.stderr)
+        print(f"{in_one_line(str(path))}: {known.what}", file=sys.stderr)
         return known.session
     if path.is_dir() and (lacking(path) or _meant(path)):
         raise InputError(f"{path} {why_unknown(path)}")
