@@ -109,7 +109,7 @@ def test_the_sensor_of_the_poses_is_chosen(bad_input: BadInput) -> None:
             (made.scene / f"{file}_{sensor}.json").write_bytes((made.scene / f"{file}.json").read_bytes())
         (made.scene / f"depth_{sensor}").symlink_to(made.scene / "depth")
     (made.scene / "scene_camera.json").unlink()
-    made.edit("scene_gt_cam2.json", lambda c: [e["cam_t_m2c"].__setitem__(0, 90) for e in c["3"]])
+    made.edit("scene_gt_cam2.json", lambda c: c["3"][1].update(cam_t_m2c=[90, 0, 500]))
     first, second = (bad_input.json(bad_input.results, *words) for words in ((), ("--sensor", "cam2")))
     assert (first["results"][0]["AR"], second["results"][0]["AR"] < 1) == (1.0, True)
     assert any("sensor cam1 is read" in note for note in first["notes"])

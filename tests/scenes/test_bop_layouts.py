@@ -127,6 +127,8 @@ def test_instances_without_visible_pixels_shift_no_mask(tmp_path: Path) -> None:
     made = make(tmp_path)
     made.edit("scene_gt_info.json", lambda c: c["3"][0].update(visib_fract=0))
     masks_to_coco(made, "string", (1, 2))
+    for k in range(2):
+        made.edit("scene_gt_coco.json", lambda c, k=k: c["annotations"][k].update(bbox=None))
     assert masks_are(made.read(), made, 1, 2)
 
 
