@@ -15,7 +15,7 @@ from tests.scenes.bop_folder import OBJ_IDS, Made, detections, make, refusal
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.evaluation.ground_truth import find_targets, read_targets
-from verefine_viz.run.data_folder import data_folder, holds_frames, open_session
+from verefine_viz.run.data_folder import data_at, holds_frames, open_session
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.source import SceneSource, open_scene
 
@@ -184,7 +184,7 @@ def test_a_split_or_a_scene_opens_from_its_data_set(tmp_path: Path) -> None:
         source = opened(folder)
         assert source.frames == frames
         assert masks_are(source.problem("7/3"), made, 0, 1, 2)
-    known = data_folder(tmp_path / "boxes" / "val" / "000012", {})
+    known = data_at(tmp_path / "boxes" / "val" / "000012", {})
     assert known is not None
     assert (known.session.scene.split, known.session.scene.frames) == ("val", ("12/3", "12/4"))
     assert known.what == f"scene 12 of split val of the data set {made.root}"

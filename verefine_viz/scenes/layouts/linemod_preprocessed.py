@@ -10,11 +10,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
 
+import msgspec
+
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError
-from verefine_viz.core.files import id_of, read_yaml
-from verefine_viz.core.geometry import as_rigid, transform
-from verefine_viz.scenes.annotations import TruthEntry, pose_of
+from verefine_viz.core.files import Id, Numbers3, Numbers3x3, id_of, read_yaml
+from verefine_viz.core.geometry import transform
 from verefine_viz.scenes.image_files import (
     CameraEntry,
     depth_scale_of,
@@ -23,10 +24,19 @@ from verefine_viz.scenes.image_files import (
     read_depth,
     read_mask,
 )
-from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, color_of, image_of, images_in
+from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, color_of, image_of, images_in, near_pose
 
 CAMERAS, GROUND_TRUTH = "info.yml", "gt.yml"
 T = TypeVar("T")
+
+
+class Entry(msgspec.Struct, frozen=True):
+    """An object's entry in gt.yml."""
+
+    obj_id: Id
+    cam_R_m2c: Numbers3x3
+    cam_t_m2c: Numbers3
+    """[mm]."""
 
 
 class Reader:
@@ -65,14 +75,15 @@ class Reader:
         rgb = color_of(find_image(scene.folder / "rgb", image), depth_m.shape)
         entries, where_gt = scene.entry(scene.truths, GROUND_TRUTH, image)
         notes: list[str] = []
+        own = next((entry for entry in entries if entry.obj_id == obj_id), None)
         T_gt = None
-        try:
-            R, t_mm = pose_of(next(entry for entry in entries if entry.obj_id == obj_id), where_gt)
-            T_gt = as_rigid(transform(R, t_mm * 1e-3), f"{where_gt}: the pose")
-        except StopIteration:
+        if own is None:
             notes.append(f"{where_gt} has no object {obj_id}")
-        except (InputError, ShapeError) as error:
-            notes.append(str(error))
+        else:
+            try:
+                T_gt = near_pose(transform(own.cam_R_m2c, own.cam_t_m2c * 1e-3))
+            except ShapeError as error:
+                notes.append(f"{where_gt}: {error}")
         mask = read_mask(image_of(scene.folder / "mask", image), depth_m.shape)
         mesh = self._models / f"{_called(obj_id)}.ply"
         one = RecordedObject(_called(obj_id), mesh, 1e-3, mask, T_cam_obj_gt=T_gt)
@@ -94,8 +105,8 @@ class _Scene:
         return read_yaml(self.folder / CAMERAS, dict[int, CameraEntry])
 
     @cached_property
-    def truths(self) -> Mapping[int, tuple[TruthEntry, ...]]:
-        return read_yaml(self.folder / GROUND_TRUTH, dict[int, tuple[TruthEntry, ...]])
+    def truths(self) -> Mapping[int, tuple[Entry, ...]]:
+        return read_yaml(self.folder / GROUND_TRUTH, dict[int, tuple[Entry, ...]])
 
     def entry(self, entries: Mapping[int, T], file: str, image: str) -> tuple[T, str]:
         """The entry of an image and what to call it; InputError where there is none."""
