@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from verefine_viz.core.errors import SettingsError, UnavailableError, unknown
+from verefine_viz.core.errors import SettingsError, UnavailableError, in_one_line, unknown
 from verefine_viz.core.writing import check_folder
 
 HUB = "https://huggingface.co/datasets/bop-benchmark"
@@ -168,7 +168,7 @@ def _check(folder: Path, sensor: str) -> int:
     console = Terminal(highlight=False)
     faulty: list[str] = []
     if inside := inside_dataset(folder):
-        print(f"{folder} lies in the data set {inside.dataset}; its split {inside.split} is checked")
+        print(in_one_line(f"{folder} lies in the data set {inside.dataset}; its split {inside.split} is checked"))
     folder, splits = (inside.dataset, (inside.split,)) if inside else (folder, splits_of(folder))
     for split in splits:
         with console.status(f"checking {escape(split)}"):

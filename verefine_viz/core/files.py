@@ -151,7 +151,7 @@ def read_yaml(path: Path, kind: type[T], what: str = "") -> T:
         raw = file.read()
         if b"*" in raw:  # A few lines of them stand for gigabytes.
             raise ValueError("aliases (*) are not read")
-        return msgspec.yaml.decode(raw, type=kind, strict=False, dec_hook=_array)
+        return msgspec.yaml.decode(raw, type=kind, strict=False, dec_hook=array_of)
 
 
 def decoded_json(raw: bytes, kind: type[T]) -> T:
@@ -188,10 +188,11 @@ _NOT_FINITE = re.compile(rb"(?<=[\[,:\s])(NaN|-?Infinity)(?=[\],}\s])")
 @cache
 def _decoder(kind: type[T]) -> msgspec.json.Decoder[T]:
     # Not strict: 5.0 is an id as well, as numpy and pandas write them.
-    return msgspec.json.Decoder(kind, strict=False, dec_hook=_array)
+    return msgspec.json.Decoder(kind, strict=False, dec_hook=array_of)
 
 
-def _array(kind: Any, value: Any) -> Float:
+def array_of(kind: Any, value: Any) -> Float:
+    """Return a decoded list as an array of ``kind``, such as :data:`Numbers3`; ValueError where it is none."""
     shape = tuple(get_args(length)[0] for length in get_args(get_args(kind)[0]))
     try:
         numbers = np.asarray(value, dtype=np.float64)
