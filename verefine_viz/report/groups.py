@@ -167,7 +167,8 @@ def data_set(run: BatchIndex) -> str:
     scene = run.session.scene
     if scene.source == "demo":
         return f"the built-in scene {scene.demo}"
-    return f"{Path(scene.dataset).name}/{scene.split}" if scene.source == "bop" else Path(scene.dataset).name
+    of_bop = (scene.split, scene.sensor) if scene.source == "bop" else ()
+    return "/".join(filter(None, (Path(scene.dataset).name, *of_bop)))
 
 
 def seeds_of(run: BatchIndex) -> Seeds:

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from verefine_viz.batch.progress import counted_bar
+from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import atomic, clear_parts
 from verefine_viz.run.session_file import load_session
@@ -78,7 +78,7 @@ def run_one(
     except KeyboardInterrupt:
         if n_done:
             part = f"stopped after {n_done} of {n_all} runs"
-            stderr = Console(stderr=True, highlight=False, soft_wrap=True)
+            stderr = Terminal(stderr=True, highlight=False, soft_wrap=True)
             stderr.print(f"study {name}: {part}; writing them, the same command goes on")
             _write_results(request, sessions, n_seeds, saved_outcomes(request, sessions, n_seeds, journal), out, part)
         raise
@@ -158,7 +158,7 @@ def _about(sessions: Mapping[str, Session], outcomes: Sequence[Outcome], seeds: 
 
 
 def _print_results(study: Study, points: Points, notes: Sequence[str], figures: tuple[Path, Path]) -> None:
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(highlight=False, soft_wrap=True)
     if len(study.panels) == 1:
         console.print(_table(study, points))
     for panel in study.panels:
