@@ -3,23 +3,13 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from verefine_viz.core.errors import VerefineError
-    from verefine_viz.library.frame import Frame, OpenedFrame, open_dataset, open_frame
-    from verefine_viz.library.plugins import estimator, refiner
-    from verefine_viz.library.single_calls import estimate, evaluate, refine, score, score_maps, settle
-    from verefine_viz.library.solving import Run, solve, step
-    from verefine_viz.page.notebook import show
-    from verefine_viz.page.share import share
-    from verefine_viz.trace import Trace
+from typing import Any
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "VerefineError": "core.errors",
-    **dict.fromkeys(("Frame", "OpenedFrame", "open_dataset", "open_frame"), "library.frame"),
+    **dict.fromkeys(("Frame", "OpenedFrame", "open_dataset", "open_frame"), "library.frame_to_solve"),
     **dict.fromkeys(("estimator", "refiner"), "library.plugins"),
     **dict.fromkeys(("estimate", "evaluate", "refine", "score", "score_maps", "settle"), "library.single_calls"),
     **dict.fromkeys(("Run", "solve", "step"), "library.solving"),
@@ -27,29 +17,7 @@ _HOMES = {
     "share": "page.share",
     "Trace": "trace",
 }
-"""The module of each name; it is imported when the name is first asked for, as some are heavy."""
-
-__all__ = [
-    "Frame",
-    "OpenedFrame",
-    "Run",
-    "Trace",
-    "VerefineError",
-    "estimate",
-    "estimator",
-    "evaluate",
-    "open_dataset",
-    "open_frame",
-    "refine",
-    "refiner",
-    "score",
-    "score_maps",
-    "settle",
-    "share",
-    "show",
-    "solve",
-    "step",
-]
+"""The module of each name; it is imported when the name is first asked for, as some are heavy. Types: __init__.pyi."""
 
 
 def __getattr__(name: str) -> Any:

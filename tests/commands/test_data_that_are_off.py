@@ -21,7 +21,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.library.frame import Frame as ArrayFrame
+from verefine_viz.library.frame_to_solve import Frame as ArrayFrame
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.source import open_scene

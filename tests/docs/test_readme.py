@@ -87,7 +87,7 @@ def test_its_frame_is_solved_saved_and_kept(tmp_path: Path, monkeypatch: pytest.
     arrays = {"K": seen.camera.K, "depth_m": seen.depth_m, "rgb": seen.rgb, "mask": instance.mask}
     monkeypatch.chdir(tmp_path)
     shown: list[Run] = []
-    monkeypatch.setattr(Run, "show", shown.append)
+    monkeypatch.setattr(Run, "show", lambda run: shown.append(run))
     exec(code, arrays | {"poses": instance.hypotheses[0].T_cam_obj})
     assert shown[0]["mug"].score is not None
     assert read_run_file(tmp_path / "drop.vfrun").is_complete

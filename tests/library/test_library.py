@@ -141,3 +141,13 @@ def test_what_does_not_fit_is_one_line_where_it_is_given(mesh: Path, change: dic
     assert "\n" not in str(error.value)
     with pytest.raises(InputError, match="has no object to solve"):
         vv.solve(frame)
+
+
+def test_every_name_is_there_and_typed() -> None:
+    stub = (Path(vv.__file__).with_suffix(".pyi")).read_text()
+    names = {line.rsplit(" as ", 1)[1] for line in stub.splitlines() if " as " in line}
+    assert names == {*vv._HOMES}  # type: ignore[attr-defined]
+    assert all(getattr(vv, name).__doc__ for name in names)
+    assert {*names, "__version__"} <= {*dir(vv)}
+    with pytest.raises(AttributeError, match="has no attribute 'solv'"):
+        vv.solv  # type: ignore[attr-defined]  # noqa: B018

@@ -11,7 +11,7 @@ import trimesh
 
 from tests.fakes import BOX_M
 from verefine_viz.core.problem import Problem
-from verefine_viz.library.frame import Frame
+from verefine_viz.library.frame_to_solve import Frame
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
 

@@ -11,6 +11,7 @@ from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.refiners.registry import REFINERS
 
 R = TypeVar("R", bound=Callable[[], Refiner])
+_REGISTRIES = ("verefine_viz.refiners.registry", "verefine_viz.estimators.registry")
 E = TypeVar("E", bound=Callable[[], Estimator])
 
 
@@ -50,11 +51,9 @@ def estimator(name: str) -> Callable[[E], E]:
     return register
 
 
-_BUILT_IN = frozenset({*REFINERS, *ESTIMATORS})
-
-
 def _check(name: str, method: str, kind: Any) -> None:
-    if name in _BUILT_IN:
+    built_in = (REFINERS.get(name), ESTIMATORS.get(name))
+    if any(make.__module__ in _REGISTRIES for make in built_in if make is not None):
         raise InputError(f"{name!r} is the name of a part of this package; choose another")
     if not callable(getattr(kind, method, None)):
         raise InputError(f"{quoted(kind.__name__)} has no method {method}")

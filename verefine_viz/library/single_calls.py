@@ -16,7 +16,7 @@ from verefine_viz.core.problem import Hypothesis, Placed, Target
 from verefine_viz.core.scores import ScoreMaps, Scores
 from verefine_viz.estimators.registry import make_estimator
 from verefine_viz.evaluation.results_scores import Evaluation, evaluate_files
-from verefine_viz.library.frame import AnyFrame, target_of
+from verefine_viz.library.frame_to_solve import AnyFrame, target_of
 from verefine_viz.run.toolbox import Toolbox
 
 

@@ -14,7 +14,7 @@ from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import Diagnosis
 from verefine_viz.diagnosis.diagnose import diagnose
-from verefine_viz.library.frame import AnyFrame, Frame, target_of
+from verefine_viz.library.frame_to_solve import AnyFrame, Frame, target_of
 from verefine_viz.run.record import Answer, RunEnd, RunRecord
 from verefine_viz.run.run_file import write_record
 
