@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,9 +25,9 @@ class View:
     """Open the page in the browser: step through a run and see why a pose won or lost."""
 
     session: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SESSION|DIR|RUN]")] = None
-    """A session file (.toml), a recorded run (.vfrun, .rrd), or a folder: of batch runs, traces, kept frames,
-    a data set in BOP layout or as another program has it, or poses for one near it (.csv, .npz, .yml); none = a
-    built-in scene."""
+    """A session file (.toml) or the name of a built-in one (mug, clutter, …), a recorded run (.vfrun, .rrd), or a
+    folder: of batch runs, traces, kept frames, a data set in BOP layout or as another program has it, or poses for one
+    near it (.csv, .npz, .yml); none = a built-in scene."""
     other: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[RUN_B]")] = None
     """A recorded run of the same frame, shown beside the first as B (A/B panel)."""
     host: str = "127.0.0.1"
@@ -48,6 +48,11 @@ class View:
     settings: AnySettings = field(default_factory=SessionFlags)
 
     def run(self, arguments: Sequence[str]) -> int:
+        from verefine_viz.run.built_in_sessions import named_session
+
+        named = None if self.session is None else named_session(self.session)
+        if named != self.session:
+            return replace(self, session=named).run(arguments)
         overrides = given(self.settings, arguments)
         if self.watch is not None:
             return self._run_watch(self.watch, overrides)

@@ -32,9 +32,11 @@ def what_lies_at(path: Path) -> Openable:
     """
     from verefine_viz.batch.index import is_batch_folder
     from verefine_viz.page.gallery import read_gallery
+    from verefine_viz.run.built_in_sessions import named_session
     from verefine_viz.run.data_folder import data_at
     from verefine_viz.run.session_file import load_session
 
+    path = named_session(path)
     if path.suffix in (SUFFIX, ".rrd"):
         if not path.is_file():
             raise InputError(f"{path} does not exist; expected a recorded run (.vfrun, .rrd)")

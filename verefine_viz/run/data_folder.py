@@ -11,6 +11,7 @@ from typing import Any
 from verefine_viz.core.errors import InputError, in_one_line
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import MOST_NAMED, first_of
+from verefine_viz.run.built_in_sessions import named_session
 from verefine_viz.run.results_session import SUFFIXES, results_session
 from verefine_viz.run.session_file import CAPTURE_HEAD, load_session
 from verefine_viz.scenes.bop import BopDataset
@@ -120,6 +121,7 @@ def open_session(path: Path, overrides: Mapping[str, Any]) -> Session:
     Raises:
         VerefineError: it is neither, or is damaged.
     """
+    path = named_session(path)
     known = data_at(path, overrides)
     if known is not None:
         print(f"{in_one_line(str(path))}: {known.what}", file=sys.stderr)
