@@ -39,7 +39,7 @@ def _run(path: Path, workers: int = 1, seeds: int = 1) -> list[Outcome]:
 
 
 def _facts(outcomes: list[Outcome]) -> list[dict[str, object]]:
-    return [o.model_dump(exclude={"ms"}) for o in outcomes]
+    return [structs.replace(o, ms=0.0) for o in outcomes]
 
 
 def _entries(folder: Path) -> dict[str, bytes]:
