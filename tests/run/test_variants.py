@@ -67,6 +67,6 @@ def test_nonsense_is_refused_in_one_line() -> None:
         ("scene.demo", "box", "unknown section to compare 'scene'; available: preset, hypotheses, method"),
         ("method", "sir", "unknown section to compare 'method'"),
         ("preset", "best", "unknown preset 'best'; available: recommended, published"),
-        ("method.iterations", 0, "method.iterations = 0: input should be greater than or equal to 1"),
+        ("method.iterations", 0, "method.iterations = 0: expected a whole number from 1 to 10000"),
     ):
         assert words in refused(((name, value),))
