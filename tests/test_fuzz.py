@@ -17,6 +17,7 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +31,9 @@ from tests.learned.tiny_network import constant_network
 from tests.made_runs import answer, finished, written
 from tests.recording.runs import run_file, session
 from tests.scenes.bop_folder import detections, make
+from tests.scenes.test_foundation_pose import write_sequence
 from tests.scenes.test_graspa_layout import _layout
-from tests.scenes.test_pose_sequence import write_sequence
+from tests.scenes.test_layouts import CASES
 from tests.scenes.test_textures import textured_ply
 from tests.scenes.test_trace import write_box, write_trace
 from verefine_viz import cli
@@ -109,6 +111,10 @@ def open_folder(folder: Path) -> None:
     solve(Toolbox(open_session(folder, QUICK)))
 
 
+def open_layout(opened: str, folder: Path) -> None:
+    open_folder(folder / opened)
+
+
 def import_folder(folder: Path) -> None:
     assert all("Traceback" not in line for line in imported(folder, folder.with_name(f"{folder.name}-out")))
 
@@ -181,7 +187,8 @@ KINDS: dict[str, Kind] = {
     "bop, checked": Kind(write_bop, check_bop),
     "traces": Kind(lambda folder: _traces(folder), open_folder),
     "traces, imported": Kind(lambda folder: _traces(folder), import_folder),
-    "sequence": Kind(lambda folder: write_sequence(folder, 1), open_folder),
+    "layout of FoundationPose": Kind(lambda folder: write_sequence(folder, 1), open_folder),
+    **{f"layout {k}": Kind(case.write, partial(open_layout, case.opened)) for k, case in enumerate(CASES)},
     "meshes": Kind(write_meshes, open_meshes),
     "single files": Kind(write_some, open_some),
     "batch": Kind(write_batch, open_batch),
@@ -236,8 +243,7 @@ def with_other_bytes(path: Path, rng: random.Random) -> None:
 
 def swapped(path: Path, rng: random.Random) -> None:
     others = sorted(other for other in path.parents[1].rglob("*") if other.is_file() and other != path)
-    content = rng.choice(others).read_bytes()
-    path.write_bytes(content)
+    path.write_bytes(rng.choice(others).read_bytes() if others else b"")
 
 
 def no_file(path: Path, rng: random.Random) -> None:

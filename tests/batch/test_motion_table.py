@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from tests.batch.frames import batch_here
 from tests.made_runs import answer, finished
 from tests.report.pages import section
-from tests.scenes.test_pose_sequence import write_sequence
+from tests.scenes.test_foundation_pose import write_sequence
 from tests.scenes.test_trace import pose, write_box, write_trace
 from verefine_viz import cli
 from verefine_viz.batch.index import read_batch

@@ -10,7 +10,7 @@ from PIL import Image
 
 from tests.batch.frames import batch_here
 from tests.batch.killed_batches import without_times
-from tests.scenes.test_pose_sequence import write_sequence
+from tests.scenes.test_foundation_pose import write_sequence
 from tests.scenes.test_trace import picture, pose
 from verefine_viz.batch.run_batch import Backend, Progress, _after, run_batch
 from verefine_viz.recording.reader import read_recording

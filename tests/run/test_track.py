@@ -132,6 +132,6 @@ def test_a_session_states_what_a_frame_began_with_to_the_last_bit() -> None:
 
 
 def test_recorded_steps_take_no_other_initial_poses() -> None:
-    raw = {"scene": {"source": "trace", "dataset": "/runs"}, "hypotheses": {"source": "recorded"}}
+    raw = {"scene": {"source": "folder", "dataset": "/runs"}, "hypotheses": {"source": "recorded"}}
     with pytest.raises(SettingsError, match=r"leave method\.track out"):
         resolve({**raw, "method": {"name": "trace", "track": True}})

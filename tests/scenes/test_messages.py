@@ -61,7 +61,6 @@ FRAMES: tuple[tuple[Spoil, str], ...] = (
     (camera(depth_scale=0), "image 3: Expected `float` >= 1e-06 (at $.depth_scale)"),
     (camera(cam_R_w2c=[2] * 9), "'cam_R_w2c' is not rigid"),
     (edited("scene_gt.json", lambda c: c["3"][1].pop("obj_id")), "missing required field `obj_id` (at $[1])"),
-    (truth(cam_t_m2c=[float("nan"), 0, 1]), "scene_gt.json, image 3: Expected finite numbers (at $[1].cam_t_m2c)"),
     (lambda m: shutil.rmtree(m.scene / "mask_visib"), "mask_visib is missing; set scene.masks to 'mask'"),
     (written("../../test_targets_bop19.json", '[{"scene_id": 7}]'), "bop19.json: Object missing required field"),
     (written("../../models/obj_names.json", '{"a": "b"}'), "obj_names.json: 'a': 'b' does not name an object id"),
@@ -85,6 +84,9 @@ NOTED: tuple[tuple[Spoil, str], ...] = (
     (truth(cam_R_m2c=[1, 0, 0, 0, 1, 0, 0, 0, -1]), "the pose is not rigid: det(R) = -1.000"),
     (truth(cam_t_m2c=[0, 0, 1e30]), "'cam_t_m2c' is 1e+27 m away, expected at most 100 m; is it in millimetres?"),
     (edited("scene_gt.json", lambda c: c["3"][1].pop("cam_R_m2c")), "entry 1 has no 'cam_R_m2c'"),
+    (truth(cam_t_m2c=[float("nan"), 0, 1]), "image 3, entry 1: 'cam_t_m2c': Expected finite numbers"),
+    (truth(cam_t_m2c=None), "entry 1 has no 'cam_R_m2c' or no 'cam_t_m2c'"),
+    (truth(cam_R_m2c=[1] * 8), "image 3, entry 1: 'cam_R_m2c': Expected 9 numbers, got 8"),
 )
 
 
@@ -105,6 +107,8 @@ def test_trouble_with_an_object_is_a_note_and_the_others_go_on(
         problem = made.read()
         assert [i.instance_id for i in problem.instances] == left, words
         assert any(words in note for note in problem.notes), (words, problem.notes)
+        if cases is NOTED:
+            assert [i.T_cam_obj_gt is None for i in problem.instances] == [False, True, False]
 
 
 def test_trouble_with_detections(tmp_path: Path) -> None:

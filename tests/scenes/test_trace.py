@@ -25,8 +25,9 @@ from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.run.data_folder import open_session
 from verefine_viz.run.engine import Run
 from verefine_viz.run.toolbox import Toolbox
+from verefine_viz.scenes.recorded_frame import frame_ids
 from verefine_viz.scenes.source import open_scene
-from verefine_viz.scenes.trace_files import image_numbers, read_trace, traces_in
+from verefine_viz.scenes.trace_files import read_trace, traces_in
 from verefine_viz.trace import Trace
 
 K = np.array([[120.0, 0, 80], [0, 120, 60], [0, 0, 1]])
@@ -74,7 +75,7 @@ def write_trace(folder: Path, mesh: Path, n_steps: int = 3, with_table: bool = F
 
 
 def problem_of(folder: Path, frame: str | None = None) -> Problem:
-    source = open_scene(SceneSettings(source="trace", dataset=str(folder)), HypothesesSettings(source="recorded"))
+    source = open_scene(SceneSettings(source="folder", dataset=str(folder)), HypothesesSettings(source="recorded"))
     return source.problem(frame or source.frames[0])
 
 
@@ -312,7 +313,7 @@ def test_frames_have_the_number_of_their_name_where_it_is_clear() -> None:
         (("1581120424100262102", "1581120424148532296"), (1, 2)),
         (("mug", "bowl"), (1, 2)),
     ):
-        assert image_numbers(names) == numbers
+        assert [k for _, k in frame_ids(names)] == [*numbers]
 
 
 def test_a_trace_opens_without_solids_for_a_simulator(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -327,7 +327,7 @@ class _Batch:
         scene = self.session.scene
         if self.task == "estimate" or scene.sequence or self.session.method.track:
             return self.task != "estimate"
-        return scene.source in ("trace", "sequence") and self._source.is_sequence
+        return scene.source == "folder" and self._source.is_sequence
 
     def _write_end(self, status: str, spent_s: float) -> BatchFiles:
         """Writes tables and run.json; what is on the disk then."""

@@ -23,10 +23,11 @@ from verefine_viz.evaluation.ground_truth import (
     VISIB_FRACT,
     BopGroundTruth,
     read_targets,
-    targets_path,
     visible_targets,
 )
-from verefine_viz.scenes.bop import NO_COLOR, BopDataset, GroundTruth, MaskFolder
+from verefine_viz.scenes.annotations import GroundTruth, targets_path
+from verefine_viz.scenes.bop import NO_COLOR, BopDataset
+from verefine_viz.scenes.bop_files import MaskFolder, SceneFiles
 from verefine_viz.scenes.bop_source import BopSource
 from verefine_viz.scenes.frames import FrameIds, frame_name
 from verefine_viz.scenes.segments import FEWEST_MASK_PX
@@ -37,11 +38,11 @@ MOST_FAULTS = 3
 """Faults of one kind that are named."""
 
 
-def check_split(folder: Path, split: str) -> Parts:
-    """Check one split of a data set. What is missing or wrong is a finding, not an error."""
+def check_split(folder: Path, split: str, sensor: str = "") -> Parts:
+    """Check one split of a data set, of one sensor. What is missing or wrong is a finding, not an error."""
     parts = Parts()
     try:
-        dataset = BopDataset(folder, split)
+        dataset = BopDataset(folder, split, sensor=sensor)
     except VerefineError as error:
         parts.add("models", "cannot be used", str(error))
         parts.skip("all the rest", "not checked, because it needs models")
@@ -92,6 +93,8 @@ def _check_frames(dataset: BopDataset, parts: Parts) -> list[FrameIds]:
     n = len(dataset.scene_ids)
     parts.add("frames", f"{len(frames)} in {n} scene{'s' * (n != 1)}", "" if frames else "there is nothing to run")
     parts.before_all = "" if frames else f"frames ({why})"
+    for note in dataset.sensor_notes(dict.fromkeys(scene_id for scene_id, _ in frames)):
+        parts.add("sensor", note)
     try:
         targets = dataset.targets or {}
     except VerefineError as error:
@@ -137,15 +140,15 @@ def _check_images(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts)
 
 
 def _check_masks(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts) -> None:
-    scenes: list[Path] = []
+    scenes: list[SceneFiles] = []
     for scene_id in dataset.scene_ids:
         with suppress(VerefineError):  # Reported already.
-            scenes.append(dataset.scene_folder(scene_id))
-    kinds: list[MaskFolder] = [k for k in get_args(MaskFolder) if scenes and all((s / k).is_dir() for s in scenes)]
+            scenes.append(dataset.files(scene_id))
+    kinds: list[MaskFolder] = [k for k in get_args(MaskFolder) if scenes and all(s.has_masks(k) for s in scenes)]
     detections = dataset.detection_files()
     parts.masks, parts.detections = (*kinds, *detections), bool(detections)
     if not parts.masks:
-        lacking = [s.name for s in scenes if not any((s / kind).is_dir() for kind in get_args(MaskFolder))]
+        lacking = [s.folder.name for s in scenes if not any(map(s.has_masks, get_args(MaskFolder)))]
         some = f"every scene, also in {first_of(lacking, MOST_FAULTS)}" if len(lacking) < len(scenes) else "each scene"
         parts.add("masks", "none", f"masks are needed: a folder mask_visib/ in {some}, or a detections JSON")
         return
@@ -168,7 +171,8 @@ def _check_masks(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts) 
             f"{first_of(small, MOST_FAULTS)}, expected at least {FEWEST_MASK_PX} px, as no pose is found with fewer; "
             f"where an object is hidden, state a visib_fract below {VISIB_FRACT:g} in scene_gt_info.json"
         )
-    parts.add("masks", ", ".join(parts.masks), "; ".join(faults))
+    listed = " (of scene_gt_coco.json)" * any(s.are_masks_listed for s in scenes)
+    parts.add("masks", ", ".join(kind + listed * (kind == "mask_visib") for kind in parts.masks), "; ".join(faults))
 
 
 def _check_truths(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts) -> None:
@@ -229,7 +233,14 @@ def _check_plausibility(dataset: BopDataset, opened: Sequence[FrameIds], parts: 
         parts.skip("plausibility", f"not checked, needs {lacking}")
         return
     frames = tuple(frame_name(ids) for ids in opened)
-    scene = SceneSettings(source="bop", dataset=str(dataset.folder), split=dataset.split, masks=kind, frames=frames)
+    scene = SceneSettings(
+        source="bop",
+        dataset=str(dataset.folder),
+        split=dataset.split,
+        sensor=dataset.sensor,
+        masks=kind,
+        frames=frames,
+    )
     source = BopSource(scene, HypothesesSettings(source="perturb"))
     checked: list[str] = []
     doubts: dict[str, dict[str, str]] = {}

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.text_format import MOST_NAMED, first_of
+from verefine_viz.scenes.bop_files import datasets_below, splits_in
 
 
 @dataclass
@@ -88,24 +88,11 @@ def splits_of(folder: Path) -> tuple[str, ...]:
     if not folder.is_dir():
         why = "is a file" if folder.exists() else "does not exist"
         raise InputError(f"{folder} {why}; give the folder that holds models/ and the splits (test/, …)")
-    splits = _splits(folder)
+    splits = splits_in(folder)
     if not splits:
-        raise InputError(f"{folder} holds no split with scenes; {_meant(folder)}")
-    return tuple(splits)
-
-
-def _splits(folder: Path) -> list[str]:
-    return [d.name for d in sorted(folder.iterdir()) if d.is_dir() and any(_scene_folders(d))]
-
-
-def _meant(folder: Path) -> str:
-    if any(_scene_folders(folder)):
-        return f"it is a split itself: name the data set's folder, {folder.resolve().parent}"
-    inside = [d for d in sorted(folder.iterdir()) if d.is_dir() and _splits(d)]
-    if inside:
-        return f"did you mean {first_of(inside, MOST_NAMED, ' or ')}?"
-    return f"expected for example {folder / 'test' / '000001'}"
-
-
-def _scene_folders(split: Path) -> Iterator[Path]:
-    return (d for d in split.iterdir() if d.is_dir() and d.name.isdecimal())
+        below = first_of(datasets_below(folder), MOST_NAMED, " or ")
+        expected = folder / "test" / "000001" / "scene_camera.json"
+        raise InputError(
+            f"{folder} holds no split with scenes; {f'did you mean {below}?' if below else f'expected {expected}'}"
+        )
+    return splits

@@ -71,9 +71,11 @@ class Datasets:
     exit code is 1 where a part needs a look (it is damaged, wrong, or nothing can be solved without it), else 0: that a
     copy holds only some frames of its targets file is a note. fetch: download from the BOP hub."""
     what: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[DIR|NAME]")] = ""
-    """check: the data set's folder. fetch: the data set's name."""
+    """check: the data set's folder, or that of a split. fetch: the data set's name."""
     folder: Path = Path("datasets")
     """fetch: where the archives go; each data set is a folder in it."""
+    sensor: str = ""
+    """check: the sensor whose files are read, where scenes have several; by default the first with ground truth."""
 
     def run(self, arguments: Sequence[str]) -> int:
         if self.action == "list":
@@ -81,7 +83,7 @@ class Datasets:
         if not self.what:
             needed = "the folder to check" if self.action == "check" else "the name of a data set"
             raise SettingsError(f"datasets {self.action} needs {needed}")
-        return _check(Path(self.what)) if self.action == "check" else _fetch(self.what, self.folder)
+        return _check(Path(self.what), self.sensor) if self.action == "check" else _fetch(self.what, self.folder)
 
 
 def _list(folder: Path) -> int:
@@ -152,7 +154,7 @@ def _download(entry: Entry, folder: Path) -> list[Path]:
         raise UnavailableError(f"{repository} cannot be fetched from the hub ({why}); by hand: {by_hand}") from None
 
 
-def _check(folder: Path) -> int:
+def _check(folder: Path, sensor: str) -> int:
     """0 where no part needs a look, else 1; the last line says so."""
     from rich.console import Console
     from rich.markup import escape
@@ -160,12 +162,16 @@ def _check(folder: Path) -> int:
 
     from verefine_viz.commands.dataset_check import check_split
     from verefine_viz.commands.dataset_parts import splits_of, what_can_be_run
+    from verefine_viz.scenes.bop_files import inside_dataset
 
     console = Console(highlight=False)
     faulty: list[str] = []
-    for split in splits_of(folder):
+    if inside := inside_dataset(folder):
+        print(f"{folder} lies in the data set {inside.dataset}; its split {inside.split} is checked")
+    folder, splits = (inside.dataset, (inside.split,)) if inside else (folder, splits_of(folder))
+    for split in splits:
         with console.status(f"checking {escape(split)}"):
-            parts = check_split(folder, split)
+            parts = check_split(folder, split, sensor)
         table = Table(title=escape(f"{folder.name} {split}"))
         for column in ("part", "", "result"):
             table.add_column(column, no_wrap=column != "result")

@@ -18,7 +18,8 @@ class Estimate:
     """Find initial poses in all frames with the session's estimator: a BOP results CSV. Stopped, it can go on later."""
 
     session: Annotated[Path, tyro.conf.Positional]
-    """Session file (.toml); its hypotheses.source must be ppf, pcs or densefusion, or use --hypotheses.source ppf."""
+    """Session file (.toml), or a folder of data that view opens; its hypotheses.source must be ppf, pcs or
+    densefusion, or use --hypotheses.source ppf."""
     out: Path
     """CSV file: up to hypotheses.max-per-object rows for each object, score = the estimator's confidence."""
     workers: int = max(os.cpu_count() or 1, 1)

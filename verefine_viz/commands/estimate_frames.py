@@ -21,8 +21,8 @@ from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import atomic, check_file, clear_parts
 from verefine_viz.estimators.registry import ESTIMATORS
+from verefine_viz.run.data_folder import open_session
 from verefine_viz.run.record import Answer
-from verefine_viz.run.session_file import load_session
 
 WITHOUT_POSE = ("left_out", "no_answer")
 """Status of an object without a pose; what can be mended comes first."""
@@ -42,7 +42,7 @@ def write_pools(
     Raises:
         VerefineError: the session or ``out`` cannot be used.
     """
-    session = _only_estimating(load_session(path, overrides))
+    session = _only_estimating(open_session(path, overrides))
     if session.hypotheses.source not in ESTIMATORS:
         raise SettingsError(
             f"hypotheses.source is {session.hypotheses.source!r}, expected an estimator ({', '.join(ESTIMATORS)}); "

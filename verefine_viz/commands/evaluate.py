@@ -26,6 +26,9 @@ class Evaluate:
     """Folder of the data set, with models_eval/ (or models/), and the split."""
     split: str = ""
     """The split's folder; by default test, or the only one that begins with it (test_primesense)."""
+    sensor: str = ""
+    """The sensor whose camera the poses are in (cam1, photoneo, xyz), where the scenes have several; by default the
+    first one with ground truth."""
     targets: Path | None = None
     """Targets file, or its name in the data set's folder; by default test_targets_bop19.json, else …_bop24.json;
     without either, all instances that are at least 10 % visible are asked for."""
@@ -47,6 +50,14 @@ class Evaluate:
 
         task = None if self.task == "auto" else self.task
         print_scores(
-            self.results, self.dataset, self.split, self.targets, task, self.workers, self.json, self.per_object
+            self.results,
+            self.dataset,
+            self.split,
+            self.targets,
+            task,
+            self.workers,
+            self.json,
+            self.per_object,
+            self.sensor,
         )
         return 0

@@ -26,11 +26,11 @@ from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.files import reading
 from verefine_viz.evaluation.averages import Precision, Recalls
 from verefine_viz.evaluation.bop_scores import Scores
-from verefine_viz.evaluation.ground_truth import Task
 from verefine_viz.evaluation.matched_estimates import correct_share, mean_errors
 from verefine_viz.evaluation.pose_table import Coverage, Covered, OwnPart
 from verefine_viz.evaluation.results_scores import Evaluation, evaluate_files
 from verefine_viz.run.session_file import load_session
+from verefine_viz.scenes.annotations import Task
 
 SHORTEST = 12
 """What is left of a name at least [characters]."""
@@ -49,6 +49,7 @@ def print_scores(
     workers: int,
     as_json: bool,
     per_object: bool,
+    sensor: str = "",
 ) -> None:
     """Scores the files and prints the result.
 
@@ -57,7 +58,15 @@ def print_scores(
     """
     with counted_bar("images") as report:
         evaluation = evaluate_files(
-            files, dataset, split, targets, task, workers, lambda done, total: report("images", done, total), covered_by
+            files,
+            dataset,
+            split,
+            targets,
+            task,
+            workers,
+            lambda done, total: report("images", done, total),
+            covered_by,
+            sensor,
         )
     if as_json:
         print(json.dumps(_evaluation_json(evaluation), indent=2, ensure_ascii=False, allow_nan=False))

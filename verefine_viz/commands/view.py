@@ -27,7 +27,7 @@ class View:
 
     session: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SESSION|DIR|RUN]")] = None
     """A session file (.toml), a recorded run (.vfrun, .rrd), or a folder: of batch runs, traces, frames of keep_frame,
-    a data set in BOP layout, a sequence as FoundationPose has it; none = a built-in scene."""
+    a data set in BOP layout or as another program has it; none = a built-in scene."""
     other: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[RUN_B]")] = None
     """A recorded run of the same frame, shown beside the first as B (A/B panel)."""
     host: str = "127.0.0.1"
@@ -130,14 +130,15 @@ def _data_folder(path: Path | None, overrides: Mapping[str, Any]) -> DataFolder 
         InputError: it is one of nothing that can be opened.
     """
     from verefine_viz.batch.index import is_batch_folder, named_runs
-    from verefine_viz.run.data_folder import data_folder, is_begun, why_unknown
+    from verefine_viz.run.data_folder import data_folder, why_unknown
 
     if path is None or not path.is_dir() or is_batch_folder(path):
         return None
     known = data_folder(path, overrides)
     if known is None and not named_runs(path) and not (path / "session.toml").exists():
-        batch = "" if is_begun(path) else "is no folder of a batch: it has no run.json, and "
-        raise InputError(f"{path} {batch}{why_unknown(path)}")
+        why = why_unknown(path)
+        batch = "is no folder of a batch: it has no run.json, and " if why.startswith("holds no data") else ""
+        raise InputError(f"{path} {batch}{why}")
     return known
 
 

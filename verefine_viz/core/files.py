@@ -26,6 +26,7 @@ MOST_BYTES = 2_000_000_000
 """Size of a file that is read, unless its reader says less."""
 MOST_JSON_BYTES = 1_000_000_000
 """The same for JSON, and for what a .json.gz unpacks to."""
+MOST_YAML_BYTES = 50_000_000
 LONGEST = 300
 """What is shown of an error of a library [characters]."""
 LEVELS_BELOW = 3
@@ -135,6 +136,15 @@ def read_json(path: Path, kind: type[T], what: str = "") -> T:
     """
     with reading(path, what, MOST_JSON_BYTES) as file:
         return decoded_json(file.read(), kind)
+
+
+def read_yaml(path: Path, kind: type[T], what: str = "") -> T:
+    """Return the content of a YAML file as ``kind``; as :func:`read_json`."""
+    with reading(path, what, MOST_YAML_BYTES) as file:
+        raw = file.read()
+        if b"*" in raw:  # A few lines of them stand for gigabytes.
+            raise ValueError("aliases (*) are not read")
+        return msgspec.yaml.decode(raw, type=kind, strict=False, dec_hook=_array)
 
 
 def decoded_json(raw: bytes, kind: type[T]) -> T:

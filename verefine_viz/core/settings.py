@@ -29,16 +29,19 @@ from verefine_viz.core.setting_types import Count, Gravity, Index, InputPath, Po
 class SceneSettings(Settings, frozen=True):
     """Which frames and which objects."""
 
-    source: Literal["bop", "demo", "trace", "sequence", "layout"] = "demo"
-    """bop: a data set folder in BOP layout. demo: a built-in scene, no data needed. trace: a folder of
-    verefine_viz.trace, or one that holds several. sequence: images, camera, mesh and a pose per frame, as
-    FoundationPose's demo has them. layout: objects of YCB-V as a layout of the GRASPA benchmark has them, rendered."""
+    source: Literal["bop", "demo", "folder", "layout"] = "demo"
+    """bop: a data set folder in BOP layout. demo: a built-in scene, no data needed. folder: traces of
+    verefine_viz.trace, or a folder as FoundationPose, SAM-6D, MegaPose, DenseFusion, DeepIM or YCB-Video have them;
+    which it is, it shows itself. layout: objects of YCB-V as a layout of the GRASPA benchmark has them, rendered."""
     dataset: InputPath = ""
-    """bop, trace, sequence: the folder, relative to the session file; layout: that of the YCB-V models."""
+    """bop, folder: the folder, relative to the session file; layout: that of the YCB-V models."""
     layout: InputPath = ""
     """Layout: the XML file of a GRASPA layout, relative to the session file."""
     split: InputPath = "test"
     """BOP: the folder of the split below the data set (test, train_real, test_primesense, …)."""
+    sensor: str = ""
+    """BOP: the sensor whose files are read where scenes have several (cam1 for scene_camera_cam1.json, depth_cam1, …);
+    none = the plain names, else the first sensor with ground truth."""
     demo: str = "mug"
     """Demo: name of the built-in scene; an unknown name lists them."""
     turned: bool = False
@@ -48,7 +51,7 @@ class SceneSettings(Settings, frozen=True):
     """Frames as "scene/image"; none = all of the targets file, else all of the split."""
     sequence: bool = False
     """The frames of a scene are in order, as of a video: how poses change from one to the next is measured. So it is
-    without this for source sequence, for traces that are named by numbers alone, and with `method.track`."""
+    without this for layouts of videos, for traces that are named by numbers alone, and with `method.track`."""
     objects: tuple[Index, ...] = ()
     """BOP object ids to solve; none = all."""
     masks: InputPath = "mask_visib"
@@ -70,7 +73,7 @@ class HypothesesSettings(Settings, frozen=True):
     source: Literal["results", "perturb", "ppf", "pcs", "densefusion", "recorded"] = "perturb"
     """results: BOP results files, a row per hypothesis. perturb: ground truth, disturbed as in the paper's ablation.
     ppf: point pair features. pcs: congruent point sets (Super4PCS). densefusion: the network, with weights of yours.
-    recorded: those of the trace or sequence, all of them."""
+    recorded: those of source folder, all of them."""
     files: tuple[InputPath, ...] = ()
     """Results files (CSV), relative to the session file; the most trusted first: they take turns in the pool, the best
     row of each, then the second best, …"""

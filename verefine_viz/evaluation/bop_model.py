@@ -16,7 +16,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.refiners.nearest import NearestIndex
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
 from verefine_viz.scenes.meshes import hull_vertices, largest_distance, mesh_files, read_geometry, unit_of_format
-from verefine_viz.scenes.models import ModelInfo, checked_unit, combined_symmetries, listed_symmetries
+from verefine_viz.scenes.models import ModelInfo, checked_unit, combined_symmetries, listed_symmetries, models_beside
 
 STEP = 0.01
 """Largest way of a point between two steps of a continuous symmetry, as a share of the diameter (BOP)."""
@@ -111,7 +111,8 @@ class EvalModels:
     def __init__(self, dataset: Path) -> None:
         folders = [dataset / name for name in ("models_eval", "models") if any((dataset / name).glob("obj_*"))]
         if not folders:
-            raise InputError(f"{dataset} has no object models; expected models_eval/obj_000001.ply, … (or models/)")
+            expected = "models_eval/obj_000001.ply, … (or models/)"
+            raise InputError(f"{dataset} has no object models; expected {expected}{models_beside(dataset)}")
         self.folder = folders[0]
         self._infos = Numbered(self.folder / "models_info.json", ModelInfo, "object")
         self._meshes = mesh_files(self.folder)

@@ -26,12 +26,13 @@ from verefine_viz.evaluation.averages import (
     Recalls,
     Tally,
 )
-from verefine_viz.evaluation.ground_truth import VISIB_FRACT, GtInstance, GtSource, Targets, Task
+from verefine_viz.evaluation.ground_truth import VISIB_FRACT, GtInstance, GtSource, Targets
 from verefine_viz.evaluation.matched_estimates import Answer, answers, match_thresholds
 from verefine_viz.evaluation.pair_errors import Drawn, pair_errors
 from verefine_viz.evaluation.pose_table import Image, OwnPart, PoseTable
 from verefine_viz.evaluation.vertex_errors import adi_by_index_mm, adi_mm
 from verefine_viz.evaluation.vsd import DELTA_MM, DELTA_MM_ITODD
+from verefine_viz.scenes.annotations import Task
 
 MAX_PER_IMAGE = {"xyzibd": 200}
 """Detection: estimates of an image that count, the best ones; 100 for all other data sets."""

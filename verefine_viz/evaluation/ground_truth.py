@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +15,10 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.problem import Problem
 from verefine_viz.evaluation.bop_model import EvalModel, EvalModels, eval_model
-from verefine_viz.scenes.bop import BopDataset, TruthEntry, pose_of, target_counts
-from verefine_viz.scenes.image_files import (
-    depth_scale_of,
-    find_image,
-    image_width,
-    intrinsics_of,
-    read_steps,
-)
-
-Task = Literal["localization", "detection"]
-"""localization: BOP'19 to '23, how many instances there are is known. detection: BOP'24, it is not."""
+from verefine_viz.scenes.annotations import Task, TruthEntry, pose_of, target_counts, targets_names, targets_path
+from verefine_viz.scenes.bop import BopDataset
+from verefine_viz.scenes.bop_files import SceneFiles, beside
+from verefine_viz.scenes.image_files import depth_scale_of, image_width, intrinsics_of, read_steps
 
 
 @dataclass(frozen=True)
@@ -69,19 +61,9 @@ def find_targets(dataset: Path, split: str, task: Task | None = None) -> Path:
     path = targets_path(dataset, split, task)
     if path is None:
         there = ", ".join(sorted(p.name for p in dataset.glob("*targets*.json"))) or "none at all"
-        names = " or ".join(_names(split, task))
+        names = " or ".join(targets_names(split, task))
         raise InputError(f"{dataset} has no {names} (targets files there: {there}); name one by --targets")
     return path
-
-
-def targets_path(dataset: Path, split: str, task: Task | None = None) -> Path | None:
-    """The same, None where there is none."""
-    return next((dataset / name for name in _names(split, task) if os.path.lexists(dataset / name)), None)
-
-
-def _names(split: str, task: Task | None) -> list[str]:
-    years = {"localization": ("19",), "detection": ("24", "19"), None: ("19", "24")}[task]
-    return [f"{split.split('_')[0]}_targets_bop{year}.json" for year in years]
 
 
 VISIB_FRACT = 0.1
@@ -152,17 +134,18 @@ class BopGroundTruth:
         self._without_info: set[int] = set()
 
     def image(self, scene_id: int, im_id: int, with_depth: bool) -> GtImage:
-        folder = self._dataset.scene_folder(scene_id)
+        files = self._dataset.files(scene_id)
         cameras, truths = self._dataset.cameras(scene_id), self._dataset.truths(scene_id)
         if truths is None:
-            raise InputError(f"{folder / 'scene_gt.json'} is missing; without ground truth there is nothing to score")
-        for name, entries in (("scene_camera.json", cameras), ("scene_gt.json", truths)):
+            path = files.json("scene_gt")
+            raise InputError(f"{path} is missing; without ground truth there is nothing to score{beside(path)}")
+        for name, entries in (("scene_camera", cameras), ("scene_gt", truths)):
             if im_id not in entries:
-                raise InputError(f"{folder / name} has no image {im_id}, which the targets name")
+                raise InputError(f"{files.json(name)} has no image {im_id}, which the targets name")
         camera, where = cameras[im_id], cameras.where(im_id)
         K, instances = intrinsics_of(camera, where), self._instances(scene_id, im_id)
         if not with_depth:
-            return GtImage(K, _width(folder, im_id), None, instances)
+            return GtImage(K, _width(files, im_id), None, instances)
         scale_mm = depth_scale_of(camera, where)
         # The toolkit multiplies them in single precision.
         steps = read_steps(self._dataset.depth_file(scene_id, im_id), scale_mm)
@@ -197,14 +180,14 @@ class BopGroundTruth:
         truths, infos = self._dataset.truths(scene_id), self._dataset.infos(scene_id)
         assert truths is not None
         entries, where = truths[im_id], truths.where(im_id)
-        shares = [1.0] * len(entries)
+        shares: list[float | None] = [1.0] * len(entries)
         if infos is None:
             self._without_info.add(scene_id)
         else:
             shares = [info.visib_fract for info in infos[im_id]] if im_id in infos else []
         if len(shares) != len(entries):
             raise InputError(
-                f"{self._dataset.scene_folder(scene_id) / 'scene_gt_info.json'}, image {im_id} does not describe the "
+                f"{self._dataset.files(scene_id).json('scene_gt_info')}, image {im_id} does not describe the "
                 f"{len(entries)} instances of scene_gt.json one by one"
             )
         return tuple(
@@ -213,8 +196,10 @@ class BopGroundTruth:
         )
 
 
-def _instance(k: int, entry: TruthEntry, visib_fract: float, where: str) -> GtInstance:
+def _instance(k: int, entry: TruthEntry, visib_fract: float | None, where: str) -> GtInstance:
     R, t_mm = pose_of(entry, where)
+    if visib_fract is None:
+        raise InputError(f"{where} has no 'visib_fract' in scene_gt_info.json")
     if not (np.abs(R.T @ R - np.eye(3)).max() < SKEWED and np.linalg.det(R) > 0):
         raise InputError(f"{where}: 'cam_R_m2c' is no rotation")
     return GtInstance(k, entry.obj_id, R, t_mm, visib_fract)
@@ -283,10 +268,9 @@ def visible_targets(ground_truth: GtSource, images: Iterable[tuple[int, int]]) -
     return Targets("all instances that are at least 10 % visible", counts, "localization", is_official=False)
 
 
-def _width(folder: Path, im_id: int) -> int:
+def _width(files: SceneFiles, im_id: int) -> int:
     """The image's width, from the header of whichever of its files is there."""
-    paths = (find_image(folder / kind, f"{im_id:06d}") for kind in ("rgb", "gray", "depth"))
-    path = next(filter(None, paths), None)
+    path = next(filter(None, (files.image(kind, im_id) for kind in ("rgb", "gray", "depth"))), None)
     if path is None:
-        raise InputError(f"{folder} has no rgb, gray or depth image {im_id:06d}; its width is needed")
+        raise InputError(f"{files.folder} has no rgb, gray or depth image {im_id:06d}; its width is needed")
     return image_width(path)

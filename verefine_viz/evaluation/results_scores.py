@@ -16,10 +16,8 @@ from verefine_viz.evaluation.bop_scores import Report, Scores, bop_scores
 from verefine_viz.evaluation.ground_truth import (
     BopGroundTruth,
     Targets,
-    Task,
     find_targets,
     read_targets,
-    targets_path,
     visible_targets,
 )
 from verefine_viz.evaluation.pose_table import (
@@ -32,6 +30,7 @@ from verefine_viz.evaluation.pose_table import (
     read_pose_table,
     why_none,
 )
+from verefine_viz.scenes.annotations import Task, targets_path
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.results_csv import HEADER
 
@@ -70,6 +69,7 @@ def evaluate_files(
     workers: int = 1,
     report: Report = lambda done, total: None,
     covered_by: Callable[[Path], Covered | None] = lambda path: None,
+    sensor: str = "",
 ) -> Evaluation:
     """Scores results files as the official scripts do.
 
@@ -83,6 +83,7 @@ def evaluate_files(
         workers: threads; the scores are the same for any number.
         report: called with the progress in images.
         covered_by: what the run that wrote a file covered; None = unknown.
+        sensor: the one whose camera the poses are in, where scenes have several; empty = the first one.
 
     Raises:
         InputError: a results file breaks the format (the line is named) or has nothing about any target, or the data
@@ -91,7 +92,7 @@ def evaluate_files(
     """
     started = time.perf_counter()
     tables = [_read(path) for path in files]
-    folder = BopDataset(dataset, split or default_split(dataset))
+    folder = BopDataset(dataset, split or default_split(dataset), sensor=sensor)
     truth = BopGroundTruth(folder)
     asked = _targets(folder, targets, task, truth)
     covered = tuple(coverage(table, asked) for table in tables)
@@ -120,7 +121,12 @@ def evaluate_files(
         covered,
         own,
         {i: folder.models.name(i) for i in sorted(obj_ids)},
-        (*_no_targets_file(asked, folder), *truth.notes, *_unknown_instances(asked, scores[0])),
+        (
+            *_no_targets_file(asked, folder),
+            *folder.sensor_notes(sorted({scene_id for scene_id, _ in asked.counts})),
+            *truth.notes,
+            *_unknown_instances(asked, scores[0]),
+        ),
         time.perf_counter() - started,
     )
 

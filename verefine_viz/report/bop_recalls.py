@@ -101,7 +101,7 @@ def _asked(run: BatchIndex, frames: Sequence[str]) -> tuple[GtSource, Targets]:
             [source.problem(frame) for frame in frames],
         )
         return built_in, built_in.targets
-    dataset = BopDataset(Path(scene.dataset), scene.split)
+    dataset = BopDataset(Path(scene.dataset), scene.split, sensor=scene.sensor)
     ground_truth = BopGroundTruth(dataset)
     try:
         listed = read_targets(find_targets(dataset.folder, dataset.split, "localization"))

@@ -2,22 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from verefine_viz.core.errors import InputError, in_one_line
 from verefine_viz.core.settings import Session
+from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.run.session_file import CAPTURE_HEAD, load_session
-from verefine_viz.scenes.pose_sequence import CAMERA, DEPTH, PoseSequence, is_sequence
-from verefine_viz.scenes.trace_files import traces_in
+from verefine_viz.scenes.bop import BopDataset
+from verefine_viz.scenes.bop_files import (
+    Inside,
+    beside,
+    datasets_below,
+    has_truth,
+    inside_dataset,
+    scenes_in,
+    sensors_of,
+    splits_in,
+    splits_to_open,
+)
+from verefine_viz.scenes.frames import frame_name, frames_of_scene
+from verefine_viz.scenes.layouts import readers, recording_in
+from verefine_viz.scenes.layouts.foundation_pose import lacking
+from verefine_viz.scenes.recorded_frame import Recording
 
-SCENES, CAMERAS, SESSION = "*/[0-9]*", "scene_camera.json", "session.toml"
-"""Scenes of a BOP data set, the file that lists the images of one, and the session of a folder of ``keep_frame``."""
+SCENES, CAMERAS, SESSION = "*/[0-9]*", "scene_camera*.json", "session.toml"
+"""Scenes of a BOP data set, the files that list the images of one, and the session of a folder of ``keep_frame``."""
 LOOKED_FOR = (
-    "run files (.vfrun), traces (calls.jsonl), frames of keep_frame (session.toml), a data set in BOP layout "
-    "(SPLIT/000001/scene_camera.json), and a sequence as FoundationPose's demo has it (cam_K.txt, depth/, rgb/, mesh/)"
+    "run files (.vfrun)",
+    "session.toml (frames of keep_frame)",
+    "SPLIT/000001/scene_camera.json (a data set in BOP layout)",
 )
 
 
@@ -39,31 +56,45 @@ def data_folder(folder: Path, overrides: Mapping[str, Any]) -> DataFolder | None
     own = folder / SESSION
     if own.is_file() and own.read_text("utf-8", errors="replace").startswith(CAPTURE_HEAD):
         return DataFolder("frames of keep_frame", load_session(own, overrides))
-    source = {"dataset": str(folder.resolve())}
-    if traces := traces_in(folder):
-        n = len(traces)
-        what = "1 trace" if n == 1 else f"{n} traces"
-        return DataFolder(what, _recorded(folder, {**source, "source": "trace"}, overrides))
-    if is_sequence(folder):
-        n = len(PoseSequence(folder).names)
-        what = f"a sequence of {n} frames in the layout of FoundationPose"
-        return DataFolder(what, _recorded(folder, {**source, "source": "sequence"}, overrides))
-    splits = sorted({path.parent.parent.name for path in folder.glob(f"{SCENES}/{CAMERAS}")})
-    if not splits:
-        return None
-    has_gt = any(folder.glob(f"{splits[0]}/[0-9]*/scene_gt.json"))
+    if recording := recording_in(folder):
+        return _recorded(folder, recording, overrides)
+    if splits := splits_to_open(folder):
+        return _bop(folder, splits, overrides)
+    inside = inside_dataset(folder)
+    return None if inside is None else _part_of_bop(inside, overrides)
+
+
+def _bop(folder: Path, splits: Sequence[str], overrides: Mapping[str, Any]) -> DataFolder:
+    """A data set in BOP layout, its splits in the order in which they are opened."""
+    split = overrides.get("scene", {}).get("split", splits[0])
     sections = {
-        "scene": {**source, "source": "bop", "split": splits[0]},
-        "hypotheses": {"source": "perturb" if has_gt else "ppf"},
+        "scene": {"dataset": str(folder.resolve()), "source": "bop", "split": split},
+        "hypotheses": {"source": "perturb" if has_truth(folder / split) else "ppf"},
     }
-    return DataFolder(f"a data set in BOP layout, split {splits[0]}", _session(folder, sections, overrides))
+    others = ", ".join(name for name in splits if name != split)
+    what = f"a data set in BOP layout, split {split}{f' (also: {others})' if others else ''}"
+    return DataFolder(what, _session(folder, sections, overrides))
 
 
-def _recorded(folder: Path, scene: dict[str, Any], overrides: Mapping[str, Any]) -> Session:
-    sections: dict[str, Any] = {"scene": scene, "hypotheses": {"source": "recorded"}}
-    if overrides.get("hypotheses", {}).get("source", "recorded") == "recorded":
+def _part_of_bop(inside: Inside, overrides: Mapping[str, Any]) -> DataFolder | None:
+    """The split or the scene that a folder is, opened from its data set."""
+    scene = {"split": inside.split, **overrides.get("scene", {})}
+    if inside.scene_id is not None and "frames" not in scene:
+        dataset = BopDataset(inside.dataset, inside.split, sensor=scene.get("sensor", ""))
+        scene["frames"] = tuple(map(frame_name, frames_of_scene(dataset, inside.scene_id)))
+    known = data_folder(inside.dataset, {**overrides, "scene": scene})
+    part = f"split {inside.split}" if inside.scene_id is None else f"scene {inside.scene_id} of split {inside.split}"
+    return known and DataFolder(f"{part} of the data set {inside.dataset}", known.session)
+
+
+def _recorded(folder: Path, recording: Recording, overrides: Mapping[str, Any]) -> DataFolder:
+    n = len(recording.names)
+    source = "recorded" if recording.has_poses else "perturb" if recording.has_truth else "ppf"
+    scene = {"dataset": str(folder.resolve()), "source": "folder"}
+    sections: dict[str, Any] = {"scene": scene, "hypotheses": {"source": source}}
+    if {"source": source, **overrides.get("hypotheses", {})}["source"] == "recorded":
         sections["method"] = {"name": "trace"}
-    return _session(folder, sections, overrides)
+    return DataFolder(f"{recording.LAYOUT}, {n} frame{'s' * (n > 1)}", _session(folder, sections, overrides))
 
 
 def _session(folder: Path, sections: Mapping[str, Mapping[str, Any]], overrides: Mapping[str, Any]) -> Session:
@@ -73,7 +104,7 @@ def _session(folder: Path, sections: Mapping[str, Mapping[str, Any]], overrides:
 
 def holds_frames(folder: Path) -> bool:
     """Whether a folder holds frames itself, not in folders of it that do."""
-    return bool(traces_in(folder)) or is_sequence(folder) or any(folder.glob(f"{SCENES}/{CAMERAS}"))
+    return any(reader.recognizes(folder) for reader in readers()) or any(folder.glob(f"{SCENES}/{CAMERAS}"))
 
 
 def open_session(path: Path, overrides: Mapping[str, Any]) -> Session:
@@ -83,20 +114,34 @@ def open_session(path: Path, overrides: Mapping[str, Any]) -> Session:
         VerefineError: it is neither, or is damaged.
     """
     known = data_folder(path, overrides) if path.is_dir() else None
-    if known is None and is_begun(path):
+    if known is not None:
+        print(f"{path}: {known.what}", file=sys.stderr)
+        return known.session
+    if lacking(path) or (path.is_dir() and _meant(path)):
         raise InputError(f"{path} {why_unknown(path)}")
-    return load_session(path, overrides) if known is None else known.session
-
-
-def is_begun(folder: Path) -> bool:
-    """Whether a folder that is none of data has parts of a sequence."""
-    return (folder / DEPTH).is_dir() or (folder / CAMERA).is_file()
+    return load_session(path, overrides)
 
 
 def why_unknown(folder: Path) -> str:
     """What a folder that is none of data lacks, or what was looked for."""
-    if (folder / DEPTH).is_dir() and not (folder / CAMERA).is_file():
-        return f"has {DEPTH}/ but no {CAMERA}: write the 3×3 camera matrix [px] into it"
-    if (folder / CAMERA).is_file():
-        return f"has {CAMERA} but no {DEPTH}/: save a depth image [mm] per frame there"
-    return f"holds no data that are known; looked for {LOOKED_FOR}"
+    return _meant(folder) or lacking(folder) or f"holds no data that are known; looked for {looked_for()}"
+
+
+def looked_for() -> str:
+    """What folders of data are recognized by."""
+    layouts = [f"{reader.LOOKS_LIKE} ({reader.LAYOUT})" for reader in readers()]
+    return "; ".join((*LOOKED_FOR, *layouts))
+
+
+def _meant(folder: Path) -> str:
+    """What a folder lacks to be of a data set in BOP layout, or which ones lie in it; empty where it is like none."""
+    if sensors_of(folder):
+        return "is a scene in BOP layout, but not named by its number: expected DATASET/test/000001"
+    if near := beside(folder / "scene_camera.json"):
+        return f"has no scene_camera.json{near}"
+    for split in splits_in(folder):
+        scene = next(iter(scenes_in(folder / split).values()))[0]
+        if near := beside(scene / "scene_camera.json"):
+            return f"has no {split}/{scene.name}/scene_camera.json{near}"
+    below = [path for path in datasets_below(folder) if splits_to_open(path)]
+    return f"is no data set itself; did you mean {first_of(below, MOST_NAMED, ' or ')}?" if below else ""

@@ -12,7 +12,7 @@ from verefine_viz.core.files import first_line
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.run.capture import FARTHEST_M
 from verefine_viz.run.capture_folder import CapturedFrame, CapturedObject, CaptureFolder
-from verefine_viz.run.data_folder import LOOKED_FOR, data_folder
+from verefine_viz.run.data_folder import data_folder, looked_for
 from verefine_viz.scenes.meshes import Mesh
 from verefine_viz.scenes.source import open_scene
 
@@ -29,8 +29,8 @@ def imported(folder: Path, out: Path) -> Iterator[str]:
     """
     known = data_folder(folder, {}) if folder.is_dir() else None
     if known is None:
-        raise InputError(f"{folder} holds nothing that can be imported; looked for {LOOKED_FOR}")
-    if known.session.scene.source not in ("trace", "sequence"):
+        raise InputError(f"{folder} holds nothing that can be imported; looked for {looked_for()}")
+    if known.session.scene.source != "folder":
         raise InputError(f"{folder} holds {known.what}, which need no import: verefine-viz view {folder}")
     source = open_scene(known.session.scene, known.session.hypotheses)
     capture = CaptureFolder(out, source.is_sequence)

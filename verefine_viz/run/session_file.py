@@ -40,7 +40,7 @@ FILES = (
 )
 """Sections and fields that name one file; of the scene and the hypotheses it depends on others what they name."""
 _READ_BY = {
-    ("scene", "dataset"): ("bop", "trace", "sequence", "layout"),
+    ("scene", "dataset"): ("bop", "folder", "layout"),
     ("scene", "layout"): ("layout",),
     ("scene", "demo"): ("demo",),
     ("scene", "turned"): ("demo", "layout"),
@@ -290,10 +290,10 @@ def _check_sources(session: Session, layers: Sequence[Layer]) -> None:
             f'{layers[-1][0]}: method "trace" repeats what was recorded and takes no other initial poses; leave '
             "method.track out, or choose another method"
         )
-    if session.hypotheses.source == "recorded" and session.scene.source not in ("trace", "sequence"):
+    if session.hypotheses.source == "recorded" and session.scene.source != "folder":
         raise SettingsError(
             f'{layers[-1][0]}: hypotheses.source is "recorded", but scene.source is "{session.scene.source}" and has '
-            'none; set scene.source = "trace" or "sequence", or choose another source of hypotheses'
+            'none; set scene.source = "folder", or choose another source of hypotheses'
         )
     physics = session.physics
     if (

@@ -6,28 +6,44 @@ Foreign names stay here: ``cam_R_m2c``, ``cam_t_m2c`` [mm] become ``T_cam_obj`` 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import TypeVar
 
-import msgspec
 import numpy as np
-from msgspec import Meta
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, ShapeError, in_one_line, unknown
-from verefine_viz.core.files import Id, Numbered, Numbers3, Numbers3x3, Real, id_of, read_json
-from verefine_viz.core.geometry import as_rigid, check_reach, transform
+from verefine_viz.core.files import Numbered
+from verefine_viz.core.geometry import as_rigid, transform
 from verefine_viz.core.text_format import listed
+from verefine_viz.scenes.annotations import (
+    GroundTruth,
+    InfoEntry,
+    TruthEntry,
+    ground_truth_of,
+    target_counts,
+    targets_path,
+)
+from verefine_viz.scenes.bop_files import (
+    MaskFolder,
+    SceneFiles,
+    beside,
+    files_of_scene,
+    meant_dataset,
+    scenes_in,
+    sensors_of,
+    splits_in,
+)
+from verefine_viz.scenes.coco_masks import CocoMasks
 from verefine_viz.scenes.image_files import (
     CameraEntry,
     depth_scale_of,
-    find_image,
     intrinsics_notes,
     intrinsics_of,
     read_color,
@@ -37,47 +53,9 @@ from verefine_viz.scenes.image_files import (
 )
 from verefine_viz.scenes.models import ModelLibrary
 
-MaskFolder = Literal["mask_visib", "mask"]
 NO_COLOR = "the frame has no rgb or gray image; it is drawn without colour"
 """A note of images without; colour is optional."""
 T = TypeVar("T")
-
-
-class TruthEntry(msgspec.Struct, frozen=True):
-    """An instance's entry in scene_gt.json."""
-
-    obj_id: Id
-    cam_R_m2c: Numbers3x3 | None = None
-    cam_t_m2c: Numbers3 | None = None
-    """[mm]."""
-
-
-class InfoEntry(msgspec.Struct, frozen=True):
-    """An instance's entry in scene_gt_info.json."""
-
-    visib_fract: Real
-
-
-class TargetEntry(msgspec.Struct, frozen=True):
-    """An entry of a targets file; without an object where the task is detection (BOP'24)."""
-
-    scene_id: Id
-    im_id: Id
-    obj_id: Id | None = None
-    inst_count: Annotated[int, Meta(ge=0, le=100_000)] | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class GroundTruth:
-    """One entry of scene_gt."""
-
-    gt_id: int
-    """Its place in the image's list; second number of the mask files."""
-    obj_id: int
-    T_cam_obj: Float | None
-    """(4, 4) [m]; None where the file's numbers are no pose, for the reason ``fault``."""
-    visib_fract: float | None
-    fault: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,21 +81,28 @@ class BopDataset:
         split: test, train_real, test_primesense, …
         model_points: points to sample on each model.
         seed: of that sampling.
+        sensor: the one whose images are read, where scenes have several; empty = plain names, else the first one
+            (:func:`~verefine_viz.scenes.bop_files.files_of_scene`).
 
     Raises:
         InputError: the folder, the split or the models are not there.
     """
 
-    def __init__(self, folder: Path | str, split: str, model_points: int = 2000, seed: int = 0) -> None:
+    def __init__(
+        self, folder: Path | str, split: str, model_points: int = 2000, seed: int = 0, sensor: str = ""
+    ) -> None:
         self.folder = Path(folder)
         self.split = split
+        self.sensor = sensor
         if not self.folder.is_dir():
             raise InputError(f"data set folder {self.folder} does not exist; set scene.dataset to a BOP folder")
-        splits = [p.name for p in sorted(self.folder.iterdir()) if p.is_dir() and _scenes_in(p)]
+        splits = splits_in(self.folder)
         if split not in splits:
-            raise InputError(f"{unknown('split', split, splits)} in {self.folder}{_meant(self.folder, split)}")
+            raise InputError(f"{unknown('split', split, splits)} in {self.folder}{meant_dataset(self.folder, split)}")
         self.models = ModelLibrary(self.folder, model_points, seed)
-        self._scenes = _scenes_in(self.folder / split)
+        self._scenes = scenes_in(self.folder / split)
+        self._files: dict[int, SceneFiles] = {}
+        self._coco: dict[int, CocoMasks] = {}
         self._cameras: dict[int, Numbered[CameraEntry]] = {}
         self._truths: dict[int, Numbered[tuple[TruthEntry, ...]] | None] = {}
         self._infos: dict[int, Numbered[tuple[InfoEntry, ...]] | None] = {}
@@ -131,18 +116,40 @@ class BopDataset:
     def scene_ids(self) -> tuple[int, ...]:
         return tuple(self._scenes)
 
-    def scene_folder(self, scene_id: int) -> Path:
+    def files(self, scene_id: int) -> SceneFiles:
         """Where a scene's files are.
 
         Raises:
-            InputError: no such scene, or two folders of it.
+            InputError: no such scene, two folders of it, or it has no such sensor.
         """
         if scene_id not in self._scenes:
             raise InputError(f"{unknown('scene', scene_id, self._scenes)} in {self.folder / self.split}")
         folder, *others = self._scenes[scene_id]
         if others:
             raise InputError(f"{folder} and {others[0].name} are both scene {scene_id}; rename or remove one of them")
-        return folder
+        if scene_id not in self._files:
+            self._files[scene_id] = files_of_scene(folder, self.sensor)
+        return self._files[scene_id]
+
+    def sensor_notes(self, scene_ids: Iterable[int]) -> tuple[str, ...]:
+        """A note about the first of some scenes of which one of several sensors was chosen here.
+
+        Raises:
+            InputError: as :meth:`files`.
+        """
+        for files in map(self.files, () if self.sensor else scene_ids):
+            others = [name for name in sensors_of(files.folder) if name != files.sensor]
+            if files.sensor and others:
+                return (f"sensor {files.sensor} is read; the others are chosen by scene.sensor: {listed(others)}",)
+        return ()
+
+    def mask_notes(self, scene_ids: Iterable[int]) -> tuple[str, ...]:
+        """A note about the first of some scenes whose visible masks are no images; as :meth:`sensor_notes`."""
+        for files in map(self.files, scene_ids):
+            if files.are_masks_listed:
+                path = files.json("scene_gt_coco")
+                return (f"masks come from {path.name}, as scene {files.folder.name} has no mask_visib/ and no mask/",)
+        return ()
 
     def image_ids(self, scene_id: int) -> tuple[int, ...]:
         """The images of a scene that scene_camera.json lists, in order.
@@ -159,20 +166,22 @@ class BopDataset:
             InputError: no such scene, or the file is missing or damaged.
         """
         if scene_id not in self._cameras:
-            path = self.scene_folder(scene_id) / "scene_camera.json"
+            path = self.files(scene_id).json("scene_camera")
+            if not os.path.lexists(path):
+                raise InputError(f"{path} does not exist{beside(path)}")
             self._cameras[scene_id] = Numbered(path, CameraEntry, "image")
         return self._cameras[scene_id]
 
     def truths(self, scene_id: int) -> Numbered[tuple[TruthEntry, ...]] | None:
         """What a scene's scene_gt.json has for each image, None without one; as :meth:`cameras`."""
         if scene_id not in self._truths:
-            self._truths[scene_id] = _if_there(self.scene_folder(scene_id) / "scene_gt.json", tuple[TruthEntry, ...])
+            self._truths[scene_id] = _if_there(self.files(scene_id).json("scene_gt"), tuple[TruthEntry, ...])
         return self._truths[scene_id]
 
     def infos(self, scene_id: int) -> Numbered[tuple[InfoEntry, ...]] | None:
         """What a scene's scene_gt_info.json has for each image, None without one; as :meth:`cameras`."""
         if scene_id not in self._infos:
-            path = self.scene_folder(scene_id) / "scene_gt_info.json"
+            path = self.files(scene_id).json("scene_gt_info")
             self._infos[scene_id] = _if_there(path, tuple[InfoEntry, ...])
         return self._infos[scene_id]
 
@@ -182,10 +191,11 @@ class BopDataset:
         Raises:
             InputError: no such scene, or image.
         """
-        folder = self.scene_folder(scene_id) / "depth"
-        path = find_image(folder, f"{im_id:06d}")
+        files = self.files(scene_id)
+        path = files.image("depth", im_id)
         if path is None:
-            raise InputError(f"{folder / f'{im_id:06d}.png'} is missing; a depth image is needed")
+            expected = files.expected("depth", im_id)
+            raise InputError(f"{expected} is missing; a depth image is needed{beside(expected)}")
         return path
 
     def knows_up(self, scene_id: int) -> bool:
@@ -223,7 +233,6 @@ class BopDataset:
             InputError: it does not exist, or one of its files is missing or damaged.
         """
         self.check(scene_id, im_id)
-        folder = self.scene_folder(scene_id)
         cameras = self.cameras(scene_id)
         entry, where = cameras[im_id], cameras.where(im_id)
         K, scale_mm = intrinsics_of(entry, where), depth_scale_of(entry, where)
@@ -231,7 +240,7 @@ class BopDataset:
         depth_m = read_depth(path, scale_mm)
         if not depth_m.any():
             raise InputError(f"{path} is 0 everywhere: the frame has no depth, nothing can be verified in it")
-        rgb, notes = self._color(folder, im_id, depth_m.shape)
+        rgb, notes = self._color(scene_id, im_id, depth_m.shape)
         notes += intrinsics_notes(K, depth_m.shape)
         if depth_m.max() < 0.05 or np.median(depth_m[depth_m > 0]) > 20:
             median_m = float(np.median(depth_m[depth_m > 0]))
@@ -255,9 +264,10 @@ class BopDataset:
         entries, where = truths[im_id], truths.where(im_id)
         of_image = () if infos is None or im_id not in infos else infos[im_id]
         # Visible masks that were drawn, not rendered, may be larger than the rendered silhouette.
-        visible = {k: min(max(info.visib_fract, 0.0), 1.0) for k, info in enumerate(of_image)}
+        shares = [info.visib_fract for info in of_image]
+        visible = {k: min(max(share, 0.0), 1.0) for k, share in enumerate(shares) if share is not None}
         return tuple(
-            _ground_truth(entry, gt_id, visible.get(gt_id), f"{where}, entry {gt_id}")
+            ground_truth_of(entry, gt_id, visible.get(gt_id), f"{where}, entry {gt_id}")
             for gt_id, entry in enumerate(entries)
         )
 
@@ -267,27 +277,38 @@ class BopDataset:
         Raises:
             InputError: it is missing, damaged or of another size.
         """
-        folder = self.scene_folder(scene_id) / kind
-        stem = f"{im_id:06d}_{gt_id:06d}"
+        files = self.files(scene_id)
+        folder, expected = files.images(kind), files.expected(kind, im_id, gt_id)
+        if kind == "mask_visib" and files.are_masks_listed:
+            return self._listed_mask(files, scene_id, im_id, gt_id, shape)
         if not folder.is_dir():
             other = "mask" if kind == "mask_visib" else "mask_visib"
-            raise InputError(f"{folder} is missing; set scene.masks to {other!r} or to the path of a detections JSON")
-        path = find_image(folder, stem)
+            hint = f"set scene.masks to {other!r} or to the path of a detections JSON"
+            raise InputError(f"{folder} is missing; {hint}{beside(folder)}")
+        path = files.image(kind, im_id, gt_id)
         if path is None:
-            raise InputError(f"{folder / f'{stem}.png'} is missing; add it, or set scene.masks to a detections JSON")
+            raise InputError(
+                f"{expected} is missing; add it, or set scene.masks to a detections JSON{beside(expected)}"
+            )
         return read_mask(path, shape)
+
+    def _listed_mask(self, files: SceneFiles, scene_id: int, im_id: int, gt_id: int, shape: tuple[int, int]) -> Mask:
+        if scene_id not in self._coco:
+            self._coco[scene_id] = CocoMasks(files.json("scene_gt_coco"))
+        cameras = self.cameras(scene_id)
+        K = intrinsics_of(cameras[im_id], cameras.where(im_id))
+        return self._coco[scene_id].mask(im_id, gt_id, self.ground_truth(scene_id, im_id) or (), K, shape)
 
     @cached_property
     def targets(self) -> Mapping[tuple[int, int], Mapping[int, int]] | None:
-        """What the benchmark asks for, as :func:`target_counts` of the targets file; None without one.
-
-        Of several it is that of BOP'19, which ``evaluate`` takes as well, else the newest.
+        """What the benchmark asks for, as ``target_counts`` of the targets file that ``evaluate`` takes as well; None
+        without one.
 
         Raises:
             InputError: the file is damaged.
         """
-        paths = sorted(self.folder.glob(f"{self.split.split('_')[0]}_targets_bop*.json"))
-        return target_counts(max(paths, key=lambda path: (path.name.endswith("bop19.json"), path))) if paths else None
+        path = targets_path(self.folder, self.split)
+        return None if path is None else target_counts(path)
 
     def detection_files(self) -> tuple[str, ...]:
         """JSON files in the data set's folder that look like detections, for hints in errors."""
@@ -295,11 +316,13 @@ class BopDataset:
         return tuple(sorted(p.name for p in paths))
 
     def _color(
-        self, folder: Path, im_id: int, shape: tuple[int, ...]
+        self, scene_id: int, im_id: int, shape: tuple[int, ...]
     ) -> tuple[NDArray[np.uint8] | None, tuple[str, ...]]:
-        path = find_image(folder / "rgb", f"{im_id:06d}") or find_image(folder / "gray", f"{im_id:06d}")
+        files = self.files(scene_id)
+        path = files.image("rgb", im_id) or files.image("gray", im_id)
         if path is None:
-            return None, (NO_COLOR,)
+            near = beside(files.expected("rgb", im_id)) or beside(files.expected("gray", im_id))
+            return None, (NO_COLOR + near,)
         rgb = read_color(path)
         if rgb.shape[:2] != shape:
             raise InputError(f"{path} is {size_text(rgb.shape)} pixels, but the depth image is {size_text(shape)}")
@@ -308,60 +331,6 @@ class BopDataset:
 
 def _if_there(path: Path, kind: type[T]) -> Numbered[T] | None:
     return Numbered(path, kind, "image") if os.path.lexists(path) else None
-
-
-def target_counts(path: Path) -> dict[tuple[int, int], dict[int, int]]:
-    """(scene, image) → object → instances of a targets file, in its order; an object listed twice counts as the last.
-
-    Where the first entry names no object (BOP'24), none counts: all inner dictionaries are empty.
-
-    Raises:
-        InputError: the file is missing or damaged, or an entry lacks a number; the entry is named.
-    """
-    counts: dict[tuple[int, int], dict[int, int]] = {}
-    entries = read_json(path, tuple[TargetEntry, ...])
-    for k, entry in enumerate(entries):
-        of_image = counts.setdefault((entry.scene_id, entry.im_id), {})
-        if entries[0].obj_id is None:
-            continue
-        if entry.obj_id is None or entry.inst_count is None:
-            raise InputError(f"{path}: entry {k} has no 'obj_id' or no 'inst_count', as the first one has")
-        of_image[entry.obj_id] = entry.inst_count
-    return counts
-
-
-def _meant(folder: Path, split: str) -> str:
-    """A hint where ``folder`` lies in the data set, or holds it; empty where neither is so."""
-    below = [path for path in folder.iterdir() if path.is_dir()]
-    near = [place for place in (*folder.resolve().parents[:2], *sorted(below)) if _scenes_in(place / split)]
-    if len(near) > 1:
-        return f"; data sets that have it: {listed(near)}; set scene.dataset to one of them"
-    return f"; the data set is {near[0]}: set scene.dataset to it" if near else ""
-
-
-def _scenes_in(folder: Path) -> dict[int, list[Path]]:
-    """The folders of each scene by number: one each, unless two differ by the zeros in front."""
-    scenes: dict[int, list[Path]] = {}
-    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
-        scene_id = id_of(path.name)
-        if scene_id is not None and path.is_dir():
-            scenes.setdefault(scene_id, []).append(path)
-    return dict(sorted(scenes.items()))
-
-
-def pose_of(entry: TruthEntry, where: str) -> tuple[Float, Float]:
-    """R (3, 3) and t (3,) [mm] of an entry of scene_gt.json, with the digits of the file.
-
-    Raises:
-        InputError: one of them is missing, or t is out of reach.
-    """
-    if entry.cam_R_m2c is None or entry.cam_t_m2c is None:
-        raise InputError(f"{where} has no 'cam_R_m2c' or no 'cam_t_m2c'")
-    try:
-        check_reach(entry.cam_t_m2c * 1e-3, f"{where}: 'cam_t_m2c'")
-    except ShapeError as error:
-        raise InputError(str(error)) from None
-    return entry.cam_R_m2c, entry.cam_t_m2c
 
 
 def _R_world_cam(entry: CameraEntry, where: str) -> Float | None:
@@ -377,12 +346,3 @@ def _T_map_cam(entry: CameraEntry, R_world_cam: Float | None) -> Float | None:
     if R_world_cam is None or entry.cam_t_w2c is None:
         return None
     return transform(R_world_cam, -R_world_cam @ (entry.cam_t_w2c * 1e-3))
-
-
-def _ground_truth(entry: TruthEntry, gt_id: int, visib_fract: float | None, where: str) -> GroundTruth:
-    try:
-        R, t_mm = pose_of(entry, where)
-        pose = as_rigid(transform(R, t_mm * 1e-3), f"{where}: the pose")
-    except (InputError, ShapeError) as error:
-        return GroundTruth(gt_id, entry.obj_id, None, visib_fract, str(error))
-    return GroundTruth(gt_id, entry.obj_id, pose, visib_fract)

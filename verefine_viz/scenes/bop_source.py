@@ -63,7 +63,7 @@ class BopSource:
 
     def _read(self) -> None:
         scene, hypotheses = self._scene, self._hypotheses
-        self._dataset = BopDataset(scene.dataset, scene.split, scene.model_points, scene.seed)
+        self._dataset = BopDataset(scene.dataset, scene.split, scene.model_points, scene.seed, scene.sensor)
         self._check_objects()
         self._detections = _detections(scene.masks)
         self._results = results_of(hypotheses)
@@ -71,6 +71,10 @@ class BopSource:
         chosen, notes = named_frames(self._dataset, scene.frames) if scene.frames else all_frames(self._dataset)
         self.notes: tuple[str, ...] = (*notes, *file_notes(self._results))
         self._chosen = self._holding(chosen) if scene.objects else chosen
+        scene_ids = dict.fromkeys(scene_id for scene_id, _ in self._chosen)
+        self.notes += self._dataset.sensor_notes(scene_ids)
+        if scene.masks == "mask_visib":
+            self.notes += self._dataset.mask_notes(scene_ids)
         self.frames: tuple[str, ...] = tuple(frame_name(ids) for ids in self._chosen)
 
     def check_initial_poses(self) -> tuple[str, ...]:
@@ -120,7 +124,7 @@ class BopSource:
             observation=observation,
             models=models,
             instances=instances,
-            title=f"{self._dataset.name} {self._scene.split}",
+            title=" ".join(filter(None, (self._dataset.name, self._scene.split, self._dataset.files(ids[0]).sensor))),
             notes=(
                 *image.notes,
                 *up_notes,

@@ -89,21 +89,29 @@ class DetectionsFile:
         detections: list[Detection] = []
         boxes = 0
         for k, entry in self._entries.get((scene_id, im_id), ()):
-            where = f"{self.path}, entry {k}"
-            segmentation = bytes(entry.segmentation)
-            if segmentation in NO_MASK:
+            if bytes(entry.segmentation) in NO_MASK:
                 boxes += 1
                 continue
-            try:
-                mask = decode_rle(decoded_json(segmentation, RunLengths), shape)
-            except ValueError as error:
-                polygons = "; polygons are not read" * segmentation.startswith(b"[")
-                raise InputError(f"{where}: 'segmentation': {first_line(error)}{polygons}") from None
+            mask = mask_of(entry.segmentation, shape, f"{self.path}, entry {k}")
             detections.append(Detection(entry.category_id, entry.score, mask))
         notes = ()
         if boxes:
             notes = (f"{boxes} detections in {self.path.name} have a box but no mask; they are left out",)
         return tuple(sorted(detections, key=lambda d: -d.score)), notes
+
+
+def mask_of(segmentation: msgspec.Raw, shape: tuple[int, int], where: str) -> Mask:
+    """The mask (H, W) of a ``segmentation`` of COCO, read-only; ``where`` names its entry in a message.
+
+    Raises:
+        InputError: it is no run-length encoding, damaged, or made for another image size.
+    """
+    raw = bytes(segmentation)
+    try:
+        return decode_rle(decoded_json(raw, RunLengths), shape)
+    except (ValueError, RecursionError) as error:
+        polygons = "; polygons are not read" * raw.startswith(b"[")
+        raise InputError(f"{where}: 'segmentation': {first_line(error)}{polygons}") from None
 
 
 def decode_rle(encoded: RunLengths, shape: tuple[int, int]) -> Mask:

@@ -58,6 +58,17 @@ def repeated_notes(frames: Iterable[str]) -> tuple[str, ...]:
     )
 
 
+def frames_of_scene(dataset: BopDataset, scene_id: int) -> tuple[FrameIds, ...]:
+    """The frames of a scene that the targets file names and that are on the disk, else all of the scene.
+
+    Raises:
+        InputError: no such scene, or one of the files is damaged.
+    """
+    every = tuple((scene_id, im_id) for im_id in dataset.image_ids(scene_id))
+    asked = [ids for ids in dataset.targets or () if ids in every]
+    return tuple(asked) or every
+
+
 def all_frames(dataset: BopDataset) -> tuple[tuple[FrameIds, ...], tuple[str, ...]]:
     """All frames of the targets file that are on the disk, else all of the split; and notes about those that are not.
 

@@ -19,7 +19,8 @@ from verefine_viz.core.problem import Hypothesis
 from verefine_viz.core.settings import HypothesesSettings
 from verefine_viz.core.text_format import listed
 from verefine_viz.scenes.frames import FrameIds, frame_name, parse_frame
-from verefine_viz.scenes.results_csv import ResultRow, method_of, read_results
+from verefine_viz.scenes.results_csv import ResultRow, method_of
+from verefine_viz.scenes.results_files import read_estimates
 from verefine_viz.scenes.segments import Segment, best_owner, silhouette
 
 NEAREST_M = 0.02
@@ -53,10 +54,10 @@ def open_results(path: Path | str) -> ResultsFile:
     """A results file, ready to be asked for an object of a frame.
 
     Raises:
-        InputError: as :func:`read_results`, or every pose lies further away than ``FARTHEST_M``.
+        InputError: as :func:`read_estimates`, or every pose lies further away than ``FARTHEST_M``.
     """
     grouped: dict[tuple[int, int, int], list[ResultRow]] = {}
-    rows = read_results(path)
+    rows = read_estimates(path)
     near = [row for row in rows if np.linalg.norm(row.T_cam_obj[:3, 3]) <= FARTHEST_M]
     if not near:
         raise InputError(
@@ -84,7 +85,7 @@ def results_of(hypotheses: HypothesesSettings) -> tuple[ResultsFile, ...]:
 
     Raises:
         SettingsError: no file is named.
-        InputError: as :func:`read_results`.
+        InputError: as :func:`read_estimates`.
     """
     if hypotheses.source != "results":
         return ()

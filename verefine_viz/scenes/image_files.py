@@ -165,7 +165,8 @@ def intrinsics_of(entry: CameraEntry, where: str) -> Float:
     """
     K = entry.cam_K
     if K is None and entry.cam_model is not None:
-        raise InputError(f"{where} has a 'cam_model' (fisheye); only pinhole cameras with 'cam_K' are supported")
+        why = "only pinhole cameras with 'cam_K' are supported, and depth images are needed"
+        raise InputError(f"{where} has a 'cam_model' (fisheye); {why}")  # HOT3D: it has neither.
     if K is None:
         raise InputError(f"{where} has no 'cam_K'")
     try:

@@ -18,6 +18,8 @@ from verefine_viz.core.errors import InputError, ShapeError, in_one_line, quoted
 from verefine_viz.core.files import Numbered, Numbers3, Numbers4x4, id_of, read_json
 from verefine_viz.core.geometry import as_rigid, axis_angle, check_reach, transform
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.text_format import MOST_NAMED, first_of
+from verefine_viz.scenes.bop_files import beside
 from verefine_viz.scenes.meshes import Mesh, mesh_files, read_mesh, unit_of_format
 
 # An object's entry in ``models_info.json``.
@@ -240,7 +242,8 @@ class ModelLibrary:
 
     def _read(self, obj_id: int) -> tuple[ObjectModel, tuple[str, ...]]:
         if obj_id not in self._meshes:
-            raise InputError(f"{unknown('model', obj_id, self.ids)} in {self.folder}")
+            near = beside(self.folder / f"obj_{obj_id:06d}.ply")
+            raise InputError(f"{unknown('model', obj_id, self.ids)} in {self.folder}{near}")
         path = self._meshes[obj_id]
         where = f"{self.folder / 'models_info.json'}, object {obj_id}"
         info = self._infos[obj_id] if obj_id in self._infos else ModelInfo()
@@ -262,7 +265,16 @@ def _models_folder(dataset: Path) -> Path:
             return dataset / name
     if dataset.is_dir() and mesh_files(dataset):
         return dataset
-    raise InputError(f"{dataset} has no object models; expected models/obj_000001.ply, … (or models_eval/)")
+    raise InputError(
+        f"{dataset} has no object models; expected models/obj_000001.ply, … (or models_eval/){models_beside(dataset)}"
+    )
+
+
+def models_beside(dataset: Path) -> str:
+    """A hint at what may be meant where a data set has no folder of models; empty where nothing is like one."""
+    folder = dataset / "models"
+    there = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else ()
+    return f"; models/ holds {first_of(there, MOST_NAMED)}" if there else beside(folder)
 
 
 def _names(dataset: Path, models: Path) -> dict[int, str]:

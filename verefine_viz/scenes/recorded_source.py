@@ -1,4 +1,4 @@
-"""Problems out of what another program recorded: traces, or a sequence of images with a pose per frame."""
+"""Problems out of what other programs read or recorded, in layouts of their own."""
 
 from __future__ import annotations
 
@@ -16,26 +16,15 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Instance, LeftOut, Placed, Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.core.text_format import listed
 from verefine_viz.observation.observed_frame import observe
 from verefine_viz.scenes.frames import frame_name, parse_frame, repeated_notes
 from verefine_viz.scenes.hypothesis_pool import check_asked, check_covered, file_notes, pools_of_frame, results_of
 from verefine_viz.scenes.instance_notes import instance_notes
+from verefine_viz.scenes.layouts import readers, recording_in
 from verefine_viz.scenes.meshes import read_mesh
 from verefine_viz.scenes.models import model_of_mesh
-from verefine_viz.scenes.pose_sequence import PoseSequence
+from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, frame_ids
 from verefine_viz.scenes.segments import Segment, draw_placed
-from verefine_viz.scenes.trace_files import (
-    RecordedFrame,
-    RecordedObject,
-    begun_at,
-    image_numbers,
-    left_out_of,
-    object_names,
-    read_trace,
-    recorded_answers,
-    traces_in,
-)
 
 NEARER_M = 0.02
 """What was measured so much nearer than a pose hides it."""
@@ -50,45 +39,6 @@ class RecordedPose:
     """(4, 4) [m]; None where it has no pose."""
     score: float | None = None
     """Its own, in its own units."""
-
-
-class Traces:
-    """The traces of a folder.
-
-    Raises:
-        InputError: it holds none, or one of them cannot be read.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self._folders = {path.resolve().name: path for path in (traces_in(folder) if folder.is_dir() else ())}
-        if not self._folders:
-            raise InputError(f"{folder} holds no trace; expected a folder that verefine_viz.trace.Trace was given")
-        self.names = tuple(self._folders)
-        left_out = left_out_of(folder)
-        self.notes = (f"traces still being written, or without all their files, left out: {listed(left_out)}",) * bool(
-            left_out
-        )
-
-    @property
-    def objects(self) -> tuple[str, ...]:
-        """By the first trace that has them, in the order in which the traces were begun."""
-        by_age = sorted(self._folders.values(), key=begun_at)
-        return tuple(dict.fromkeys(name for path in by_age for name in object_names(path)))
-
-    def frame(self, name: str) -> RecordedFrame:
-        """One of them.
-
-        Raises:
-            InputError: it cannot be read.
-        """
-        return read_trace(self._folders[name])
-
-    def answers(self, name: str) -> dict[str, tuple[Float | None, float | None]]:
-        """The poses (4, 4) [m] that one ended with, and their scores, by object; none where it cannot be read."""
-        try:
-            return dict(recorded_answers(self._folders[name]))
-        except InputError:
-            return {}
 
 
 class RecordedSource:
@@ -125,20 +75,21 @@ class RecordedSource:
 
     def _read(self) -> None:
         folder = Path(self._scene.dataset)
-        self._recording: Traces | PoseSequence = (
-            Traces(folder) if self._scene.source == "trace" else PoseSequence(folder)
-        )
-        numbers = image_numbers(self._recording.names)
-        self._names = {frame_name((0, k)): name for k, name in zip(numbers, self._recording.names, strict=True)}
+        recording = recording_in(folder) if folder.is_dir() else None
+        if recording is None:
+            layouts = "; ".join(f"{reader.LOOKS_LIKE} ({reader.LAYOUT})" for reader in readers())
+            raise InputError(f"{folder} is in none of the layouts that are read: {layouts}")
+        self._recording = recording
+        ids = frame_ids(recording.names)
+        self._names = {frame_name(one): name for one, name in zip(ids, recording.names, strict=True)}
         """The recording's name of each frame."""
-        self._obj_ids = {name: k for k, name in enumerate(self._recording.objects, 1)}
+        self._obj_ids = {**recording.objects}
         self.__dict__.pop("tracks", None)  # Traces may have come since.
 
     @property
     def is_sequence(self) -> bool:
         """See :class:`SceneSource`."""
-        is_numbered = len(self._names) > 1 and all(name.isdecimal() for name in self._names.values())
-        return self._scene.sequence or isinstance(self._recording, PoseSequence) or is_numbered
+        return self._scene.sequence or self._recording.is_sequence
 
     def _check_frame(self, frame: str) -> None:
         if frame_name(parse_frame(frame)) not in self._names:
@@ -171,7 +122,8 @@ class RecordedSource:
         self._check_frame(frame)
         progress.checkpoint(f"Reading the pictures of frame {frame}.")
         recorded = self._recording.frame(self._names[frame])
-        self._obj_ids |= {one.name: len(self._obj_ids) + 1 for one in recorded.objects if one.name not in self._obj_ids}
+        for one in recorded.objects:
+            self._obj_ids.setdefault(one.name, max(self._obj_ids.values(), default=0) + 1)
         try:
             camera = Camera(recorded.K, recorded.depth_m.shape[1], recorded.depth_m.shape[0])
         except ShapeError as error:

@@ -19,7 +19,9 @@ from verefine_viz.core.text_format import listed
 from verefine_viz.observation.observed_frame import segment_cloud
 from verefine_viz.rendering.mesh import RenderMesh, render_mesh
 from verefine_viz.rendering.rasterizer import draw_frame
-from verefine_viz.scenes.bop import BopDataset, GroundTruth, MaskFolder
+from verefine_viz.scenes.annotations import GroundTruth
+from verefine_viz.scenes.bop import BopDataset
+from verefine_viz.scenes.bop_files import MaskFolder, beside
 from verefine_viz.scenes.detections import Detection, DetectionsFile
 from verefine_viz.scenes.frames import frame_name
 from verefine_viz.scenes.models import ModelLibrary
@@ -72,6 +74,7 @@ def segments_of_folder(
         raise InputError(
             f"frame {scene_id}/{im_id} of {dataset.name}/{dataset.split} has no scene_gt, so its masks have no object "
             f"ids; set scene.masks to the path of a detections JSON{hint}"
+            f"{beside(dataset.files(scene_id).json('scene_gt'))}"
         )
     segments: list[Segment] = []
     notes: list[str] = []

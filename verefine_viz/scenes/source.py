@@ -74,7 +74,7 @@ def open_scene(scene: SceneSettings, hypotheses: HypothesesSettings) -> SceneSou
         from verefine_viz.scenes.bop_source import BopSource
 
         return BopSource(scene, hypotheses)
-    if scene.source in ("trace", "sequence"):
+    if scene.source == "folder":
         from verefine_viz.scenes.recorded_source import RecordedSource
 
         return RecordedSource(scene, hypotheses)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,12 +14,13 @@ from msgspec import Meta
 from numpy.typing import DTypeLike, NDArray
 
 from verefine_viz.core.array_cache import NPZ_READING
-from verefine_viz.core.arrays import Float, Mask, plain_array
+from verefine_viz.core.arrays import Float, plain_array
 from verefine_viz.core.errors import InputError, ShapeError, in_one_line
 from verefine_viz.core.files import Numbers3, Numbers3x3, Numbers4x4, Real, decoded_json, first_line, reading
 from verefine_viz.core.geometry import as_rigid, check_reach
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.scenes.image_files import DEEPEST_M
+from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, frame_ids, in_order
 from verefine_viz.trace import CALLS, FORMAT
 
 MOST_BYTES, MOST_OBJECTS, MOST_HYPOTHESES, MOST_STEPS = 200_000_000, 100, 1000, 20_000
@@ -63,39 +62,6 @@ class Call(msgspec.Struct, frozen=True):
     closed: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class RecordedObject:
-    """An object of a frame, and what another program did to its poses."""
-
-    name: str
-    mesh: Path | None
-    """None where the program gave none that could be read."""
-    unit_m: float
-    """Metres per unit of the mesh file."""
-    mask: Mask | None
-    """(H, W); None = the pixels that its first pose covers."""
-    hypotheses: tuple[Hypothesis, ...]
-    scores: tuple[float | None, ...]
-    """The program's own, of the hypotheses."""
-    steps: tuple[RecordedStep, ...]
-    T_cam_obj_gt: Float | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class RecordedFrame:
-    """A frame as another program had it."""
-
-    name: str
-    K: Float
-    depth_m: NDArray[np.float32]
-    """(H, W) [m], 0 where nothing was measured."""
-    rgb: NDArray[np.uint8] | None
-    objects: tuple[RecordedObject, ...]
-    down_cam: Float | None = None
-    """(3,) where things fall, of any length."""
-    notes: tuple[str, ...] = ()
-
-
 def is_trace(folder: Path) -> bool:
     """Whether a folder holds a trace."""
     return (folder / CALLS).is_file()
@@ -105,21 +71,25 @@ def traces_in(folder: Path) -> tuple[Path, ...]:
     """The traces of a folder: itself, or those directly in it that are complete, by name with numbers as numbers."""
     if is_trace(folder):
         return (folder,)
-    return tuple(sorted(filter(_is_complete, filter(is_trace, folder.iterdir())), key=_natural))
+    return tuple(sorted(filter(_is_complete, filter(is_trace, folder.iterdir())), key=lambda path: in_order(path.name)))
 
 
 def left_out_of(folder: Path) -> tuple[str, ...]:
     """The names of traces in a folder that are being written, or lack files."""
     inside = () if is_trace(folder) else filter(is_trace, folder.iterdir())
-    return tuple(in_one_line(path.name) for path in sorted(inside, key=_natural) if not _is_complete(path))
+    return tuple(
+        in_one_line(path.name)
+        for path in sorted(inside, key=lambda path: in_order(path.name))
+        if not _is_complete(path)
+    )
 
 
 def written_ns(folder: Path) -> dict[int, int]:
     """When each trace of a folder was last written to [ns since 1970], by its image number."""
     traces = traces_in(folder)
-    numbers = image_numbers([path.resolve().name for path in traces])
+    ids = frame_ids([path.resolve().name for path in traces])
     # A copy that keeps the times of what was copied cannot keep this one.
-    return {number: (path / CALLS).stat().st_ctime_ns for number, path in zip(numbers, traces, strict=True)}
+    return {number: (path / CALLS).stat().st_ctime_ns for (_, number), path in zip(ids, traces, strict=True)}
 
 
 def _is_complete(folder: Path) -> bool:
@@ -140,14 +110,6 @@ def _summary(folder: Path, changed_ns: int, size: int) -> tuple[bool, tuple[str,
     named = ["depth.npy", *(["rgb.npy"] if calls[0].rgb else [])]
     named += [name for call in calls if call.mesh is not None for name in (call.mesh, call.mask) if name]
     return any(call.closed for call in calls), tuple(named)
-
-
-def image_numbers(names: Sequence[str]) -> tuple[int, ...]:
-    """A number for each of some files or folders: that at the end of its name, where each has another; else 1, 2, …"""
-    ends = [re.search(r"(\d{1,6})$", name) for name in names]
-    numbers = [int(end.group(1)) for end in ends if end is not None]
-    is_clear = len({*numbers}) == len(names) and not any(re.search(r"\d{7}$", name) for name in names)
-    return tuple(numbers) if is_clear else tuple(range(1, len(names) + 1))
 
 
 def object_names(folder: Path) -> tuple[str, ...]:
@@ -304,7 +266,3 @@ def _loaded(path: Path, dtype: DTypeLike) -> NDArray[Any]:
         if dtype is np.bool_ and isinstance(array, np.ndarray) and array.dtype.kind in "iu":
             array = array != 0
         return plain_array(array, dtype)
-
-
-def _natural(path: Path) -> list[tuple[int, str]]:
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d{1,18})", path.name)]

@@ -14,7 +14,7 @@ from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.run.data_folder import data_folder, holds_frames, open_session
 from verefine_viz.run.imported_folder import imported
-from verefine_viz.scenes.pose_sequence import PoseSequence
+from verefine_viz.scenes.layouts.foundation_pose import Reader
 from verefine_viz.scenes.source import open_scene
 
 
@@ -35,7 +35,7 @@ def write_sequence(folder: Path, n: int = 3, size: float = 0.1) -> Path:
 
 
 def source_of(folder: Path):
-    return open_scene(SceneSettings(source="sequence", dataset=str(folder)), HypothesesSettings(source="recorded"))
+    return open_scene(SceneSettings(source="folder", dataset=str(folder)), HypothesesSettings(source="recorded"))
 
 
 def test_a_sequence_is_read(tmp_path: Path) -> None:
@@ -61,7 +61,7 @@ def test_frames_go_by_their_numbers_and_poses_of_a_debug_folder_count(tmp_path: 
             file.rename(file.with_name(f"{8 + k}.{ending}"))
     (folder / "debug").mkdir()
     (folder / "ob_in_cam").rename(folder / "debug" / "ob_in_cam")
-    assert PoseSequence(folder).names == ("8", "9", "10", "11")
+    assert Reader(folder).names == ("8", "9", "10", "11")
     source = source_of(folder)
     assert source.frames == ("0/8", "0/9", "0/10", "0/11")
     for k, frame in enumerate(source.frames):
@@ -146,7 +146,7 @@ def test_folders_are_recognized(tmp_path: Path) -> None:
     write_trace(tmp_path / "runs" / "a_2", tmp_path / "box.obj")
     kinds = {path: data_folder(path, {}) for path in (sequence, tmp_path / "runs", tmp_path / "runs" / "a_1")}
     words = [known.what for known in kinds.values() if known is not None]
-    assert words == ["a sequence of 3 frames in the layout of FoundationPose", "2 traces", "1 trace"]
+    assert words == ["layout of FoundationPose's demo, 3 frames", "traces, 2 frames", "traces, 1 frame"]
     assert all(known is not None and known.session.method.name == "trace" for known in kinds.values())
     assert data_folder(tmp_path, {}) is None
     assert not holds_frames(tmp_path)
@@ -184,4 +184,4 @@ def test_what_is_imported_opens_as_a_data_set_with_the_same_content(tmp_path: Pa
 def test_names_are_those_of_the_depth_images(tmp_path: Path) -> None:
     folder = write_sequence(tmp_path / "mustard")
     (folder / "depth" / "notes.txt").write_text("")
-    assert len(PoseSequence(folder).names) == 3
+    assert len(Reader(folder).names) == 3

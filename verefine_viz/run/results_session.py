@@ -1,0 +1,65 @@
+"""A session over the poses of a results file, if the data set that they are of lies near it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.settings import Session
+from verefine_viz.core.text_format import listed
+from verefine_viz.run.session_file import load_session
+from verefine_viz.scenes.bop import BopDataset
+from verefine_viz.scenes.bop_files import splits_to_open
+from verefine_viz.scenes.frames import frame_name
+from verefine_viz.scenes.results_files import read_estimates
+
+SUFFIXES = (".csv", ".npz", ".yml", ".yaml")
+LEVELS_UP, MOST_FOLDERS = 3, 300
+"""How far above the file a data set is looked for, and in how many folders there."""
+
+
+def results_session(path: Path, overrides: Mapping[str, Any]) -> Session:
+    """The frames that a results file has poses of, which are the initial poses.
+
+    Args:
+        path: a file as :func:`read_estimates` reads.
+        overrides: settings; ``scene.dataset`` names the data set where it does not lie near the file.
+
+    Raises:
+        InputError: the file cannot be read, or no data set near it has its frames.
+    """
+    rows = read_estimates(path)
+    wanted = tuple(dict.fromkeys((row.scene_id, row.im_id) for row in rows))
+    given = overrides.get("scene", {}).get("dataset")
+    for folder in (Path(given),) if given else _folders_near(path):
+        for split in _splits(folder, path):
+            dataset = BopDataset(folder, split)
+            frames = [frame_name(ids) for ids in wanted if dataset.has(*ids)]
+            if frames:
+                scene = {"source": "bop", "dataset": str(folder.resolve()), "split": split, "frames": frames}
+                files = {"source": "results", "files": [str(path.resolve())]}
+                sections = {"scene": scene, "hypotheses": files}
+                merged = {name: {**fields, **overrides.get(name, {})} for name, fields in sections.items()}
+                return load_session(None, {"title": path.stem, **overrides, **merged})
+    scenes = listed(sorted({scene_id for scene_id, _ in wanted}))
+    where = f"{given} has none of them" if given else "no data set with them lies near it; add --scene.dataset DIR"
+    raise InputError(f"{path} has {len(rows)} poses of scenes {scenes}, but {where}")
+
+
+def _folders_near(path: Path) -> Iterator[Path]:
+    """The folders above a file and what lies in them, those first that its name speaks of (method_ycbv-test.csv)."""
+    above = path.resolve().parents[:LEVELS_UP]
+    inside = (sorted(p for p in folder.iterdir() if p.is_dir()) for folder in above)
+    near = [*above, *islice((p for folders in inside for p in folders), MOST_FOLDERS)]
+    named = re.search(r"_([^_]+)-[^_]+$", path.stem)
+    yield from sorted(near, key=lambda folder: named is None or folder.name != named[1])
+
+
+def _splits(folder: Path, path: Path) -> Iterator[str]:
+    """The splits of a data set, those first that the file's name speaks of; none where it is no data set."""
+    named = re.search(r"_[^_]+-([^_]+)$", path.stem)
+    yield from sorted(splits_to_open(folder), key=lambda split: named is None or not split.startswith(named[1]))

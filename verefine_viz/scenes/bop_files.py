@@ -1,0 +1,182 @@
+"""Where the files of a data set in BOP layout are: splits, scenes, sensors, and what lies beside a missing file."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.files import id_of
+from verefine_viz.core.text_format import first_of, listed
+from verefine_viz.scenes.image_files import find_image
+
+MaskFolder = Literal["mask_visib", "mask"]
+LIKE = 0.8
+"""Likeness of two names, by their letters alone, from which one may be meant by the other."""
+MOST_LIKE = 3
+"""Names beside a missing file that are shown."""
+_CAMERAS = re.compile(r"scene_camera(?:_(.+))?\.json")
+_ORDER = ("test", "train", "val")
+"""Splits in the order in which they are opened; others come after them."""
+
+
+@dataclass(frozen=True)
+class SceneFiles:
+    """The files of one scene, under the names of one of its sensors where it has several (IPD, XYZ-IBD)."""
+
+    folder: Path
+    sensor: str = ""
+    """cam1 for ``scene_camera_cam1.json``, ``depth_cam1/``, …; empty for the plain names."""
+
+    def json(self, name: str) -> Path:
+        """The path of scene_camera, scene_gt, scene_gt_info or scene_gt_coco."""
+        return self.images(name).with_suffix(".json")
+
+    def images(self, kind: str) -> Path:
+        """The folder of rgb, gray, depth, mask or mask_visib."""
+        return self.folder / (f"{kind}_{self.sensor}" if self.sensor else kind)
+
+    def image(self, kind: str, *ids: int) -> Path | None:
+        """An image, or the mask of an instance, whatever its format; None where it is missing."""
+        return find_image(self.images(kind), _stem(ids))
+
+    def expected(self, kind: str, *ids: int) -> Path:
+        """The path that a missing image should have."""
+        return self.images(kind) / f"{_stem(ids)}.png"
+
+    @property
+    def are_masks_listed(self) -> bool:
+        """Whether scene_gt_coco.json has the visible masks, and no folder has any."""
+        return (
+            not self.images("mask_visib").is_dir()
+            and not self.images("mask").is_dir()
+            and self.json("scene_gt_coco").is_file()
+        )
+
+    def has_masks(self, kind: MaskFolder) -> bool:
+        """Whether there are masks of a kind at all."""
+        return self.images(kind).is_dir() or (kind == "mask_visib" and self.are_masks_listed)
+
+
+def files_of_scene(folder: Path, sensor: str = "") -> SceneFiles:
+    """The files of a scene.
+
+    Args:
+        folder: the scene's.
+        sensor: which of its sensors; empty = the plain names, or where there are none, the first sensor that has ground
+            truth, or at least depth.
+
+    Raises:
+        InputError: the scene has no such sensor; those that it has are listed.
+    """
+    there = sensors_of(folder)
+    if sensor and sensor not in there:
+        if not any(there):
+            raise InputError(f"{folder} has no sensor {sensor!r}, only files of plain names; leave scene.sensor empty")
+        raise InputError(f"{unknown('sensor', sensor, filter(None, there))} in {folder}; set scene.sensor")
+    if sensor or not there or "" in there:
+        return SceneFiles(folder, sensor)
+    files = [SceneFiles(folder, name) for name in there]
+    return min(files, key=lambda f: (not f.json("scene_gt").exists(), not f.images("depth").is_dir(), f.sensor))
+
+
+def sensors_of(scene: Path) -> tuple[str, ...]:
+    """The sensors whose cameras a scene has, by name; the empty one is that of plain names."""
+    named = (_CAMERAS.fullmatch(path.name) for path in scene.glob("scene_camera*.json"))
+    return tuple(sorted(match[1] or "" for match in named if match))
+
+
+def scenes_in(split: Path) -> dict[int, list[Path]]:
+    """The folders of each scene by number: one each, unless two differ by the zeros in front."""
+    scenes: dict[int, list[Path]] = {}
+    for path in sorted(split.iterdir()) if split.is_dir() else ():
+        scene_id = id_of(path.name)
+        if scene_id is not None and path.is_dir():
+            scenes.setdefault(scene_id, []).append(path)
+    return dict(sorted(scenes.items()))
+
+
+def splits_in(folder: Path) -> tuple[str, ...]:
+    """The folders of a data set that hold scenes, by name."""
+    return tuple(path.name for path in sorted(folder.iterdir()) if path.is_dir() and scenes_in(path))
+
+
+def splits_to_open(folder: Path) -> tuple[str, ...]:
+    """The splits of a data set of which a scene lists its images, the one to open first: with ground truth, then test.
+
+    A folder with a scene without images, or that is none of data, has none.
+    """
+    splits = {path.parent.parent.name for path in folder.glob("*/[0-9]*/scene_camera*.json")}
+    ranks = {name: next((k for k, first in enumerate(_ORDER) if name.startswith(first)), 9) for name in splits}
+    return tuple(sorted(splits, key=lambda name: (not has_truth(folder / name), ranks[name], name)))
+
+
+def has_truth(split: Path) -> bool:
+    """Whether any scene of a split has ground truth."""
+    folders = (folder for folders in scenes_in(split).values() for folder in folders)
+    return any(files_of_scene(folder).json("scene_gt").exists() for folder in folders)
+
+
+@dataclass(frozen=True)
+class Inside:
+    """What a folder within a data set is: a split, or a scene of it."""
+
+    dataset: Path
+    split: str
+    scene_id: int | None
+    """None where it is the split."""
+
+
+def inside_dataset(folder: Path) -> Inside | None:
+    """What a folder is within a data set; None where it is none of a split or a scene with images."""
+    found: list[Inside] = []
+    for path in (folder.absolute(), folder.resolve()):  # A link may lead out of the data set, or into it.
+        if sensors_of(path) and (scene_id := id_of(path.name)) is not None:
+            found.append(Inside(path.parent.parent, path.parent.name, scene_id))
+        elif any(map(sensors_of, path.glob("[0-9]*"))):
+            found.append(Inside(path.parent, path.name, None))
+    with_models = [one for one in found if any(one.dataset.glob("models*"))]
+    return next(iter((*with_models, *found)), None)
+
+
+def datasets_below(folder: Path) -> tuple[Path, ...]:
+    """The data sets that lie directly in a folder."""
+    return tuple(path for path in sorted(folder.iterdir()) if path.is_dir() and splits_in(path))
+
+
+def meant_dataset(folder: Path, split: str) -> str:
+    """A hint where a folder without a split lies in the data set, or holds it; empty where neither is so."""
+    below = [path for path in folder.iterdir() if path.is_dir()]
+    near = [place for place in (*folder.resolve().parents[:2], *sorted(below)) if scenes_in(place / split)]
+    if len(near) > 1:
+        return f"; data sets that have it: {listed(near)}; set scene.dataset to one of them"
+    return f"; the data set is {near[0]}: set scene.dataset to it" if near else ""
+
+
+def beside(path: Path) -> str:
+    """A hint at what lies beside a missing file, or beside its missing folder, and may be meant by it; else empty."""
+    if not path.parent.is_dir():
+        return "" if path.parent == path else beside(path.parent)
+    names = sorted(other.name for other in path.parent.iterdir() if not other.name.startswith("."))
+    like = [name for name in names if _is_like(name, path.name)]
+    return f"; in {path.parent.name}/ there is {first_of(like, MOST_LIKE)}" if like else ""
+
+
+def _is_like(name: str, wanted: str) -> bool:
+    """Whether two names have the same numbers, or without any nearly the same letters; an ending says little."""
+    stem, wanted_stem = name.partition(".")[0], wanted.partition(".")[0]
+    if numbers := _numbers(wanted_stem):
+        return _numbers(stem) == numbers
+    letters, wanted_letters = (re.sub(r"[^a-z]", "", text.lower()) for text in (stem, wanted_stem))
+    return difflib.SequenceMatcher(None, letters, wanted_letters).ratio() >= LIKE
+
+
+def _numbers(text: str) -> list[int]:
+    return [int(digits) for digits in re.findall(r"\d{1,18}", text)]
+
+
+def _stem(ids: tuple[int, ...]) -> str:
+    return "_".join(f"{number:06d}" for number in ids)

@@ -1,0 +1,104 @@
+"""Visible masks of annotated instances out of scene_gt_coco.json, for data sets that come without images of masks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.files import Id, Real, read_json
+from verefine_viz.scenes.annotations import GroundTruth
+from verefine_viz.scenes.detections import mask_of
+
+UNKNOWN_PX = 1e6
+"""Distance between a box and an instance of which one is not known [px]."""
+
+
+class Annotation(msgspec.Struct, frozen=True):
+    """An instance of which something is visible; its ids are not those of scene_gt."""
+
+    image_id: Id
+    category_id: Id
+    """obj_id."""
+    bbox: tuple[Real, Real, Real, Real] | None = None
+    """x, y, width, height [px]."""
+    segmentation: msgspec.Raw = msgspec.Raw(b"null")
+
+
+class Content(msgspec.Struct, frozen=True):
+    """The file."""
+
+    annotations: tuple[Annotation, ...]
+
+
+class CocoMasks:
+    """The masks of a scene's images; each is decoded when it is asked for.
+
+    Args:
+        path: scene_gt_coco.json.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._annotations: dict[int, list[tuple[int, Annotation]]] = {}
+        for k, annotation in enumerate(read_json(path, Content).annotations):
+            self._annotations.setdefault(annotation.image_id, []).append((k, annotation))
+
+    def mask(self, im_id: int, gt_id: int, entries: Sequence[GroundTruth], K: Float, shape: tuple[int, int]) -> Mask:
+        """The visible mask (H, W) of an instance; empty where nothing of it is visible.
+
+        Args:
+            im_id: BOP image.
+            gt_id: the instance's place in ``entries``.
+            entries: the image's ground truth.
+            K: camera matrix (3, 3) [px] of the image.
+            shape: (height, width) of the image.
+
+        Raises:
+            InputError: the file has none of an instance that is visible, or its mask is damaged or of another size.
+        """
+        annotations = self._annotations.get(im_id, [])
+        owned = owners([annotation for _, annotation in annotations], entries, K)
+        if gt_id in owned:
+            k, annotation = annotations[owned[gt_id]]
+            return mask_of(annotation.segmentation, shape, f"{self._path}, annotation {k}")
+        if entries[gt_id].visib_fract or not annotations:
+            raise InputError(f"{self._path} has no mask of entry {gt_id} of image {im_id}")
+        return np.zeros(shape, bool)
+
+
+def owners(annotations: Sequence[Annotation], entries: Sequence[GroundTruth], K: Float) -> dict[int, int]:
+    """The index of the annotation of each instance, by gt_id; instances without visible pixels have none.
+
+    Annotations are in the order of the instances of which something is visible. Where that leaves it open whose they
+    are (scene_gt_info.json is missing), each goes to the instance whose origin appears nearest to the middle of its
+    box.
+    """
+    owned: dict[int, int] = {}
+    for obj_id in {annotation.category_id for annotation in annotations}:
+        mine = [k for k, annotation in enumerate(annotations) if annotation.category_id == obj_id]
+        visible = [entry for entry in entries if entry.obj_id == obj_id and entry.visib_fract != 0]
+        if len(mine) == len(visible):
+            owned |= {entry.gt_id: k for entry, k in zip(visible, mine, strict=True)}
+        elif visible:
+            away_px = np.array([[_away_px(annotations[k], entry, K) for entry in visible] for k in mine])
+            rows, columns = linear_sum_assignment(away_px)
+            owned |= {visible[column].gt_id: mine[row] for row, column in zip(rows, columns, strict=True)}
+    return owned
+
+
+def _away_px(annotation: Annotation, entry: GroundTruth, K: Float) -> float:
+    """How far the origin of an instance appears from the middle of an annotation's box [px]."""
+    if annotation.bbox is None or entry.T_cam_obj is None or entry.T_cam_obj[2, 3] <= 0:
+        return UNKNOWN_PX
+    x, y, width, height = annotation.bbox
+    u, v, _ = K @ (entry.T_cam_obj[:3, 3] / entry.T_cam_obj[2, 3])
+    return min(float(np.hypot(u - x - width / 2, v - y - height / 2)), UNKNOWN_PX)

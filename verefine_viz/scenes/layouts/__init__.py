@@ -1,0 +1,26 @@
+"""Readers of folders as other programs have them, one layout a file: each module here has a class ``Reader``."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
+
+from verefine_viz.scenes.recorded_frame import Recording
+
+
+@cache
+def readers() -> tuple[type[Recording], ...]:
+    """All of them, found by listing this folder."""
+    return tuple(import_module(f"{__name__}.{module.name}").Reader for module in iter_modules(__path__))
+
+
+def recording_in(folder: Path) -> Recording | None:
+    """What a folder holds in one of the layouts, None where it has none of them.
+
+    Raises:
+        InputError: what all its frames share is missing or damaged.
+    """
+    reader = next((reader for reader in readers() if reader.recognizes(folder)), None)
+    return None if reader is None else reader(folder)

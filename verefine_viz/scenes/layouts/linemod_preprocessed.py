@@ -1,0 +1,126 @@
+"""LINEMOD as DenseFusion has it (``Linemod_preprocessed``): a folder per object with ``gt.yml`` and ``info.yml``.
+
+``data/01/{rgb,depth,mask}/0000.png`` and ``models/obj_01.ply``, in millimetres. A mask is of the folder's own object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.files import Id, Numbers3, Numbers3x3, id_of, read_yaml
+from verefine_viz.core.geometry import transform
+from verefine_viz.scenes.image_files import (
+    CameraEntry,
+    depth_scale_of,
+    find_image,
+    intrinsics_of,
+    read_depth,
+    read_mask,
+)
+from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, color_of, image_of, images_in, near_pose
+
+CAMERAS, GROUND_TRUTH = "info.yml", "gt.yml"
+T = TypeVar("T")
+
+
+class Entry(msgspec.Struct, frozen=True):
+    """An object's entry in gt.yml."""
+
+    obj_id: Id
+    cam_R_m2c: Numbers3x3
+    cam_t_m2c: Numbers3
+    """[mm]."""
+
+
+class Reader:
+    """The frames of the data set or of one folder; see :class:`~verefine_viz.scenes.recorded_frame.Recording`."""
+
+    LAYOUT = "layout of DenseFusion's Linemod_preprocessed"
+    LOOKS_LIKE = "data/01/gt.yml, data/01/info.yml, models/obj_01.ply"
+    is_sequence = has_poses = False
+    has_truth = True
+
+    def __init__(self, folder: Path) -> None:
+        scenes = [folder] if _is_scene(folder) else sorted(filter(_is_scene, (folder / "data").iterdir()))
+        self._scenes = {scene.resolve().name: _Scene(scene) for scene in scenes}
+        self._models = scenes[0].resolve().parents[1] / "models"
+        self.names: tuple[str, ...] = tuple(
+            f"{name}/{image}"
+            for name, scene in self._scenes.items()
+            for image in images_in(scene.folder / "depth", "*.png")
+        )
+        if not self.names:
+            raise InputError(f"{scenes[0] / 'depth'} holds no image; expected 0000.png, …")
+        self.objects: Mapping[str, int] = {_called(id_of(name) or 0): id_of(name) or 0 for name in self._scenes}
+        self.notes = () if self._models.is_dir() else (f"{self._models} is missing; expected obj_01.ply, …",)
+
+    @staticmethod
+    def recognizes(folder: Path) -> bool:
+        data = folder / "data"
+        return _is_scene(folder) or (data.is_dir() and any(map(_is_scene, data.iterdir())))
+
+    def frame(self, name: str) -> RecordedFrame:
+        """One frame with its folder's object, at its ground truth."""
+        folder_name, image = name.split("/")
+        scene, obj_id = self._scenes[folder_name], id_of(folder_name) or 0
+        camera, where = scene.entry(scene.cameras, CAMERAS, image)
+        depth_m = read_depth(image_of(scene.folder / "depth", image), depth_scale_of(camera, where))
+        rgb = color_of(find_image(scene.folder / "rgb", image), depth_m.shape)
+        entries, where_gt = scene.entry(scene.truths, GROUND_TRUTH, image)
+        notes: list[str] = []
+        own = next((entry for entry in entries if entry.obj_id == obj_id), None)
+        T_gt = None
+        if own is None:
+            notes.append(f"{where_gt} has no object {obj_id}")
+        else:
+            try:
+                T_gt = near_pose(transform(own.cam_R_m2c, own.cam_t_m2c * 1e-3))
+            except ShapeError as error:
+                notes.append(f"{where_gt}: {error}")
+        mask = read_mask(image_of(scene.folder / "mask", image), depth_m.shape)
+        mesh = self._models / f"{_called(obj_id)}.ply"
+        one = RecordedObject(_called(obj_id), mesh, 1e-3, mask, T_cam_obj_gt=T_gt)
+        return RecordedFrame(name, intrinsics_of(camera, where), depth_m, rgb, (one,), notes=tuple(notes))
+
+    def answers(self, name: str) -> Mapping[str, tuple[Float | None, float | None]]:
+        """None: the layout holds no program's poses."""
+        return {}
+
+
+class _Scene:
+    """One folder; its files are read once, when a frame of it is asked for."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    @cached_property
+    def cameras(self) -> Mapping[int, CameraEntry]:
+        return read_yaml(self.folder / CAMERAS, dict[int, CameraEntry])
+
+    @cached_property
+    def truths(self) -> Mapping[int, tuple[Entry, ...]]:
+        return read_yaml(self.folder / GROUND_TRUTH, dict[int, tuple[Entry, ...]])
+
+    def entry(self, entries: Mapping[int, T], file: str, image: str) -> tuple[T, str]:
+        """The entry of an image and what to call it; InputError where there is none."""
+        where, number = f"{self.folder / file}, image {image}", id_of(image)
+        if number is None or number not in entries:
+            raise InputError(f"{where} is missing")
+        return entries[number], where
+
+
+def _is_scene(folder: Path) -> bool:
+    return (
+        (folder / GROUND_TRUTH).is_file() and (folder / CAMERAS).is_file() and id_of(folder.resolve().name) is not None
+    )
+
+
+def _called(obj_id: int) -> str:
+    return f"obj_{obj_id:02d}"

@@ -1,0 +1,93 @@
+"""A frame as SAM-6D's example has it: ``camera.json``, ``rgb.png``, ``depth.png``, the CAD model, and its results.
+
+Poses are those of ``outputs/sam6d_results/detection_pem.json``, one per detection of the object, in millimetres; its
+answer is the one with the highest score. Without it the mask is the best one of ``detection_ism.json``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import msgspec
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, in_one_line
+from verefine_viz.core.files import Numbers3, Numbers3x3, Real, read_json
+from verefine_viz.core.geometry import as_rigid, transform
+from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
+from verefine_viz.scenes.detections import RunLengths, decode_rle
+from verefine_viz.scenes.image_files import CameraEntry, depth_scale_of, find_image, intrinsics_of, read_depth
+from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, color_of, image_of, meshes_in
+
+CAMERA, POSES, DETECTIONS = "camera.json", "detection_pem.json", "detection_ism.json"
+MOST_POSES = 20
+"""Those of the highest scores count as hypotheses."""
+
+
+class Detection(msgspec.Struct, frozen=True):
+    """A detection of the object, and its pose where it was estimated."""
+
+    segmentation: RunLengths
+    score: Real = 0.0
+    R: Numbers3x3 | None = None
+    t: Numbers3 | None = None
+    """[mm]."""
+
+
+class Reader:
+    """The one frame of such a folder; see :class:`~verefine_viz.scenes.recorded_frame.Recording`."""
+
+    LAYOUT = "layout of SAM-6D's example"
+    LOOKS_LIKE = "camera.json, rgb.png, depth.png, *.ply"
+    is_sequence = has_truth = False
+    names = ("0",)
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        meshes = meshes_in(folder)
+        if not meshes:
+            raise InputError(f"{folder} has no CAD model; put the .ply [mm] that SAM-6D was given beside rgb.png")
+        self._mesh = meshes[0]
+        more = f"the folder holds {len(meshes)} models; {self._mesh.name} is used"
+        self.notes: tuple[str, ...] = (more,) * (len(meshes) > 1)
+        self.objects: Mapping[str, int] = {in_one_line(self._mesh.stem): 1}
+        self._results = self._file(POSES) or self._file(DETECTIONS)
+        self.has_poses = self._results is not None and self._results.name == POSES
+
+    @staticmethod
+    def recognizes(folder: Path) -> bool:
+        has_images = all(find_image(folder, stem) is not None for stem in ("rgb", "depth"))
+        return (folder / CAMERA).is_file() and has_images
+
+    def frame(self, name: str) -> RecordedFrame:
+        """The frame, with all poses as hypotheses, the best first."""
+        camera, where = read_json(self._folder / CAMERA, CameraEntry), str(self._folder / CAMERA)
+        depth_m = read_depth(image_of(self._folder, "depth"), depth_scale_of(camera, where))
+        rgb = color_of(find_image(self._folder, "rgb"), depth_m.shape)
+        detections = [] if self._results is None else [*read_json(self._results, tuple[Detection, ...])]
+        detections.sort(key=lambda one: -one.score)
+        mask = decode_rle(detections[0].segmentation, depth_m.shape) if detections else None
+        posed = [one for one in detections[:MOST_POSES] if one.R is not None]
+        hypotheses = tuple(Hypothesis(_pose(one), one.score, f"SAM-6D {k}") for k, one in enumerate(posed, 1))
+        scores = tuple(one.score for one in posed)
+        steps = tuple(RecordedStep(0, h.T_cam_obj, ANSWER, scores[0]) for h in hypotheses[:1])
+        (called,) = self.objects
+        notes = () if detections else (f"no {POSES} and no {DETECTIONS}: the object has no mask",)
+        one = RecordedObject(called, self._mesh, 1e-3, mask, hypotheses, scores, steps)
+        return RecordedFrame("0", intrinsics_of(camera, where), depth_m, rgb, (one,), notes=notes)
+
+    def answers(self, name: str) -> Mapping[str, tuple[Float | None, float | None]]:
+        """None: one frame has no motion."""
+        return {}
+
+    def _file(self, name: str) -> Path | None:
+        places = (self._folder / "outputs" / "sam6d_results", self._folder / "sam6d_results", self._folder)
+        others = sorted(self._folder.glob(f"*/sam6d_results/{name}"))
+        return next((path for path in (*(place / name for place in places), *others) if path.is_file()), None)
+
+
+def _pose(one: Detection) -> Float:
+    if one.R is None or one.t is None:
+        raise InputError(f"a detection in {POSES} has no 'R' or no 't'")
+    return as_rigid(transform(one.R, one.t * 1e-3), f"a pose in {POSES}")

@@ -1,0 +1,243 @@
+"""Frames that another program read or wrote, and what the readers of such recordings share."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+import scipy.io
+from numpy.typing import ArrayLike, NDArray
+
+from verefine_viz.core.array_cache import NPZ_READING
+from verefine_viz.core.arrays import Float, Mask, plain_array
+from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.files import reading
+from verefine_viz.core.geometry import FARTHEST_M, as_rigid, distance_m, rotation_of_quat_wxyz, transform
+from verefine_viz.core.problem import Hypothesis, RecordedStep
+from verefine_viz.scenes.image_files import find_image, read_color, size_text
+from verefine_viz.scenes.meshes import FORMATS
+
+MOST_BYTES = 1_000_000
+"""Of a file with a matrix."""
+MOST_MAT_BYTES = 50_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedObject:
+    """An object of a frame, and what another program did to its poses."""
+
+    name: str
+    mesh: Path | None
+    """None where there is none."""
+    unit_m: float
+    """Metres per unit of the mesh file."""
+    mask: Mask | None
+    """(H, W); None = the pixels that its first pose covers."""
+    hypotheses: tuple[Hypothesis, ...] = ()
+    scores: tuple[float | None, ...] = ()
+    """The program's own, of the hypotheses."""
+    steps: tuple[RecordedStep, ...] = ()
+    T_cam_obj_gt: Float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedFrame:
+    """A frame as another program had it."""
+
+    name: str
+    K: Float
+    depth_m: NDArray[np.float32]
+    """(H, W) [m], 0 where nothing was measured."""
+    rgb: NDArray[np.uint8] | None
+    objects: tuple[RecordedObject, ...]
+    down_cam: Float | None = None
+    """(3,) where things fall, of any length."""
+    notes: tuple[str, ...] = ()
+
+
+class Recording(Protocol):
+    """A folder of frames in a layout that is not BOP's; files are read when they are asked for."""
+
+    LAYOUT: ClassVar[str]
+    """Whose it is, as shown to the user."""
+    LOOKS_LIKE: ClassVar[str]
+    """The names by which it is recognized."""
+
+    def __init__(self, folder: Path) -> None:
+        """Open a folder.
+
+        Raises:
+            InputError: what all frames share is missing or damaged.
+        """
+
+    @staticmethod
+    def recognizes(folder: Path) -> bool:
+        """Whether a folder has this layout."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The frames in order, "scene/image" where the layout has scenes."""
+        ...
+
+    @property
+    def objects(self) -> Mapping[str, int]:
+        """The number of each object, by name."""
+        ...
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """About all frames."""
+        ...
+
+    @property
+    def is_sequence(self) -> bool:
+        """Whether the frames are in order, as of a video."""
+        ...
+
+    @property
+    def has_poses(self) -> bool:
+        """Whether it holds poses of the program whose it is."""
+        ...
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether it holds ground truth."""
+        ...
+
+    def frame(self, name: str) -> RecordedFrame:
+        """One of the frames.
+
+        Raises:
+            InputError: a file that it needs is missing or damaged.
+        """
+        ...
+
+    def answers(self, name: str) -> Mapping[str, tuple[Float | None, float | None]]:
+        """The program's pose (4, 4) [m] of each object of a frame and its score, None where it has none."""
+        ...
+
+
+def frame_ids(names: Sequence[str]) -> tuple[tuple[int, int], ...]:
+    """(scene, image) of frames that are named so, else scene 0 and a number.
+
+    It is that at the end of each name where each has another, else they count 1, 2, …
+    """
+    of_scenes = [re.fullmatch(r"(\d{1,6})/(\d{1,9})", name) for name in names]
+    if all(of_scenes):
+        return tuple((int(match[1]), int(match[2])) for match in of_scenes if match is not None)
+    ends = [re.search(r"(\d{1,6})$", name) for name in names]
+    numbers = [int(end[1]) for end in ends if end is not None]
+    is_clear = len({*numbers}) == len(names) and not any(re.search(r"\d{7}$", name) for name in names)
+    return tuple((0, number) for number in (numbers if is_clear else range(1, len(names) + 1)))
+
+
+# What readers share.
+
+
+def in_order(name: str) -> tuple[tuple[int, str], ...]:
+    """A key to sort names by: numbers in them count as numbers, so that 8, 9, 10 is the order."""
+    parts = re.split(r"(\d{1,18})", name)
+    return tuple((int(part), "") if part.isdecimal() else (-1, part) for part in parts)
+
+
+def images_in(folder: Path, pattern: str = "*") -> dict[str, Path]:
+    """The files of a folder that fit a pattern such as ``*-color.png``, by what its star stands for, in order."""
+    before, after = pattern.split("*")
+    names = {path.name[len(before) : len(path.name) - len(after)]: path for path in folder.glob(pattern)}
+    return {name: names[name] for name in sorted(names, key=in_order)}
+
+
+def color_of(path: Path | None, shape: tuple[int, ...]) -> NDArray[np.uint8] | None:
+    """The colour image (H, W, 3) of a frame whose depth has ``shape``; None without one.
+
+    Raises:
+        InputError: it is damaged or of another size.
+    """
+    if path is None:
+        return None
+    rgb = read_color(path)
+    if rgb.shape[:2] != shape:
+        raise InputError(f"{path} is {size_text(rgb.shape)} pixels, its depth image is {size_text(shape)}")
+    return rgb
+
+
+def image_of(folder: Path, stem: str) -> Path:
+    """The image of that name; InputError where there is none."""
+    path = find_image(folder, stem)
+    if path is None:
+        raise InputError(f"{folder / f'{stem}.png'} is missing")
+    return path
+
+
+def meshes_in(folder: Path) -> tuple[Path, ...]:
+    """The mesh files of a folder by name; none where it does not exist."""
+    return tuple(file for file in sorted(folder.glob("*.*")) if file.suffix.lower() in FORMATS)
+
+
+def numbers_in(path: Path) -> Float:
+    """The numbers of a text file, or of an array (.npy), with its shape.
+
+    Raises:
+        InputError: they are none, or not finite.
+    """
+    with reading(path, most_bytes=MOST_BYTES) as file:
+        if path.suffix == ".npy":
+            with NPZ_READING:
+                values = plain_array(np.load(file, allow_pickle=False), np.float64)
+        else:
+            values = np.array(file.read().decode("utf-8-sig").replace(",", " ").split(), dtype=np.float64)
+        if not np.isfinite(values).all():
+            raise ValueError("it holds NaN or infinity, expected finite numbers")
+        return values
+
+
+def matrix_in(path: Path) -> Float:
+    """The matrix (3, 3) of a text file or an array; InputError where it holds another number of numbers."""
+    values = numbers_in(path)
+    if values.size != 9:
+        raise InputError(f"{path}: {values.size} numbers, expected 3×3")
+    return values.reshape(3, 3)
+
+
+def pose_in(path: Path) -> Float:
+    """The pose (4, 4) [m] of a text file or an array, 4×4 or 3×4.
+
+    Raises:
+        InputError: it is none.
+        ShapeError: it is no rigid transform, or not in metres.
+    """
+    values = numbers_in(path)
+    if values.size not in (12, 16):
+        raise InputError(f"{path}: {values.size} numbers, expected 4×4 or 3×4")
+    return near_pose(values.reshape(-1, 4))
+
+
+def near_pose(T: Float) -> Float:
+    """A pose (4, 4) [m] of a matrix (3, 4) or (4, 4); ShapeError where it is no rigid transform, or not in metres."""
+    T = as_rigid(np.vstack([T[:3], T[3] if len(T) == 4 else (0, 0, 0, 1)]), "the pose")
+    if distance_m(T) > FARTHEST_M:
+        raise ShapeError(f"the pose is {distance_m(T):.3g} m away, expected metres")
+    return T
+
+
+def pose_of_quat(quat_wxyz: ArrayLike, t_m: ArrayLike) -> Float:
+    """A pose (4, 4) [m] of a quaternion (w, x, y, z) and a position; ShapeError as :func:`near_pose`."""
+    if not np.linalg.norm(quat_wxyz) > 1e-6:
+        raise ShapeError("the pose has a quaternion of zeros")
+    return near_pose(transform(rotation_of_quat_wxyz(quat_wxyz), np.asarray(t_m, np.float64)))
+
+
+def mat_arrays(path: Path, *names: str) -> dict[str, NDArray[Any]]:
+    """Those arrays of a MATLAB file that it has, of the given names.
+
+    Raises:
+        InputError: it is damaged, or one of them does not hold numbers.
+    """
+    with reading(path, most_bytes=MOST_MAT_BYTES) as file:
+        arrays = scipy.io.loadmat(file, variable_names=names)
+        return {name: plain_array(arrays[name], np.float64) for name in names if name in arrays}
