@@ -27,7 +27,7 @@ from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.core.errors import InputError, UnavailableError, VerefineError, in_one_line
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import check_folder, try_lock
-from verefine_viz.run.data_folder import CAMERAS, SCENES, data_folder, holds_frames
+from verefine_viz.run.data_folder import CAMERAS, SCENES, data_at, holds_frames
 from verefine_viz.run.record import WAITING, Answer, RunRecord
 from verefine_viz.run.session_file import load_session, save_session
 from verefine_viz.scenes.frames import frame_name
@@ -255,7 +255,7 @@ class Watch:
             scene = structs.replace(base.scene, dataset=str(data.resolve()))
             session = structs.replace(base, title=title, scene=scene)
         else:
-            known = data_folder(data, self._overrides)
+            known = data_at(data, self._overrides)
             if known is None:
                 raise InputError(f"{data} holds no frame any more")
             session = known.session

@@ -18,7 +18,7 @@ from verefine_viz.core.settings import MethodSettings, Session
 
 if TYPE_CHECKING:
     from verefine_viz.page.gallery import Gallery
-    from verefine_viz.run.data_folder import DataFolder
+    from verefine_viz.run.data_folder import KnownData
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,8 @@ class View:
 
     session: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SESSION|DIR|RUN]")] = None
     """A session file (.toml), a recorded run (.vfrun, .rrd), or a folder: of batch runs, traces, frames of keep_frame,
-    a data set in BOP layout or as another program has it; none = a built-in scene."""
+    a data set in BOP layout or as another program has it, or poses for one near it (.csv, .npz, .yml); none = a
+    built-in scene."""
     other: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[RUN_B]")] = None
     """A recorded run of the same frame, shown beside the first as B (A/B panel)."""
     host: str = "127.0.0.1"
@@ -56,7 +57,7 @@ class View:
         recordings = _recordings(self.session, self.other, overrides)
         recording, _ = recordings
         batch: Gallery | None = None
-        known: DataFolder | None = None
+        known: KnownData | None = None
         if recording is not None:
             session = _recorded_session(recording, self.other)
         elif known := _data_folder(self.session, overrides):
@@ -123,19 +124,19 @@ class View:
         return self._serve(settings, watch=Watch(folder, out, base, overrides))
 
 
-def _data_folder(path: Path | None, overrides: Mapping[str, Any]) -> DataFolder | None:
-    """What data a folder holds; None where it is none of data.
+def _data_folder(path: Path | None, overrides: Mapping[str, Any]) -> KnownData | None:
+    """What data lie at a path; None where it is none of data.
 
     Raises:
         InputError: it is one of nothing that can be opened.
     """
     from verefine_viz.batch.index import is_batch_folder, named_runs
-    from verefine_viz.run.data_folder import data_folder, why_unknown
+    from verefine_viz.run.data_folder import data_at, why_unknown
 
-    if path is None or not path.is_dir() or is_batch_folder(path):
+    if path is None or is_batch_folder(path):
         return None
-    known = data_folder(path, overrides)
-    if known is None and not named_runs(path) and not (path / "session.toml").exists():
+    known = data_at(path, overrides)
+    if known is None and path.is_dir() and not named_runs(path) and not (path / "session.toml").exists():
         why = why_unknown(path)
         batch = "is no folder of a batch: it has no run.json, and " if why.startswith("holds no data") else ""
         raise InputError(f"{path} {batch}{why}")
@@ -151,9 +152,8 @@ def _check_kind(path: Path | None) -> None:
     """Raises InputError where the path is of a kind that cannot be opened, or does not exist."""
     if path is not None and path.suffix != ".toml":
         why = "cannot be opened" if path.exists() else "does not exist"
-        hint = "; poses in a CSV are named by a session: [hypotheses] files" if path.suffix == ".csv" else ""
         expected = "a session (.toml), the folder of a batch run, or a recorded run (.vfrun, .rrd)"
-        raise InputError(f"{path} {why}; expected {expected}{hint}")
+        raise InputError(f"{path} {why}; expected {expected}")
 
 
 def _recordings(a: Path | None, b: Path | None, overrides: Mapping[str, Any]) -> tuple[Path | None, Path | None]:

@@ -32,14 +32,14 @@ def what_lies_at(path: Path) -> Openable:
     """
     from verefine_viz.batch.index import is_batch_folder
     from verefine_viz.page.gallery import read_gallery
-    from verefine_viz.run.data_folder import data_folder
+    from verefine_viz.run.data_folder import data_at
     from verefine_viz.run.session_file import load_session
 
     if path.suffix in (SUFFIX, ".rrd"):
         if not path.is_file():
             raise InputError(f"{path} does not exist; expected a recorded run (.vfrun, .rrd)")
         return Openable(Session(), recording=path)
-    if path.is_dir() and not is_batch_folder(path) and (known := data_folder(path, {})) is not None:
+    if not is_batch_folder(path) and (known := data_at(path, {})) is not None:
         return Openable(known.session)
     if path.is_dir():
         gallery = read_gallery(path)

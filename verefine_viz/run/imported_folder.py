@@ -12,7 +12,7 @@ from verefine_viz.core.files import first_line
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.run.capture import FARTHEST_M
 from verefine_viz.run.capture_folder import CapturedFrame, CapturedObject, CaptureFolder
-from verefine_viz.run.data_folder import data_folder, looked_for
+from verefine_viz.run.data_folder import data_at, looked_for
 from verefine_viz.scenes.meshes import Mesh
 from verefine_viz.scenes.source import open_scene
 
@@ -27,7 +27,7 @@ def imported(folder: Path, out: Path) -> Iterator[str]:
     Raises:
         InputError: ``folder`` holds nothing that was recorded, or ``out`` something else.
     """
-    known = data_folder(folder, {}) if folder.is_dir() else None
+    known = data_at(folder, {})
     if known is None:
         raise InputError(f"{folder} holds nothing that can be imported; looked for {looked_for()}")
     if known.session.scene.source != "folder":
