@@ -88,6 +88,9 @@ OPEN_QUOTE = "a quote is opened there or before and"
 NO_DIRECTION = "expected 'plane', 'world' or a list of 3 numbers$"
 WRONG_FILES: tuple[tuple[str, str], ...] = (
     ("[method]\nnam = 'rir'", "unknown field 'method.nam'; did you mean 'name'[?] available: .*exploration.*name"),
+    ('"x` - at `$.scene" = 1', "unknown field 'x.*'; available: breakpoints, "),
+    ('[scene]\n"x` - at `$.method" = 1', "unknown field 'scene.x.*'; available: cloud_points, "),
+    ("[score]\npixels = 'x` - at `$.scene'", "score.pixels = 'x.*': expected 'classes'"),
     ("colour = 1", "unknown field 'colour'; available: .*scene.*score"),
     ("[score]\ntau_m = -1", r"score.tau_m = -1: expected a number above 0 and at most 1, in metres$"),
     ("[score]\ntau_m = 20", r"score.tau_m = 20: expected a number above 0 and at most 1, in metres$"),
@@ -216,6 +219,12 @@ def test_what_was_typed_is_not_blamed_on_the_file(tmp_path: Path) -> None:
         load_session(path, {"score": {"tau_m": -1}})
     with pytest.raises(SettingsError, match=rf"^{path}: method.iterations = 0: "):
         load_session(write(tmp_path, "[method]\niterations = 0"), {"method": {"name": "sir"}})
+
+
+def test_half_a_character_is_refused_where_it_was_typed() -> None:
+    for typed in ({"title": "a\udcff"}, {"score": {"pixels": "a\udcff"}}):
+        with pytest.raises(SettingsError, match=r"^command line: 'a.udcff' is no UTF-8, in which"):
+            load_session(None, typed)
 
 
 def test_changes_replace_only_what_they_name() -> None:

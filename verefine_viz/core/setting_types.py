@@ -9,22 +9,8 @@ from functools import cache
 from itertools import pairwise
 from typing import Annotated, Any, Literal, get_type_hints
 
+import msgspec.inspect as mi
 from msgspec import Meta, Struct
-from msgspec.inspect import (
-    BoolType,
-    Field,
-    FloatType,
-    IntType,
-    LiteralType,
-    NoneType,
-    StrType,
-    StructType,
-    TupleType,
-    Type,
-    UnionType,
-    VarTupleType,
-    type_info,
-)
 
 
 class Settings(Struct, frozen=True, forbid_unknown_fields=True):
@@ -58,10 +44,10 @@ Pose = Annotated[tuple[float, ...], Meta(min_length=16, max_length=16)]
 
 
 @cache
-def fields_of(model: type[Struct]) -> dict[str, Field]:
+def fields_of(model: type[Struct]) -> dict[str, mi.Field]:
     """The fields of some settings by name, with their types and defaults."""
-    info = type_info(model)
-    assert isinstance(info, StructType)
+    info = mi.type_info(model)
+    assert isinstance(info, mi.StructType)
     return {field.name: field for field in info.fields}
 
 
@@ -89,41 +75,41 @@ def _classes(module: str) -> dict[str, ast.ClassDef]:
     return {part.name: part for part in parts if isinstance(part, ast.ClassDef)}
 
 
-def expected(kind: Type) -> str:
+def expected(kind: mi.Type) -> str:
     """What a field takes, as in "a number above 0 and below 1" or "'auto', 'cpu' or 'gl'"."""
     *first, last = _ways(kind)
     return f"{', '.join(first)} or {last}" if first else last
 
 
-def _ways(kind: Type) -> list[str]:
+def _ways(kind: mi.Type) -> list[str]:
     match kind:
-        case NoneType():
+        case mi.NoneType():
             return []
-        case IntType():
+        case mi.IntType():
             return [f"a whole number {limits(kind)}".rstrip()]
-        case FloatType():
+        case mi.FloatType():
             return [f"a number {limits(kind)}".rstrip()]
-        case StrType():
+        case mi.StrType():
             return ["a text" if kind.pattern is None else r"a path, which holds no \0"]
-        case BoolType():
+        case mi.BoolType():
             return ["true or false"]
-        case LiteralType():
+        case mi.LiteralType():
             return [repr(value) for value in kind.values]
-        case UnionType():
+        case mi.UnionType():
             return [way for part in kind.types for way in _ways(part)]
-        case TupleType():
-            what = "numbers" if {*map(type, kind.item_types)} == {FloatType} else "entries"
+        case mi.TupleType():
+            what = "numbers" if {*map(type, kind.item_types)} == {mi.FloatType} else "entries"
             return [f"a list of {len(kind.item_types)} {what}"]
-        case VarTupleType():
+        case mi.VarTupleType():
             return [f"a list of {kind.min_length}" if kind.min_length else "a list"]
     return ["a section"]
 
 
-def limits(kind: Type) -> str:
+def limits(kind: mi.Type) -> str:
     """The numbers that a field takes, as in "from 1 to 10000" or "above 0 and below 1"; empty without bounds."""
-    if isinstance(kind, UnionType):  # Of a number or None the bounds are those of the number.
+    if isinstance(kind, mi.UnionType):  # Of a number or None the bounds are those of the number.
         return next(filter(None, map(limits, kind.types)), "")
-    if not isinstance(kind, IntType | FloatType) or (kind.le is None and kind.lt is None):
+    if not isinstance(kind, mi.IntType | mi.FloatType) or (kind.le is None and kind.lt is None):
         return ""
     if kind.ge is not None and kind.le is not None:
         return f"from {kind.ge:.10g} to {kind.le:.10g}"

@@ -335,13 +335,18 @@ def _converted(raw: Raw, layers: Sequence[Layer]) -> Session:
     """
     try:
         # Not strict: 5.0 and "5" are whole numbers as well.
-        return msgspec.convert(raw, Session, strict=False)
+        session = msgspec.convert(raw, Session, strict=False)
+        msgspec.json.encode(session)
+    except UnicodeEncodeError as error:
+        wrong = quoted(error.object)
+        raise SettingsError(f"{layers[-1][0]}: {wrong} is no UTF-8, in which session files are written") from None
     except msgspec.ValidationError as error:
-        path = _PLACE.search(str(error))
-        location = re.findall(r"\w+", path[1]) if path else []
-        location, mistake = _mistake(raw, location)
+        # Without a place it is about a name of the first level, which may hold anything.
+        place = None if raw.keys() - {*Session.__struct_fields__} else _PLACE.search(str(error))
+        location, mistake = _mistake(raw, re.findall(r"\w+", place[1]) if place else [])
         origin = max(reversed(layers), key=lambda layer: _depth(layer[1], location))[0]
         raise SettingsError(f"{origin}: {mistake}") from None
+    return session
 
 
 def _depth(raw: Any, location: Sequence[str]) -> int:
@@ -360,13 +365,12 @@ def _mistake(raw: Any, location: Sequence[str]) -> tuple[Sequence[str], str]:
         kind, raw = _inner(kind, part), raw[int(part) if isinstance(raw, list | tuple) else part]
     field = ".".join(location)
     if isinstance(kind, StructType) and isinstance(raw, Mapping):
-        required = {known.name: known.required for known in kind.fields}
-        wrong = next((name for name in raw if name not in required), None)
-        if wrong is None:
-            missing = next(name for name, is_required in required.items() if is_required and name not in raw)
-            return location, f"{field}.{missing} is missing"
-        name, names = ".".join((*location, wrong)), sorted(required)
-        return (*location, wrong), f"unknown field {name!r}; {meant(wrong, names)}available: {', '.join(names)}"
+        names = sorted(known.name for known in kind.fields)
+        for name in (name for name in raw if name not in names):
+            whole = ".".join((*location, name))
+            return (*location, name), f"unknown field {whole!r}; {meant(name, names)}available: {', '.join(names)}"
+        missing = next(known.name for known in kind.fields if known.required and known.name not in raw)
+        return location, f"{field}.{missing} is missing"
     what = expected(kind)
     if isinstance(kind, VarTupleType) and not isinstance(raw, list | tuple):
         # The list that was meant where its only entry was written.
