@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from msgspec import structs
 from PIL import Image
 
 from tests.learned.tiny_network import constant_network
@@ -92,7 +93,7 @@ def open_bop(folder: Path) -> None:
         for hypotheses in (HypothesesSettings(), files):
             with suppress(VerefineError):
                 session = Session(scene=scene, hypotheses=hypotheses)
-                solve(Toolbox(session.model_copy(update={"method": METHOD, "physics": NO_PHYSICS})))
+                solve(Toolbox(structs.replace(session, method=METHOD, physics=NO_PHYSICS)))
     evaluate_files([folder / "est_x-test.csv"], folder)
 
 

@@ -108,7 +108,7 @@ def of_trace(frame: Frame, root: Path) -> tuple[str, ...]:
 
 
 def opened(root: Path) -> tuple[str, ...]:
-    made = SceneSettings.model_validate({"source": "folder", "dataset": str(root)})
+    made = SceneSettings(source="folder", dataset=str(root))
     found = open_scene(made, HypothesesSettings(source="recorded"))
     return data_doubts(found.problem(found.frames[0]))
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from msgspec import structs
 from rich.markup import escape
 
 from verefine_viz.batch.batch_command import unreadable
@@ -69,9 +70,9 @@ def write_pools(
 
 def _only_estimating(session: Session) -> Session:
     """The same without what estimators do not need, and what could only fail: simulator, order, tracking."""
-    physics = session.physics.model_copy(update={"enabled": False})
-    method = session.method.model_copy(update={"track": False})
-    return session.model_copy(update={"physics": physics, "dependency": DependencySettings(), "method": method})
+    physics = structs.replace(session.physics, enabled=False)
+    method = structs.replace(session.method, track=False)
+    return structs.replace(session, physics=physics, dependency=DependencySettings(), method=method)
 
 
 def _print_summary(outcome: Outcome, n_hypotheses: int, lacking: list[Answer], out: Path) -> None:

@@ -90,7 +90,7 @@ def _open(recording: Path) -> int:
     viewer = open_viewer(recording)
     try:
         where = f"at {viewer.address}  (Ctrl-C" if viewer.address else "in its window  (closing it, or Ctrl-C,"
-        print(in_one_line(f"verefine-viz: {recording} in the rerun viewer, {where} ends it)"), flush=True)
+        print(f"verefine-viz: {in_one_line(str(recording))} in the rerun viewer, {where} ends it)", flush=True)
         return viewer.process.wait()
     except KeyboardInterrupt:
         return 0

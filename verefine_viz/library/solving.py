@@ -111,8 +111,8 @@ class Run:
         record, session = self.record(), self.session
         if isinstance(self.frame, Frame):
             folder = self.frame.save(path.with_name(f"{path.stem}-frame"))
-            scene = session.scene.model_copy(update={"dataset": str(folder.resolve())})
-            session = session.model_copy(update={"scene": scene})
+            scene = structs.replace(session.scene, dataset=str(folder.resolve()))
+            session = structs.replace(session, scene=scene)
             record = structs.replace(record, header=self._run.record(session).header)
         write_record(path, record)
         return path

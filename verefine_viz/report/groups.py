@@ -9,6 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from verefine_viz.batch.index import BatchIndex, read_batch, sort_key
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import Session
@@ -222,7 +224,7 @@ def _grouped(runs: Sequence[BatchIndex]) -> tuple[Group, ...]:
 def _settings(session: Session) -> dict[str, Any]:
     """What makes a group: every setting that can change a result, but for the seeds."""
     out: dict[str, Any] = {}
-    for name, value in session.model_dump().items():
+    for name, value in msgspec.to_builtins(session).items():
         if name not in WITHOUT_EFFECT:
             out |= {f"{name}.{k}": v for k, v in value.items()} if isinstance(value, Mapping) else {name: value}
     return {field: value for field, value in out.items() if field not in SEEDS}

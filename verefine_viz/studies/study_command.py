@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
+from msgspec import structs
 from rich.markup import escape
 from rich.table import Table
 
@@ -128,8 +130,8 @@ def _with_turned(name: str, session: Session) -> dict[str, Session]:
     """The scene as it is and with its objects turned; objects of a photo lie as they lie."""
     if session.scene.source not in RENDERED or session.scene.turned:
         return {name: session}
-    scene = session.scene.model_copy(update={"turned": True})
-    return {name: session, f"{name} {TURNED}": session.model_copy(update={"scene": scene})}
+    scene = structs.replace(session.scene, turned=True)
+    return {name: session, f"{name} {TURNED}": structs.replace(session, scene=scene)}
 
 
 def write_csv(study: Study, points: Points, path: Path) -> None:
@@ -139,9 +141,12 @@ def write_csv(study: Study, points: Points, path: Path) -> None:
 
 def write_objects(outcomes: Sequence[Outcome], path: Path) -> None:
     """Everything: a row per curve, x, seed, frame and object."""
-    _write(
-        path, [{**o.model_dump(exclude={"quality"}), **o.quality.model_dump(), "ar": o.quality.ar} for o in outcomes]
-    )
+    _write(path, [_row(outcome) for outcome in outcomes])
+
+
+def _row(outcome: Outcome) -> dict[str, object]:
+    row = msgspec.to_builtins(outcome)
+    return {**row, **row.pop("quality"), "ar": outcome.quality.ar}
 
 
 def _write(path: Path, table: Sequence[Mapping[str, object]]) -> None:
