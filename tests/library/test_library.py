@@ -67,6 +67,20 @@ def test_stepping_solving_saving_and_batch_give_the_same_bits(mesh: Path, tmp_pa
         assert answer.score == best.score.score
 
 
+def test_a_run_of_arrays_is_shared_and_saved_again(mesh: Path, tmp_path: Path) -> None:
+    run = vv.solve(made(mesh), "refine")
+    for _ in range(2):
+        assert run.save(tmp_path / "drop_17.vfrun").is_file()
+    assert sorted(path.name for path in tmp_path.glob("drop*")) == ["drop_17-frame", "drop_17.vfrun"]
+    run.share(tmp_path / "drop.html", with_scene=False)
+    assert (tmp_path / "drop.html").stat().st_size > 100_000
+    with pytest.raises(InputError, match=r"expected drop\.vfrun"):
+        run.save(tmp_path / "drop.txt")
+    (tmp_path / "a-frame").mkdir()
+    with pytest.raises(InputError, match="holds something else"):
+        run.save(tmp_path / "a.vfrun")
+
+
 def test_single_calls_are_what_the_engine_does(mesh: Path) -> None:
     frame = made(mesh)
     truth = box_problem(n_instances=2).instances[0].T_cam_obj_gt

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +37,7 @@ def session_jobs(paths: Sequence[Path], out: Path, overrides: Mapping[str, Any])
     """
     names = _stems(paths, out)
     jobs = [
-        Job(open_session(path, overrides), out / name if len(paths) > 1 else out, name)
+        Job(open_session(path, overrides, partial(print, file=sys.stderr)), out / name if len(paths) > 1 else out, name)
         for path, name in zip(paths, names, strict=True)
     ]
     for job in jobs:
@@ -62,7 +64,7 @@ def sweep_jobs(
     """
     _check_sweep(out, overrides, methods, n_seeds)
     stems = _stems(paths, out)
-    sessions = [open_session(path, overrides) for path in paths]
+    sessions = [open_session(path, overrides, partial(print, file=sys.stderr)) for path in paths]
     for session in sessions:
         check_outside(out, session)
     jobs: list[Job] = []

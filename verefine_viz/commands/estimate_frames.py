@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +44,7 @@ def write_pools(
     Raises:
         VerefineError: the session or ``out`` cannot be used.
     """
-    session = _only_estimating(open_session(path, overrides))
+    session = _only_estimating(open_session(path, overrides, partial(print, file=sys.stderr)))
     if session.hypotheses.source not in ESTIMATORS:
         raise SettingsError(
             f"hypotheses.source is {session.hypotheses.source!r}, expected an estimator ({', '.join(ESTIMATORS)}); "

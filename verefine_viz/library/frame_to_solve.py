@@ -247,7 +247,7 @@ def _session_of(path: Path | str, sections: Mapping[str, Any]) -> Session:
 class _InMemory:
     """The recording of one frame of arrays; see :class:`~verefine_viz.scenes.recorded_frame.Recording`."""
 
-    names, notes = ("0",), ()
+    names, notes = ("frame",), ()
     is_sequence = False
 
     def __init__(self, recorded: RecordedFrame) -> None:

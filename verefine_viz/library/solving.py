@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -10,13 +11,15 @@ from typing import Any
 from msgspec import structs
 
 from verefine_viz.batch.summary import run_end
+from verefine_viz.core.errors import InputError
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import Diagnosis
 from verefine_viz.diagnosis.diagnose import diagnose
 from verefine_viz.library.frame_to_solve import AnyFrame, Frame, target_of
 from verefine_viz.run.record import Answer, RunEnd, RunRecord
-from verefine_viz.run.run_file import write_record
+from verefine_viz.run.run_file import SUFFIX, write_record
+from verefine_viz.scenes.trace_files import is_trace
 
 Section = Mapping[str, Any]
 
@@ -102,15 +105,22 @@ class Run:
     def save(self, path: Path | str) -> Path:
         """Write the run to a file (``.vfrun``), which ``verefine-viz view`` opens.
 
-        A frame of arrays is written beside it, into a folder that is called as the file with ``-frame``.
+        A frame of arrays is written beside it as a trace, into a folder that is called as the file with ``-frame``;
+        that of an earlier run of the name is replaced, as the file is.
 
         Raises:
-            InputError: the path has another ending, or cannot be written.
+            InputError: the path has another ending, its folder holds something else, or it cannot be written.
         """
         path = Path(path)
+        if path.suffix != SUFFIX:
+            raise InputError(f"{path} is no name of a run; expected {path.stem}{SUFFIX}")
         record, session = self.record(), self.session
         if isinstance(self.frame, Frame):
-            folder = self.frame.save(path.with_name(f"{path.stem}-frame"))
+            folder = path.with_name(f"{path.stem}-frame")
+            if folder.exists() and not is_trace(folder):
+                raise InputError(f"{folder} holds something else; choose another name for the run")
+            shutil.rmtree(folder, ignore_errors=True)
+            self.frame.save(folder)
             scene = structs.replace(session.scene, dataset=str(folder.resolve()))
             session = structs.replace(session, scene=scene)
             record = structs.replace(record, header=self._run.record(session).header)

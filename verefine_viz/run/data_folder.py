@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -115,8 +114,15 @@ def holds_frames(folder: Path) -> bool:
     return any(reader.recognizes(folder) for reader in readers()) or any(folder.glob(f"{SCENES}/{CAMERAS}"))
 
 
-def open_session(path: Path, overrides: Mapping[str, Any]) -> Session:
-    """The session of a file, or over the data that lie at a path, with ``overrides`` on top.
+def open_session(
+    path: Path, overrides: Mapping[str, Any], report: Callable[[str], None] = lambda line: None
+) -> Session:
+    """The session of a file or of a built-in name, or over the data that lie at a path.
+
+    Args:
+        path: where it is.
+        overrides: settings on top.
+        report: gets a line about data that were recognized.
 
     Raises:
         VerefineError: it is neither, or is damaged.
@@ -124,7 +130,7 @@ def open_session(path: Path, overrides: Mapping[str, Any]) -> Session:
     path = named_session(path)
     known = data_at(path, overrides)
     if known is not None:
-        print(f"{in_one_line(str(path))}: {known.what}", file=sys.stderr)
+        report(f"{in_one_line(str(path))}: {known.what}")
         return known.session
     if lacking(path) or (path.is_dir() and _meant(path)):
         raise InputError(f"{path} {why_unknown(path)}")
