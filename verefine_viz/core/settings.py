@@ -48,7 +48,8 @@ class SceneSettings(Settings):
     """Demo, layout: every object turned by half, about the vertical or an axis about which its shape hardly changes,
     and put down again where it lay. Paper Sec. V-D: half of the trials."""
     frames: tuple[str, ...] = ()
-    """Frames as "scene/image"; none = all of the targets file, else all of the split."""
+    """Frames as "scene/image"; none = all of the targets file, else all of the split. BOP: also a list by its name:
+    "linemod-paper", "ycbv-keyframes" (paper Sec. V), or a targets file of the data set."""
     sequence: bool = False
     """The frames of a scene are in order, as of a video: how poses change from one to the next is measured. So it is
     without this for layouts of videos, for traces that are named by numbers alone, and with `method.track`."""
