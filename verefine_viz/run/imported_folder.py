@@ -50,8 +50,10 @@ def _captured(problem: Problem) -> CapturedFrame:
     is_given = support is not None and support.gravity_source == "given"
     down = -support.T_world_cam[2, :3] if support is not None and is_given else None
     objects = [_captured_object(target, has_gt) for target in problem.targets]
+    place = {target.instance.instance_id: k for k, target in enumerate(problem.targets)}
+    order = [[place[i] for i in cluster] for cluster in problem.order]
     depth_m = np.where(observation.depth_m > FARTHEST_M, 0.0, observation.depth_m.astype(np.float64))
-    return CapturedFrame(observation.camera.K, depth_m, observation.rgb, objects, down)
+    return CapturedFrame(observation.camera.K, depth_m, observation.rgb, objects, down, order)
 
 
 def _captured_object(target: Target, has_gt: bool) -> CapturedObject:
