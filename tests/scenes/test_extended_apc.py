@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from msgspec import structs
 from PIL import Image
 
 from tests.scenes.test_layouts import write_extended_apc
@@ -90,7 +91,7 @@ def test_its_dependency_list_is_the_order_and_the_settings_win(published: Path) 
     problem = opened(published).problem("4/0")
     graph = dependency_graph(problem, known.session.dependency)
     assert (graph.source, graph.clusters) == ("given", ((0, 1), (2,)))
-    other = known.session.dependency.model_copy(update={"order": ((3,), (2, 8))})
+    other = structs.replace(known.session.dependency, order=((3,), (2, 8)))
     assert dependency_graph(problem, other).clusters == ((2,), (1, 0))
     assert dependency_graph(problem.only([1, 2]), known.session.dependency).clusters == ((1,), (2,))
 
