@@ -311,7 +311,7 @@ def test_all_archives_are_fetched(
 def test_what_cannot_be_done_is_said() -> None:
     for words, error, said in (
         (("fetch", "tless"), SettingsError, "unknown data set 'tless'; available: lm, lmo, ycbv, xapc"),
-        (("fetch", "xapc"), UnavailableError, "github.com/cmitash/PhysimGlobalPose"),
+        (("fetch", "xapc"), UnavailableError, "github.com/dornik/verefine"),
         (("fetch",), SettingsError, "needs the name"),
         (("check",), SettingsError, "needs the folder"),
     ):

@@ -130,7 +130,7 @@ def test_its_traces_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 
 @pytest.mark.usefixtures("processes")
 def test_its_refiner_runs(tmp_path: Path) -> None:
-    *_, code, _ = blocks("python")
+    *_, code, _, _ = blocks("python")
     assert len([line for line in code.splitlines() if line.strip()]) <= 20
     script, out = tmp_path / "nudge.py", tmp_path / "out"
     script.write_text(code)
@@ -146,8 +146,27 @@ def test_its_refiner_runs(tmp_path: Path) -> None:
     assert float(row["add_s_mm"]) < float(row["initial_add_s_mm"])
 
 
+@pytest.mark.usefixtures("processes")
+def test_its_verifier_scores_poses(tmp_path: Path) -> None:
+    *_, code = blocks("python")
+    assert len([line for line in code.splitlines() if line.strip()]) <= 30
+    script, out = tmp_path / "crops.py", tmp_path / "out"
+    script.write_text(code)
+    words = ["batch", ROOT / "sessions/mug.toml", "--out", out, "--workers", "1", "--score.verifier", "crops"]
+    done = subprocess.run([sys.executable, script, *words], capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert done.returncode == 0, done.stderr
+    with (out / "frames.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert row["status"] == "ok"
+    assert float(row["add_s_mm"]) < 0.05 * float(row["diameter_mm"]) < float(row["initial_add_s_mm"])
+    (recording,) = out.rglob("*.rrd")
+    verify = [sys.executable, script, "replay", recording, "--verify"]
+    done = subprocess.run(verify, capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert "no difference in 25 iterations" in done.stdout, done.stderr
+
+
 def test_its_refiner_explains_itself(monkeypatch: pytest.MonkeyPatch) -> None:
-    *_, code, explained = blocks("python")
+    *_, code, explained, _ = blocks("python")
     names: dict[str, Any] = {"__name__": "nudge"}
     with monkeypatch.context() as patched:
         patched.setitem(REFINERS, "nudge", None)

@@ -115,6 +115,8 @@ def test_a_refiner_of_ones_own_is_taken_by_its_name(mesh: Path) -> None:
     assert vv.solve(made(mesh), "refine", refiner="lifts").iterations
     with pytest.raises(InputError, match="another"):
         vv.refiner("icp")(Lifts)
+    with pytest.raises(InputError, match="another"):
+        vv.verifier("eq_1")(Lifts)  # type: ignore[type-var]
     with pytest.raises(InputError, match="no method hypotheses"):
         vv.estimator("lifts2")(Lifts)  # type: ignore[type-var]
 

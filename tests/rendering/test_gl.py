@@ -18,7 +18,7 @@ from verefine_viz.rendering import gl_context, gl_passes
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
 from verefine_viz.rendering.gl_context import GlInfo, gl_info, gl_problem
 from verefine_viz.rendering.gl_verifier import GlVerifier
-from verefine_viz.rendering.verifier import make_verifier
+from verefine_viz.rendering.registry import make_verifier
 
 
 @pytest.mark.usefixtures("needs_gl")

@@ -103,7 +103,6 @@ WRONG_FILES: tuple[tuple[str, str], ...] = (
     ("[method]\ntrack = 3", "method.track = 3: expected true or false$"),
     ("title = 3", "title = 3: expected a text$"),
     ("scene = 3", r"scene = 3: expected a section, \[scene\]"),
-    ("[scene]\nframes = '50/1'", r"scene.frames = '50/1': expected a list, \[\"50/1\"\]$"),
     ("[scene]\nframes = ''", r"scene.frames = '': expected a list, \[\]$"),
     ("[scene]\nobjects = ['mug']", "scene.objects.0 = 'mug': expected the id of an object, as 5 for obj_000005.ply"),
     ('[method]\nname = "rir\nseed = 1', f"is not TOML: .*line 2.*; {OPEN_QUOTE}"),

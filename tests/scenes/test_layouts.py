@@ -23,7 +23,7 @@ from verefine_viz.scenes.source import open_scene
 
 DEPTH, MASK = picture()
 ANSWERED, TRUTH = pose(4.0, 0.003), pose()
-ORIGINAL = "006_mustard_bottle"
+ORIGINAL, ERASER = "006_mustard_bottle", "expo_dry_erase_board_eraser"
 
 
 def save_depth(path: Path, steps_per_m: float) -> None:
@@ -114,6 +114,26 @@ def write_deepim(folder: Path) -> None:
     write_box(folder / "YCB_Video" / "models" / ORIGINAL / "textured_simple.obj", 0.1)
 
 
+def write_extended_apc(folder: Path) -> None:
+    """A world whose z is up and whose origin is not the camera's; the eraser is object 2."""
+    T_world_cam = pose(120.0, 0.3)
+    scene = folder / "scene-0004"
+    scene.mkdir(parents=True)
+    tenths = np.round(DEPTH * 1e4).astype(np.uint16)
+    Image.fromarray(tenths << 3 | tenths >> 13).save(scene / "frame-000000.depth.png")
+    Image.fromarray(np.full((*SHAPE, 3), 90, np.uint8)).save(scene / "frame-000000.color.png")
+    Image.fromarray(MASK.astype(np.uint8) * 2).save(scene / "frame-000000.mask.png")
+    poses = [[*T[:3, 3].tolist(), *quat_wxyz(T[:3, :3]).tolist()] for T in (T_world_cam, T_world_cam @ TRUTH)]
+    (scene / "gt_info.yml").write_text(
+        f"camera:\n  camera_pose: {poses[0]}\n  camera_intrinsics: {K.tolist()}\n"
+        "rest_surface:\n  type: table\n  surface_pose: [0, 0, 0.53, 1, 0, 0, 0]\n"
+        "scene:\n  id: 4\n  num_objects: 1\n  dependency_order: [[1]]\n"
+        f"  object_1:\n    name: '{ERASER}'\n    pose: {poses[1]}\n"
+    )
+    (folder / "models" / ERASER).mkdir(parents=True)
+    write_box(folder / "models" / ERASER / f"{ERASER}.obj", 0.1)
+
+
 @dataclass(frozen=True)
 class Case:
     """A layout, and what is to be read from it."""
@@ -136,6 +156,8 @@ CASES = (
     Case(write_linemod, "layout of DenseFusion's Linemod_preprocessed, 1 frame", "6/0", 6, "obj_06", "data/06"),
     Case(write_ycb_video, "layout of YCB-Video, 1 frame", "48/1", 5, ORIGINAL),
     Case(write_ycb_video, "layout of YCB-Video, 1 frame", "48/1", 5, ORIGINAL, "data/0048"),
+    Case(write_extended_apc, "layout of Extended APC, 1 frame", "4/0", 2, ERASER),
+    Case(write_extended_apc, "layout of Extended APC, 1 frame", "4/0", 2, ERASER, "scene-0004"),
     Case(write_deepim, "layout of DeepIM's demo, 1 frame", "0/0", 5, ORIGINAL, "demo", n_steps=2),
 )
 

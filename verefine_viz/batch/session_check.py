@@ -31,7 +31,7 @@ def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
         raise InputError("the session names no frames: the split and the targets file hold none")
     notes = (*toolbox.notes, *toolbox.source.check_initial_poses())
     check_orders(session, frames)
-    _ = toolbox.method
+    _ = toolbox.method  # With its refiner and its verifier.
     if session.physics.support == "mesh":
         environment_mesh(session.physics)
     if session.grasp.answers and session.grasp.folder:

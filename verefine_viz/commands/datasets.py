@@ -26,38 +26,54 @@ class Entry:
     """Archives on the BOP hub; the first holds the data set's folder, the others unpack into it."""
     instructions: str = ""
     """How to get it where it is not on the hub."""
-    note: str = ""
+    notes: tuple[str, ...] = ()
 
 
+AUTHORS = "the archive that the README of github.com/dornik/verefine links"
+"""Of VeREFINE: what they made of the data sets."""
+DENSEFUSION = "official weights of DenseFusion: github.com/j96w/DenseFusion, Trained checkpoints"
 CATALOGUE = (
     Entry(
         "lm",
         "LINEMOD",
-        "13 objects (3 and 7 are left out), one annotated object per frame",
-        ("lm_base.zip", "lm_models.zip", "lm_test_all.zip"),
-        note="the paper solves 2219 of the frames; choose yours with scene.frames",
+        "13 objects (3 and 7 are left out), one annotated object per frame, 2219 frames of BOP'19",
+        ("lm_base.zip", "lm_models.zip", "lm_test_bop19.zip"),
+        notes=(
+            'frames of the paper: scene.frames = "linemod-paper", as in sessions/lm.toml and lm_densefusion.toml',
+            f"the authors' own list is bop/lm/test_targets_verefine.json of {AUTHORS}: put it beside "
+            "test_targets_bop19.json, and scene.frames takes its name",
+            DENSEFUSION,
+        ),
     ),
     Entry(
         "lmo",
         "LINEMOD-Occluded",
-        "the clutter of LINEMOD: 8 objects of scene 2, all annotated",
+        "the clutter of LINEMOD: 8 objects of scene 2, all annotated (not in the paper)",
         ("lmo_base.zip", "lmo_models.zip", "lmo_test_bop19.zip"),
     ),
     Entry(
         "ycbv",
         "YCB-Video",
-        "21 objects, 12 test scenes, 900 frames in the benchmark's subset",
+        "21 objects, 75 key frames of each of 12 test scenes, the 900 frames of BOP'19",
         ("ycbv_base.zip", "ycbv_models.zip", "ycbv_test_bop19.zip"),
-        note="models 0.5 GB, test_bop19 0.7 GB; poses for the original YCB-Video models need the offsets of "
-        "dataset_info.md",
+        notes=(
+            'frames of the paper: scene.frames = "ycbv-keyframes", as in sessions/ycbv_densefusion.toml',
+            "models 0.5 GB, test_bop19 0.7 GB; poses for the original YCB-Video models need the offsets of "
+            "dataset_info.md",
+            DENSEFUSION,
+        ),
     ),
     Entry(
         "xapc",
         "Extended APC",
-        "objects in groups of three that touch or carry each other",
-        instructions="not in BOP layout on the hub: fetch frames and models from "
-        "github.com/cmitash/PhysimGlobalPose and arrange them as xapc/models/obj_000001.ply (mm) and "
-        "xapc/test/000001/{rgb,depth,mask_visib}/, scene_camera.json, scene_gt.json",
+        "11 objects, three in each of 30 scenes, which touch or carry each other; all frames",
+        instructions=f"not on the hub: bop/xapc of {AUTHORS} is in BOP layout",
+        notes=(
+            "as its authors publish it (xapc/scene-0001/gt_info.yml, frame-000000.depth.png, …): view and batch "
+            "open xapc, import makes BOP layout of it; the README of github.com/cmitash/PhysimGlobalPose links the "
+            "models, which go to xapc/models/NAME/",
+            "its dependency lists are the order of the objects, and its camera poses say what is down",
+        ),
     ),
 )
 
@@ -94,7 +110,7 @@ def _list(folder: Path) -> int:
     console = Terminal(highlight=False, soft_wrap=True)
     for entry in CATALOGUE:
         console.print(f"[bold]{entry.name}[/]  {escape(entry.title)}: {escape(entry.used_for)}")
-        for line in (*_how_to_fetch(entry, folder), *([entry.note] if entry.note else [])):
+        for line in (*_how_to_fetch(entry, folder), *entry.notes):
             console.print(f"      {escape(line)}")
     console.print("verefine-viz datasets fetch NAME downloads; datasets check DIR checks what is there.")
     return 0

@@ -12,10 +12,10 @@ import tyro
 
 @dataclass(frozen=True)
 class Import:
-    """Write traces, or a sequence in the layout of FoundationPose, as a data set in BOP layout with a session."""
+    """Write traces, or frames in another layout that view knows, as a data set in BOP layout with a session."""
 
     folder: Annotated[Path, tyro.conf.Positional]
-    """A trace, a folder of traces, or a sequence; what view says it is."""
+    """A trace, a folder of traces, or frames of FoundationPose, Extended APC, …; what view says it is."""
     out: Path
     """New folder for the data set; frames are added to one that Frame.keep or this command made."""
 

@@ -165,7 +165,8 @@ class DependencySettings(Settings, frozen=True):
     """Clusters in the order to solve them, which wins over any rule: object ids, or "#4" for instance 4 where an object
     is there twice, as [[8, 2], [3]]."""
     order_file: InputPath = ""
-    """A JSON file of orders by frame, {"50/1": [[8, 2], [3]]}, relative to the session file."""
+    """A JSON file of orders by frame, {"50/1": [[8, 2], [3]]}, relative to the session file; none = the order that came
+    with the frame, as those of Extended APC have one, else the rule's."""
     cut: tuple[tuple[Index, Index], ...] = ()
     """Pairs of instances between which no edge is to count."""
     contact_m: Length = 0.015

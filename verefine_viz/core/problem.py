@@ -212,6 +212,8 @@ class Problem:
     """Objects that are in the frame but cannot be solved; they count as missed."""
     dependencies: DependencyGraph | None = None
     """None: not analysed; every instance is then a cluster of its own, in the order of ``instances``."""
+    order: tuple[tuple[int, ...], ...] = ()
+    """Clusters of instance ids, in the order to solve them, that came with the frame; empty where none did."""
 
     @cached_property
     def targets(self) -> tuple[Target, ...]:
@@ -253,4 +255,5 @@ class Problem:
                 raise InputError(f"{unknown('instance', wanted, available)} (frame {self.frame})")
         instances = tuple(i for i in self.instances if i.instance_id in instance_ids)
         dependencies = self.dependencies.only(instance_ids) if self.dependencies else None
-        return replace(self, instances=instances, dependencies=dependencies)
+        order = tuple(tuple(i for i in cluster if i in instance_ids) for cluster in self.order)
+        return replace(self, instances=instances, dependencies=dependencies, order=order)

@@ -37,8 +37,19 @@ class Simulator(Protocol):
         ...
 
 
+class PoseScorer(Protocol):
+    """Scores poses in place of Eq. 1: what a verifier of another program has to have."""
+
+    def scores(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed]) -> Float:
+        """(N,) in [0, 1], higher is better, of N poses (N, 4, 4) of an object; ``placed`` objects may hide parts.
+
+        The score of a pose must not depend on the others that it is scored with. NaN counts as 0.
+        """
+        ...
+
+
 class Verifier(Protocol):
-    """Scores poses by rendering them (Eq. 1)."""
+    """Scores poses: by rendering them (Eq. 1), or by what another program's network says of them."""
 
     @property
     def settings(self) -> ScoreSettings:
@@ -58,8 +69,11 @@ class Verifier(Protocol):
 
     def maps(
         self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = (), at: PixelGrid | None = None
-    ) -> ScoreMaps:
-        """The same score of one pose, pixel by pixel, for the screen and for recordings; ``at`` some pixels, or all."""
+    ) -> ScoreMaps | None:
+        """The same score of one pose, pixel by pixel, for the screen and for recordings; ``at`` some pixels, or all.
+
+        None where the score is not made of pixels.
+        """
         ...
 
     def score_scene(
@@ -80,8 +94,8 @@ class Verifier(Protocol):
         placed: Sequence[Placed] = (),
         *,
         at: PixelGrid | None = None,
-    ) -> ScoreMaps:
-        """The scene's score of one combination (m, 4, 4), pixel by pixel."""
+    ) -> ScoreMaps | None:
+        """The scene's score of one combination (m, 4, 4), pixel by pixel; None as :meth:`maps`."""
         ...
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -35,13 +36,13 @@ class PoseScore(Struct, frozen=True, eq=False):
     score: float
     """f̄ of Eq. 1 in [0, 1], with colour (1 − w) f̄ + w max(f_c, 0); 0 where it is undefined."""
     depth_fit: float
-    """Mean f_d over the counted pixels."""
+    """Mean f_d over the counted pixels; NaN, as the next one, where the score is not of Eq. 1 and has no parts."""
     normal_fit: float
     """Mean f_n over the counted pixels."""
     n_pixels: int
     """N, the counted pixels."""
     n_rendered: int
-    """Pixels on which the model appears; 0 means an empty render."""
+    """Pixels on which the model appears, or its points in the image where nothing is rendered; 0: it is not seen."""
     counts: tuple[int, int, int, int, int]
     """Pixels of each of ``PIXEL_CLASSES``."""
     undefined: bool = False
@@ -51,6 +52,11 @@ class PoseScore(Struct, frozen=True, eq=False):
     off."""
     colour_weight: float = 0.0
     """w, 0 where the term is off; the same for all poses of an object."""
+
+    @property
+    def has_parts(self) -> bool:
+        """Whether it is a score of Eq. 1, with fits and counts of pixels."""
+        return not math.isnan(self.depth_fit)
 
     @property
     def colour_part(self) -> float:

@@ -48,7 +48,8 @@ class SceneSettings(Settings, frozen=True):
     """Demo, layout: every object turned by half, about the vertical or an axis about which its shape hardly changes,
     and put down again where it lay. Paper Sec. V-D: half of the trials."""
     frames: tuple[str, ...] = ()
-    """Frames as "scene/image"; none = all of the targets file, else all of the split."""
+    """Frames as "scene/image"; none = all of the targets file, else all of the split. BOP: also a list by its name:
+    "linemod-paper", "ycbv-keyframes" (paper Sec. V), or a targets file of the data set."""
     sequence: bool = False
     """The frames of a scene are in order, as of a video: how poses change from one to the next is measured. So it is
     without this for layouts of videos, for traces that are named by numbers alone, and with `method.track`."""
@@ -139,9 +140,16 @@ class MethodSettings(Settings, frozen=True):
     them."""
 
 
+EQ_1 = "eq_1"
+"""The verifier that this package has."""
+
+
 class ScoreSettings(Settings, frozen=True):
     """The verification score (paper Sec. III-B, Eq. 1; docs/methods.md 1.7)."""
 
+    verifier: str = EQ_1
+    """eq_1: Eq. 1, as the fields below have it. Else the name of a verifier of your own, which scores poses in its
+    place (README, "Your own verifier") and reads of the fields below what it wants."""
     pixels: Literal["classes", "published", "observed"] = "classes"
     """Which pixels count. published: rendered or observed depth of any object (authors' shader). observed: valid depth
     in the object's mask (the paper's text). classes: the object's own mask and rendering, with what something nearer

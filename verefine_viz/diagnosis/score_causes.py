@@ -39,9 +39,11 @@ def score(case: Case) -> Finding | None:
     of = "scene_" if case.lab.traits.takes_turns else ""
     evidence = {"error": case.error}
     for whose, one in (("", wrong), ("_of_ground_truth", right)):
+        evidence[f"{of}score{whose}"] = one.score
+        if not one.has_parts:
+            continue
         evidence |= {f"{of}{name}_share{whose}": one.shares[name] for name in PIXEL_CLASSES}
         evidence |= {f"{of}depth_fit{whose}": one.depth_fit, f"{of}normal_fit{whose}": one.normal_fit}
-        evidence[f"{of}score{whose}"] = one.score
     whose = "The scene's score" if case.lab.traits.takes_turns else "The score"
     return Finding(Cause.SCORE, preferred(case.name, case.error, wrong, right, _way(case), whose), evidence, True)
 
@@ -207,6 +209,8 @@ def blamed_pixels(wrong: PoseScore, right: PoseScore) -> str | None:
 
 def _why(wrong: PoseScore, right: PoseScore) -> str:
     """What costs ground truth its lead: the pixels that do it, else the fit; empty where neither shows it."""
+    if not (wrong.has_parts and right.has_parts):
+        return ""
     name = blamed_pixels(wrong, right)
     if name is not None:
         what = {"missed": "missed (measured, and no model there)", "protruding": "protruding into free space"}[name]

@@ -10,7 +10,7 @@ answer to both is taken as linear: a pose costs one set of score maps instead of
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from weakref import WeakKeyDictionary
 
@@ -194,8 +194,12 @@ class ScoreNoise:
         """Of the pose compared with."""
         self.least = float(np.sqrt(2) * self._resolution)
         """The noise of a difference to a pose that looks the same: how finely the score resolves."""
-        self._slope = self._slope_of(T_cam_obj, int(scores.n_pixels[JITTERS]))
-        self.most = 2.0 * float(np.hypot(self._spread(self._slope), self._resolution))
+        slope = self._slope_of(T_cam_obj, int(scores.n_pixels[JITTERS]))
+        # Without maps the images are scored one by one, and two poses' scores are taken to share nothing.
+        self._drawn = None if slope is not None else self._spread_of_images(T_cam_obj, noise)
+        self._slope = np.zeros(0, np.float32) if slope is None else slope
+        spread = self._spread(self._slope) if self._drawn is None else self._drawn
+        self.most = 2.0 * float(np.hypot(spread, self._resolution))
         """About the largest noise of a difference: that of two poses whose scores share nothing."""
 
     def of(self, T_cam_obj: Float, n_pixels: int) -> float:
@@ -206,16 +210,31 @@ class ScoreNoise:
 
     def of_depth(self, T_cam_obj: Float, n_pixels: int) -> float:
         """The part of it that is due to the noise of the depth image."""
-        return self._spread(self._slope_of(T_cam_obj, n_pixels) - self._slope)
+        slope = None if self._drawn is not None else self._slope_of(T_cam_obj, n_pixels)
+        return np.sqrt(2) * (self._drawn or 0.0) if slope is None else self._spread(slope - self._slope)
+
+    def _spread_of_images(self, T_cam_obj: Float, noise: DepthNoise) -> float:
+        """Standard deviation of a pose's score over images with as much noise again."""
+        observation, rng = self._target.observation, np.random.default_rng(0)
+        scores: list[float] = []
+        for _ in range(N_DRAWS):
+            drawn = replace(observation, depth_m=resampled(observation.depth_m, noise, rng))
+            target = replace(self._target, observation=drawn)
+            scores.append(float(self._verifier.score(target, T_cam_obj[None], self._placed).score[0]))
+        return float(np.std(scores))
 
     def _spread(self, slope: NDArray[np.float32]) -> float:
         # Not by BLAS, whose bits depend on the number of threads.
         return float(np.sqrt(np.mean(np.einsum("ki,i->k", self._changes, slope) ** 2)))
 
-    def _slope_of(self, T_cam_obj: Float, n_pixels: int) -> NDArray[np.float32]:
-        """(cells · 4,) how the score changes with depth [1/m] and the three parts of the normal in each cell."""
+    def _slope_of(self, T_cam_obj: Float, n_pixels: int) -> NDArray[np.float32] | None:
+        """(cells · 4,) how the score changes with depth [1/m] and the three parts of the normal in each cell; None
+        where the score is not made of pixels.
+        """
         s = self._scores
         maps = self._verifier.maps(self._target, T_cam_obj, self._placed, self._grid)
+        if maps is None:
+            return None
         off_m = np.nan_to_num(maps.depth_difference_m.astype(np.float64))
         # Eq. 1: f_d = 1 − |d − d̂| / τ; |x| of a noisy x has the slope erf(x / √2σ) on average.
         by_depth = -erf(off_m / (np.sqrt(2) * self._spread_m)) / s.tau_m * (maps.f_d > 0)

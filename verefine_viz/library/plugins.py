@@ -6,11 +6,14 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from verefine_viz.core.errors import InputError, quoted
-from verefine_viz.core.protocols import Estimator, Refiner
+from verefine_viz.core.protocols import Estimator, PoseScorer, Refiner
+from verefine_viz.core.settings import EQ_1
 from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.refiners.registry import REFINERS
+from verefine_viz.rendering.registry import VERIFIERS
 
 R = TypeVar("R", bound=Callable[[], Refiner])
+V = TypeVar("V", bound=Callable[[], PoseScorer])
 _REGISTRIES = ("verefine_viz.refiners.registry", "verefine_viz.estimators.registry")
 E = TypeVar("E", bound=Callable[[], Estimator])
 
@@ -46,6 +49,26 @@ def estimator(name: str) -> Callable[[E], E]:
     def register(kind: E) -> E:
         _check(name, "hypotheses", kind)
         ESTIMATORS[name] = lambda session: kind()
+        return kind
+
+    return register
+
+
+def verifier(name: str) -> Callable[[V], V]:
+    """Register a class as a verifier, which scores poses in place of Eq. 1: ``@vv.verifier("crops")`` above it.
+
+    The class takes no arguments and has ``scores(target, Ts_cam_obj, placed) → (N,)`` in [0, 1]; see
+    :class:`~verefine_viz.core.protocols.PoseScorer`. Settings name it: ``score={"verifier": "crops"}``.
+
+    Raises:
+        InputError: it is the name of Eq. 1.
+    """
+
+    def register(kind: V) -> V:
+        if name == EQ_1:
+            raise InputError(f"{name!r} is the name of Eq. 1; choose another")
+        _check(name, "scores", kind)
+        VERIFIERS[name] = lambda settings: kind()
         return kind
 
     return register

@@ -39,8 +39,8 @@ def score(frame: AnyFrame, name: str | int, poses: ArrayLike, **sections: Mappin
     return tools.verifier.score(target, _poses(poses))
 
 
-def score_maps(frame: AnyFrame, name: str | int, pose: ArrayLike, **sections: Mapping[str, Any]) -> ScoreMaps:
-    """The score of one pose pixel by pixel; the arguments and errors are those of :func:`score`."""
+def score_maps(frame: AnyFrame, name: str | int, pose: ArrayLike, **sections: Mapping[str, Any]) -> ScoreMaps | None:
+    """The score of one pose pixel by pixel, None of a verifier without maps; arguments and errors as :func:`score`."""
     tools, target = _object(frame, name, sections)
     return tools.verifier.maps(target, _poses(pose)[0])
 

@@ -37,7 +37,7 @@ def dependency_graph(problem: Problem, settings: DependencySettings) -> Dependen
         InputError: the order file cannot be read.
         SettingsError: the order file or a given order is malformed.
     """
-    entries = given_entries(settings, problem.frame)
+    entries = given_entries(settings, problem)
     parts = visible_parts(problem)
     rule = _recommended if settings.rule == "recommended" else _published
     result = rule(problem, parts, settings)

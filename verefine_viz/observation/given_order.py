@@ -23,8 +23,8 @@ _ENTRIES = tuple[tuple[int | InstanceName, ...], ...]
 EXPECTED = 'a list of clusters of object ids, or "#4" for instance 4, as [[8, 2], [3]]'
 
 
-def given_entries(settings: DependencySettings, frame: str) -> Entries | None:
-    """What the settings, or else the file, give for a frame; None where they give nothing.
+def given_entries(settings: DependencySettings, problem: Problem) -> Entries | None:
+    """What the settings, or else their file, or else the frame's own data give as its order; None where none does.
 
     Raises:
         InputError: the file cannot be read.
@@ -33,8 +33,8 @@ def given_entries(settings: DependencySettings, frame: str) -> Entries | None:
     if settings.order:
         return checked(settings.order, "dependency.order")
     if not settings.order_file:
-        return None
-    return read_orders(Path(settings.order_file)).get(frame)
+        return [[f"#{i}" for i in cluster] for cluster in problem.order] or None
+    return read_orders(Path(settings.order_file)).get(problem.frame)
 
 
 def read_orders(path: Path) -> dict[str, Entries]:

@@ -34,6 +34,7 @@ from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.worker import Job, Jobs, Worker
 from verefine_viz.page.workspace import HULLS, Checks, Workspace, no_records
 from verefine_viz.refiners.registry import REFINERS
+from verefine_viz.rendering.registry import verifier_names
 from verefine_viz.run.edits import edits_elsewhere
 from verefine_viz.run.session_file import changed
 
@@ -318,7 +319,7 @@ def serve(
 
 
 def check_method(session: Session) -> None:
-    """Check that method and refiner exist.
+    """Check that method, refiner and verifier exist.
 
     Raises:
         SettingsError: one of them does not.
@@ -327,10 +328,12 @@ def check_method(session: Session) -> None:
         raise SettingsError(unknown("method", session.method.name, tuple(METHODS)))
     if session.method.refiner not in REFINERS:
         raise SettingsError(unknown("refiner", session.method.refiner, REFINERS))
+    if session.score.verifier not in verifier_names():
+        raise SettingsError(unknown("verifier", session.score.verifier, verifier_names()))
 
 
 def check_names(session: Session) -> tuple[str, ...]:
-    """Check that scene, method and refiner exist; return notes on the choice of frames.
+    """Check that scene, method, refiner and verifier exist; return notes on the choice of frames.
 
     Raises:
         VerefineError: one of them does not.

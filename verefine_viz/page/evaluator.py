@@ -70,8 +70,8 @@ class CachedEvaluator:
         key = _key("score", target, T_cam_obj)
         return self._remember(key, lambda: self._toolbox.verifier.score(target, T_cam_obj[None])[0])
 
-    def maps(self, target: Target, T_cam_obj: Float) -> ScoreMaps:
-        """The score of one pose pixel by pixel."""
+    def maps(self, target: Target, T_cam_obj: Float) -> ScoreMaps | None:
+        """The score of one pose pixel by pixel; None where it is not made of pixels."""
         key = _key("maps", target, T_cam_obj)
         return self._remember(key, lambda: self._toolbox.verifier.maps(target, T_cam_obj))
 
@@ -87,8 +87,8 @@ class CachedEvaluator:
         key = ("scene", whole_frame, tuple(t.instance.instance_id for t in targets), Ts_cam_obj.tobytes())
         return self._remember(key, lambda: verifier.score_scene(targets, Ts_cam_obj[None], (), whole_frame)[0])
 
-    def scene_maps(self, targets: Sequence[Target], Ts_cam_obj: Float) -> ScoreMaps:
-        """The score of one combination of poses (m, 4, 4) as a scene, pixel by pixel."""
+    def scene_maps(self, targets: Sequence[Target], Ts_cam_obj: Float) -> ScoreMaps | None:
+        """The score of one combination of poses (m, 4, 4) as a scene, pixel by pixel; None as :meth:`maps`."""
         verifier = self._toolbox.verifier
         key = ("scene maps", tuple(t.instance.instance_id for t in targets), Ts_cam_obj.tobytes())
         return self._remember(key, lambda: verifier.scene_maps(targets, Ts_cam_obj))

@@ -44,7 +44,7 @@ def maps_sheet(branch: Branch, k: int, obj: int | None) -> Image:
         obj: the object; None = that of the iteration.
 
     Raises:
-        InputError: the frame has no such object, or there is no pose of it.
+        InputError: the frame has no such object, there is no pose of it, or the score is not made of pixels.
     """
     moment = moment_of(branch, Look(branch=branch.index, k=k, obj=obj, answer=True))
     target, rows = moment.target, _rows(moment)
@@ -94,9 +94,14 @@ def _rows(moment: Moment) -> list[tuple[str, PoseScore, ScoreMaps]]:
     if poses.get("accepted", True) is None:
         poses = {"initial": moment.poses.get("initial"), **poses}
     evaluator, target = moment.evaluator, moment.target
-    return [
-        (words, evaluator.score(target, T), evaluator.maps(target, T)) for words, T in poses.items() if T is not None
-    ]
+    rows: list[tuple[str, PoseScore, ScoreMaps]] = []
+    for words, T in poses.items():
+        maps = None if T is None else evaluator.maps(target, T)
+        if T is not None and maps is None:
+            raise InputError(f"{evaluator.verifier.settings.verifier} gives a score, and no maps of it.")
+        if T is not None and maps is not None:
+            rows.append((words, evaluator.score(target, T), maps))
+    return rows
 
 
 def _region(target: Target, maps: list[ScoreMaps]) -> tuple[int, int, int, int]:

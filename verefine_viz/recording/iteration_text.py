@@ -62,7 +62,8 @@ def _stages(iteration: Iteration, moved_mm: Sequence[float], turned_deg: Sequenc
         scores = "– | – | – | – | –" if has_colour else "– | – | – | –"
         if s is not None:
             f_c = f" | {s.colour_fit:.3f}" if s.colour_fit is not None else ""
-            scores = f"{s.score:.3f} | {s.depth_fit:.3f} | {s.normal_fit:.3f}{f_c} | {s.n_pixels}"
+            parts = f"{s.depth_fit:.3f} | {s.normal_fit:.3f}{f_c} | {s.n_pixels}" if s.has_parts else "– | – | –"
+            scores = f"{s.score:.3f} | {parts}"
         name = f"**{stage.name} ✔**" if stage.name == iteration.accepted else stage.name
         lines.append(f"| {name} | {scores} | {mm:.1f} mm | {deg:.1f}° |")
     return "\n".join(lines)
@@ -78,9 +79,10 @@ def _scene(iteration: Iteration, layout: Layout) -> Iterator[str]:
 
 
 def _scene_record(scene: SceneRecord) -> str:
+    score = scene.score
+    parts = f" (f_d {score.depth_fit:.3f}, f_n {score.normal_fit:.3f})" if score.has_parts else ""
     return (
-        f"**The pass as a scene: {scene.score.score:.3f}** (f_d {scene.score.depth_fit:.3f},"
-        f" f_n {scene.score.normal_fit:.3f}); each object at its best {scene.best_known.score:.3f};"
+        f"**The pass as a scene: {score.score:.3f}**{parts}; each object at its best {scene.best_known.score:.3f};"
         f" best scene so far {scene.incumbent_score:.3f}. The hypotheses of this pass got {scene.reward:.3f}."
     )
 

@@ -110,9 +110,12 @@ class Maps:
         file.send(f"{entities.MAPS}/{OBSERVED}", [iteration], row)
 
     def add_pair(self, pending: PendingMaps, iteration: Iteration, placed: Sequence[Placed]) -> None:
-        """The maps of the two poses that an iteration had to choose from."""
+        """The maps of the two poses that an iteration had to choose from; none where the score is not of pixels."""
         (target,) = self._targets
-        pair = [self._verifier.maps(target, s.T_cam_obj, placed, self._at) for s in compared(iteration)]
+        of_poses = [self._verifier.maps(target, s.T_cam_obj, placed, self._at) for s in compared(iteration)]
+        pair = [maps for maps in of_poses if maps is not None]
+        if not pair:
+            return
         gap = np.zeros((TILE_PX, GAP_PX), np.uint8)
         names = MAP_NAMES if pair[0].correlation is None else (*MAP_NAMES, *COLOUR_MAPS)
         for name in names:
@@ -122,6 +125,8 @@ class Maps:
     def add_scene(self, pending: PendingMaps, iteration: int, Ts_cam_obj: Float, placed: Sequence[Placed]) -> None:
         """The maps of all objects together, at the poses (m, 4, 4)."""
         maps = self._verifier.scene_maps(self._targets, Ts_cam_obj, placed, at=self._at)
+        if maps is None:
+            return
         names = SCENE_MAP_NAMES if maps.correlation is None else (*SCENE_MAP_NAMES, *SCENE_COLOUR_MAPS)
         for name in names:
             pending.add(f"{entities.SCENE_MAPS}/{name}", iteration, self._indices(name, maps))

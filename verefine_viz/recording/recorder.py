@@ -17,7 +17,7 @@ from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner, RunState, Verifier
 from verefine_viz.core.records import Best, Iteration, PlacedPose
 from verefine_viz.core.refiner_steps import LearnedRefiner
-from verefine_viz.core.settings import Session
+from verefine_viz.core.settings import EQ_1, Session
 from verefine_viz.evaluation.landscape import Landscape, landscape
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.recording import entities
@@ -65,7 +65,8 @@ class Recorder:
             path: the recording, ``….rrd``; its folder is made if needed.
             session: what is being run; written into the recording.
             problem: the frame.
-            verifier_of: what scored iteration k, to make its score maps; None = no maps, whatever the session says.
+            verifier_of: what scored iteration k, to make its score maps; None = no maps, whatever the session says. A
+                verifier of another program has none.
             block: iterations drawn together, with score maps at most 10.
             refiner_of: what refined in iteration k, to draw beside the maps what a learned one saw; None = not drawn.
             grasps_of: what became of the answers of a finished run in the gripper; None = not drawn.
@@ -73,7 +74,7 @@ class Recorder:
         self._path = path
         self._session = session
         self._problem = problem
-        self._verifier_of = verifier_of if session.recording.maps else None
+        self._verifier_of = verifier_of if session.recording.maps and session.score.verifier == EQ_1 else None
         self._refiner_of = refiner_of
         self._grasps_of = grasps_of
         self._has_grasps = False

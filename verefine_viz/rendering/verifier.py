@@ -1,4 +1,4 @@
-"""What both verifiers share: from sums over pixels to scores, from pictures to score maps; and which one is made."""
+"""What both verifiers of Eq. 1 share: from sums over pixels to scores, from pictures to score maps."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import ShapeError, UnavailableError
+from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
-from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.rendering.colour import ColourStore, SceneColours, local_correlation, rgb_of
@@ -40,31 +39,6 @@ NOTHING_PLACED = np.zeros((0, 0), np.float32)
 LEAST_SEEN_SHARE = 0.1
 """``classes``: a pose of whose pixels fewer than this share can be compared (neither hidden nor unmeasured) has its
 score lowered in proportion, so that no pose can hide where nothing was measured. docs/methods.md 1.9."""
-
-
-def make_verifier(settings: ScoreSettings, progress: ProgressToken = NEVER_CANCELLED) -> Verifier:
-    """The verifier that the settings ask for; ``auto`` takes OpenGL where it runs on a GPU, else the CPU rasteriser.
-
-    Args:
-        settings: of the score.
-        progress: asked where the mesh of a model has to be made.
-
-    Raises:
-        UnavailableError: ``renderer = "gl"``, and there is no usable OpenGL.
-    """
-    from verefine_viz.rendering import gl_context
-    from verefine_viz.rendering.cpu_verifier import CpuVerifier
-    from verefine_viz.rendering.gl_verifier import GlVerifier
-
-    if settings.renderer == "cpu":
-        return CpuVerifier(settings, progress=progress)
-    gl = gl_context.probe()
-    if settings.renderer == "gl":
-        if isinstance(gl, UnavailableError):
-            raise gl
-        return GlVerifier(settings, progress=progress)
-    is_usable = not isinstance(gl, UnavailableError) and not gl.is_software
-    return GlVerifier(settings, progress=progress) if is_usable else CpuVerifier(settings, progress=progress)
 
 
 class RenderingVerifier(ABC):

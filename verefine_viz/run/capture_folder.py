@@ -25,7 +25,8 @@ from verefine_viz.scenes.image_files import read_color, write_image
 from verefine_viz.scenes.meshes import Mesh, ply_bytes, size_entry
 from verefine_viz.scenes.results_csv import ResultRow, read_results, write_results
 
-SESSION, DETECTIONS, NAMES, LOCK = "session.toml", "detections.json", "obj_names.json", ".lock"
+SESSION, DETECTIONS, ORDERS, NAMES = "session.toml", "detections.json", "orders.json", "obj_names.json"
+LOCK = ".lock"
 RESULTS = "*_kept-test.csv"
 DEPTH_STEPS_MM = (0.1, 1.0)
 """Millimetres per step of the 16-bit depth images: the first in which the frame fits."""
@@ -58,6 +59,8 @@ class CapturedFrame:
     objects: Sequence[CapturedObject]
     down_cam: Float | None
     """(3,) where things fall, of any length."""
+    order: Sequence[Sequence[int]] = ()
+    """Clusters in the order to solve them, as indices into ``objects``; none = by a rule."""
 
 
 def captured(problem: Problem) -> CapturedFrame:
@@ -69,7 +72,9 @@ def captured(problem: Problem) -> CapturedFrame:
     down = -support.T_world_cam[2, :3] if support is not None and is_given else None
     objects = [_captured_object(target, has_gt) for target in problem.targets]
     depth_m = np.where(observation.depth_m > FARTHEST_M, 0.0, observation.depth_m.astype(np.float64))
-    return CapturedFrame(observation.camera.K, depth_m, observation.rgb, objects, down)
+    place = {target.instance.instance_id: k for k, target in enumerate(problem.targets)}
+    order = [[place[i] for i in cluster] for cluster in problem.order]
+    return CapturedFrame(observation.camera.K, depth_m, observation.rgb, objects, down, order)
 
 
 def _captured_object(target: Target, has_gt: bool) -> CapturedObject:
@@ -168,6 +173,7 @@ class CaptureFolder:
         self._write_detections(number, frame.objects)
         self._write_poses(number, frame.objects)
         self._write_ground_truth(number, frame.objects)
+        self._write_order(number, frame)
         cameras[str(number)] = _camera_entry(frame, step_mm)
         self._write_session(cameras)
         # Names and the camera are last: without the names models do not count, without the camera the frame does not.
@@ -203,7 +209,7 @@ class CaptureFolder:
 
     def _clear(self, number: int) -> None:
         """Removes what a program that was killed in the middle of a frame has left of it."""
-        ours = (f"{name}.*.part" for name in (SESSION, DETECTIONS, NAMES, RESULTS))
+        ours = (f"{name}.*.part" for name in (SESSION, DETECTIONS, ORDERS, NAMES, RESULTS))
         for pattern in (*ours, "models/*.part", f"test/{SCENE_ID:06d}/**/*.part"):
             for part in self._folder.glob(pattern):
                 part.unlink()
@@ -302,6 +308,15 @@ class CaptureFolder:
         if entries:
             write_json(self._gt_entries, _json_or({}, self._gt_entries) | {str(number): entries})
 
+    def _write_order(self, number: int, frame: CapturedFrame) -> None:
+        """Also of a frame without one, where a program was killed in the middle of another."""
+        orders, name = _json_or({}, self._folder / ORDERS), f"{SCENE_ID}/{number}"
+        before = orders.pop(name, None)
+        if frame.order:
+            orders[name] = [[self._id(frame.objects[i].name) for i in cluster] for cluster in frame.order]
+        if orders.get(name) != before:
+            write_json(self._folder / ORDERS, orders)
+
     def _write_session(self, cameras: Mapping[str, Any]) -> None:
         files = self._results()
         # Every pose of an object is to be tried, whatever the number of estimators.
@@ -318,6 +333,8 @@ class CaptureFolder:
             **({"sequence": True} if self._is_sequence else {}),
         }
         session = {"title": in_one_line(self._folder.resolve().name), "scene": scene, "hypotheses": hypotheses}
+        if (self._folder / ORDERS).is_file():
+            session["dependency"] = {"order_file": ORDERS}
         with atomic(self._folder / SESSION) as part:
             part.write_text(CAPTURE_HEAD + tomli_w.dumps(session), encoding="utf-8")
 

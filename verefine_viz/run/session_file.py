@@ -155,6 +155,9 @@ def _of_layers(layers: Sequence[Layer]) -> Session:
     raw: dict[str, Any] = {}
     for _, fields in layers:
         raw = _merged(raw, fields)
+    scene = raw.get("scene")
+    if isinstance(scene, Mapping) and isinstance(name := scene.get("frames"), str) and name:  # A list by its name.
+        raw["scene"] = {**scene, "frames": [name]}
     base = PUBLISHED if raw.get("preset") == "published" else {}
     session = _converted(_merged(base, raw), layers)
     _check_sources(session, layers)

@@ -1,4 +1,4 @@
-"""The refiners of a session: whether this program has them; and the weights of all that is learned in it."""
+"""Refiners and verifiers of a session: whether this program has them; and the weights of all that is learned in it."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from verefine_viz.core.settings import Session
 from verefine_viz.estimators.registry import WEIGHTS as ESTIMATOR_WEIGHTS
 from verefine_viz.methods.registry import method_of
 from verefine_viz.refiners.registry import REFINERS, WEIGHTS
+from verefine_viz.rendering.registry import verifier_names
 from verefine_viz.run.session_file import changed
 
 
 def check_refiners(session: Session, what: str, to_do: str, words: str) -> None:
-    """Checks that this program has every refiner with which something was made.
+    """Checks that this program has every refiner and every verifier with which something was made.
 
     Args:
         session: how it was made.
@@ -22,15 +23,16 @@ def check_refiners(session: Session, what: str, to_do: str, words: str) -> None:
         words: the words that do so, as "replay run.rrd --verify".
 
     Raises:
-        SettingsError: a refiner is not there; the text says through which program to do it.
+        SettingsError: one is not there; the text says through which program to do it.
     """
-    for stage in _with_refiner(session):
-        name = stage.method.refiner
-        if name not in REFINERS:
+    refiners = [("refiner", stage.method.refiner, tuple(REFINERS)) for stage in _with_refiner(session)]
+    verifiers = [("verifier", stage.score.verifier, verifier_names()) for stage in _stages(session)]
+    for kind, name, names in (*refiners, *verifiers):
+        if name not in names:
             raise SettingsError(
-                f"{what} was made with the refiner {name!r}, which this program does not have "
-                f"(it has {', '.join(REFINERS)}); {to_do} it through the program that does, as in the README's "
-                f'"Your own refiner": python PROGRAM.py {words}'
+                f"{what} was made with the {kind} {name!r}, which this program does not have "
+                f"(it has {', '.join(names)}); {to_do} it through the program that does, as in the README's "
+                f'"Your own {kind}": python PROGRAM.py {words}'
             )
 
 
@@ -57,11 +59,14 @@ def weights_of(session: Session) -> dict[str, str]:
     return estimators | hashes
 
 
-def _with_refiner(session: Session) -> Iterator[Session]:
-    """The session as it is at first and after each change during the run, where its method has a refiner to choose."""
+def _stages(session: Session) -> list[Session]:
+    """The session as it is at first and after each change during the run."""
     stages = [session]
     for change in sorted(session.changes, key=lambda change: change.after_iteration):
         stages.append(changed(stages[-1], change.settings))
-    for stage in stages:
-        if not method_of(stage.method.name).has_tree:  # It has a refiner of its own.
-            yield stage
+    return stages
+
+
+def _with_refiner(session: Session) -> Iterator[Session]:
+    """Those of its stages whose method has a refiner to choose."""
+    return (stage for stage in _stages(session) if not method_of(stage.method.name).has_tree)

@@ -28,8 +28,8 @@ from verefine_viz.refiners.registry import make_refiner
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 from verefine_viz.rendering.colour import ColourStore
 from verefine_viz.rendering.explained import ExplainedPixels
+from verefine_viz.rendering.registry import make_verifier
 from verefine_viz.rendering.simplify import scoring_mesh
-from verefine_viz.rendering.verifier import make_verifier
 from verefine_viz.run.edits import check_edits, edits_elsewhere, edits_of
 from verefine_viz.run.engine import Run
 from verefine_viz.run.session_file import AT_ITS_START, changed

@@ -17,7 +17,8 @@ from verefine_viz.core.text_format import LONGEST_NUMBERS, listed
 from verefine_viz.observation.observed_frame import observe
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.detections import DetectionsFile
-from verefine_viz.scenes.frames import FrameIds, all_frames, frame_name, named_frames, parse_frame
+from verefine_viz.scenes.frame_lists import FrameIds
+from verefine_viz.scenes.frames import all_frames, frame_name, is_list, named_frames, parse_frame
 from verefine_viz.scenes.hypothesis_pool import (
     check_asked,
     check_covered,
@@ -193,7 +194,7 @@ class BopSource:
         objects = {ids: self._objects(ids) for ids in chosen}
         holding = tuple(ids for ids in chosen if not (objects[ids] or frozenset()).isdisjoint(self._scene.objects))
         there = sorted({obj_id for held in objects.values() for obj_id in held or ()})
-        is_named = bool(self._scene.frames)
+        is_named = any(not is_list(frame) for frame in self._scene.frames)
         nowhere = sorted(set(self._scene.objects).difference(there))
         if nowhere and None not in objects.values():
             self.notes += (f"no chosen frame holds object {self._named(nowhere)} of scene.objects",)

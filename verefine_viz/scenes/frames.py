@@ -9,9 +9,7 @@ from verefine_viz.core.errors import InputError, SettingsError, quoted
 from verefine_viz.core.files import id_of
 from verefine_viz.core.text_format import listed
 from verefine_viz.scenes.bop import BopDataset
-
-FrameIds = tuple[int, int]
-"""(scene, image)."""
+from verefine_viz.scenes.frame_lists import FrameIds, listed_frames
 
 
 def parse_frame(frame: str) -> FrameIds:
@@ -33,17 +31,29 @@ def frame_name(ids: FrameIds) -> str:
 
 
 def named_frames(dataset: BopDataset, frames: Sequence[str]) -> tuple[tuple[FrameIds, ...], tuple[str, ...]]:
-    """The frames that ``scene.frames`` names, each once; and a note about those that it names more often.
+    """The frames that ``scene.frames`` names, one by one or as lists, each once; and notes: about those that it names
+    more often, and about those of a list that are not on the disk.
 
     Raises:
-        SettingsError: a name is not "scene/image".
-        InputError: the data set has no such scene or image.
+        SettingsError: a name is neither "scene/image" nor that of a list.
+        InputError: the data set has no such scene or image, or no frame of a list.
     """
-    named = [parse_frame(frame) for frame in frames]
-    wanted = tuple(dict.fromkeys(named))
-    for scene_id, im_id in wanted:
-        dataset.check(scene_id, im_id)
-    return wanted, repeated_notes(frame_name(ids) for ids in named)
+    named: list[FrameIds] = []
+    notes: tuple[str, ...] = ()
+    for frame in frames:
+        if is_list(frame):
+            of_list, own = listed_frames(dataset, frame)
+            named += of_list
+            notes += own
+        else:
+            named.append(parse_frame(frame))
+            dataset.check(*named[-1])
+    return tuple(dict.fromkeys(named)), repeated_notes(map(frame_name, named)) + notes
+
+
+def is_list(frame: str) -> bool:
+    """Whether an entry of ``scene.frames`` names a list of frames (:mod:`verefine_viz.scenes.frame_lists`)."""
+    return "/" not in frame
 
 
 def repeated_notes(frames: Iterable[str]) -> tuple[str, ...]:

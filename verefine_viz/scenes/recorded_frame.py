@@ -59,6 +59,8 @@ class RecordedFrame:
     down_cam: Float | None = None
     """(3,) where things fall, of any length."""
     notes: tuple[str, ...] = ()
+    order: tuple[tuple[int, ...], ...] = ()
+    """Clusters in the order to solve them, as indices into ``objects``; empty where the recording has none."""
 
 
 class Recording(Protocol):

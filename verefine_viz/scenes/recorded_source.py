@@ -164,7 +164,7 @@ class RecordedSource:
         if recorded.down_cam is not None and scene.gravity == "plane":
             x, y, z = recorded.down_cam.tolist()
             scene = structs.replace(scene, gravity=(x, y, z))
-        masks = [segment.mask for segment, _ in segments]
+        masks, there = [segment.mask for segment, _ in segments], {segment.instance_id for segment, _ in segments}
         return Problem(
             *ids,
             observation=observe(camera, recorded.depth_m, recorded.rgb, masks, scene),
@@ -173,6 +173,7 @@ class RecordedSource:
             title=recorded.name,
             notes=(*notes, *instance_notes(ids, instances, models, self._hypotheses.source, self._results)),
             left_out=tuple(left_out),
+            order=tuple(tuple(i for i in cluster if i in there) for cluster in recorded.order),
         )
 
     def _instances(

@@ -110,7 +110,8 @@ class Scene3D:
         beside = _beside(space.branch(look.b.branch), look, focus) if look.b is not None else None
         maps = None
         if self.panel.cloud == "class" and (T := self._main_pose(moment, look)[1]) is not None:
-            maps = (T.tobytes(), moment.evaluator.maps(moment.target, T))
+            of_pose = moment.evaluator.maps(moment.target, T)
+            maps = None if of_pose is None else (T.tobytes(), of_pose)
         with self._lock:
             is_new = look is not self._look
             self._look, self._moment, self._beside, self._maps = look, moment, beside, maps

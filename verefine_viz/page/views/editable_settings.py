@@ -8,13 +8,14 @@ from verefine_viz.core.setting_types import descriptions, kinds_of
 from verefine_viz.core.settings import SURROUNDINGS, Session
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
+from verefine_viz.rendering.registry import verifier_names
 from verefine_viz.run.session_file import DURING_A_RUN
 
 SECTIONS = ("method", "score", "physics", "icp", "tricp", "mcts", "dependency", "hypotheses", "grasp")
 _COMMON = (
-    "method.name", "method.refiner", "method.iterations", "method.exploration", "method.discount", "score.pixels",
-    "score.tau_m", "score.alpha", "score.colour_weight", "physics.enabled", "physics.collider", "physics.steps",
-    "icp.max_iterations", "tricp.trim", "dependency.rule", "hypotheses.seed",
+    "method.name", "method.refiner", "method.iterations", "method.exploration", "method.discount", "score.verifier",
+    "score.pixels", "score.tau_m", "score.alpha", "score.colour_weight", "physics.enabled", "physics.collider",
+    "physics.steps", "icp.max_iterations", "tricp.trim", "dependency.rule", "hypotheses.seed",
 )  # fmt: skip
 """What is changed most, first on the page."""
 
@@ -39,6 +40,8 @@ def _row(name: str, of: Any, value: Any) -> dict[str, Any] | None:
         choices = list(ALL_METHOD_NAMES)
     elif name == "method.refiner":
         choices = list(REFINERS)
+    elif name == "score.verifier":
+        choices = list(verifier_names())
     elif get_origin(of) is Literal:
         choices = list(get_args(of))
     if isinstance(value, bool):

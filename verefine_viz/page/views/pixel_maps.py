@@ -30,7 +30,7 @@ def maps(space: Workspace, want: Maps, blobs: Blobs) -> dict[str, Any]:
     """The answer to a want of maps, as docs/page.md describes it.
 
     Raises:
-        InputError: there is no such branch or object, or no pose is given.
+        InputError: there is no such branch or object, no pose is given, or the score is not made of pixels.
     """
     evaluator = space.branch(want.branch).evaluator_of(want.k)
     if want.obj is None:
@@ -46,6 +46,8 @@ def maps(space: Workspace, want: Maps, blobs: Blobs) -> dict[str, Any]:
         targets, T_cam_obj = [space.problem.target(want.obj)], pose_matrix(want.T)
         score, pixels = evaluator.score(targets[0], T_cam_obj), evaluator.maps(targets[0], T_cam_obj)
         errors = evaluator.errors(targets[0], T_cam_obj)
+    if pixels is None:
+        raise InputError(f"{evaluator.verifier.settings.verifier} gives a score, and no maps of it.")
     region = region_of(pixels, targets)
     key, arrays = packed(cut(pixels, region), blobs)
     numbers = score_numbers(score)

@@ -128,11 +128,11 @@ function Posed({ moment, letter, side }) {
       ? html`<${Select} title=${title} value=${pose.name} onChange=${choose} options=${options} />`
       : html`<span class="named" title=${pose.label}>${pose.label.replace(/^[AB]: /, "")}</span>`}
     <strong title="score">${number(score?.score ?? pose.score, 3)}</strong>
-    <span class="dim" title=${`depth fit, normal fit${hasColours ? ", colour" : ""}`}>
-      d ${number(score?.depth_fit)} n ${number(score?.normal_fit)} ${hasColours && `c ${number(score.colour_fit)}`}</span>
+    ${!side.gone && html`<span class="dim" title=${`depth fit, normal fit${hasColours ? ", colour" : ""}`}>
+      d ${number(score?.depth_fit)} n ${number(score?.normal_fit)} ${hasColours && `c ${number(score.colour_fit)}`}</span>`}
     ${score?.err != null && html`<span class="dim err" title=${error}>${number(score.err, 1)} mm</span>`}
     <span class="class-bar">${parts && html`<${Parts} parts=${parts} />`}</span>
-    ${side.gone && html`<span class="bad" title=${side.gone}>no maps</span>`}</div>`;
+    ${side.gone && html`<span class="dim" title=${side.gone}>no maps</span>`}</div>`;
 }
 
 function Maps() {

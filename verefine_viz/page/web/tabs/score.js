@@ -76,8 +76,10 @@ function Stages({ moment }) {
     { title: "stage", left: true, of: (s) => html`<${Swatch} color=${STAGE_COLORS[s.name]} />${s.name}${
       s.name === row.accepted ? html` <span class="good" title="accepted"><${Icon} name="check" /></span>` : ""}` },
     { title: "score", of: (s) => html`<${Bar} share=${s.score} color=${STAGE_COLORS[s.name]} />${number(s.score, 3)}` },
-    { title: "depth", hint: "depth fit", of: (s) => number(s.depth_fit) },
-    { title: "normal", hint: "normal fit", of: (s) => number(s.normal_fit) },
+    ...(shown.some((s) => s.depth_fit != null) ? [
+      { title: "depth", hint: "depth fit", of: (s) => number(s.depth_fit) },
+      { title: "normal", hint: "normal fit", of: (s) => number(s.normal_fit) },
+    ] : []),
     { title: "ms", of: (s) => (s.ms ? number(s.ms, 0) : "") },
   ];
   const place = `${row.k}, hypothesis ${row.arm + 1} of ${moment.arms.length}`;
