@@ -25,6 +25,9 @@ from verefine_viz.core.algorithm_settings import (
 )
 from verefine_viz.core.setting_types import Count, Gravity, Index, InputPath, Seed, Settings, Weight
 
+ModelSampling = Literal["random", "even"]
+"""How points are spread over a model's surface."""
+
 
 class SceneSettings(Settings):
     """Which frames and which objects."""
@@ -65,6 +68,8 @@ class SceneSettings(Settings):
     """Observed points per object that the refiner sees."""
     model_points: Annotated[int, Field(ge=1, le=100_000)] = 2000
     """Points sampled on each model."""
+    model_sampling: ModelSampling = "random"
+    """How: drawn at random, or evenly, each the farthest from those before (as the authors' clouds are)."""
 
 
 class HypothesesSettings(Settings):
@@ -184,6 +189,9 @@ class PhysicsSettings(Settings):
     """Lateral friction of objects; the plane has 1.0."""
     collider: Literal["decomposition", "hull"] = "decomposition"
     """Convex decomposition keeps bowls and mugs hollow; the authors use one hull per object."""
+    inertia: Literal["mesh", "box"] = "mesh"
+    """Whose centre of mass and moments of inertia an object has: its mesh's, or its bounding box's along the axes of
+    the model (authors' code: Bullet's default)."""
     margin_m: Annotated[float, Field(ge=0, le=0.1, allow_inf_nan=False)] = 1e-4
     """Collision margin [m]; Bullet's default for meshes is 1e-3, which leaves objects 1 mm above the plane."""
     gravity_m_s2: Annotated[float, Field(ge=0, le=1000, allow_inf_nan=False)] = 9.81

@@ -201,7 +201,9 @@ class RecordedSource:
         key = (one.name, one.mesh.stat().st_size)
         if key not in self._models:
             mesh = read_mesh(one.mesh, one.unit_m)
-            model = model_of_mesh(mesh, obj_id, one.name, self._scene.model_points, self._scene.seed)
+            model = model_of_mesh(
+                mesh, obj_id, one.name, self._scene.model_points, self._scene.seed, sampling=self._scene.model_sampling
+            )
             self._models[key] = model, tuple(f"{one.name} ({obj_id}): {text}" for text in mesh.notes)
         return self._models[key]
 
