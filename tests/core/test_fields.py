@@ -10,6 +10,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
+from verefine_viz.core.presets import PRESETS
 from verefine_viz.core.setting_types import limits
 from verefine_viz.core.settings import Change, Edit, Session
 from verefine_viz.run.session_file import load_session, resolve
@@ -51,7 +52,7 @@ def test_what_is_beyond_sense_is_refused() -> None:
                 model.model_validate({field: value} | ({"settings": {}} if model is Change else {}))
 
 
-@pytest.mark.parametrize("preset", ["recommended", "published"])
+@pytest.mark.parametrize("preset", PRESETS)
 def test_the_bounds_admit_what_ships(preset: str) -> None:
     resolve({"preset": preset})
     assert [load_session(path, {"preset": preset}).preset for path in SESSIONS] == [preset] * len(SESSIONS)

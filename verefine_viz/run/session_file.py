@@ -15,7 +15,8 @@ from pydantic import ValidationError
 
 from verefine_viz.core.errors import InputError, SettingsError, meant, quoted, unknown
 from verefine_viz.core.files import read_file
-from verefine_viz.core.settings import PUBLISHED, SURROUNDINGS, Session
+from verefine_viz.core.presets import BUDGETS, PRESETS
+from verefine_viz.core.settings import SURROUNDINGS, Session
 from verefine_viz.core.writing import at_home, atomic
 
 Raw = Mapping[str, Any]
@@ -156,7 +157,10 @@ def _of_layers(layers: Sequence[Layer]) -> Session:
     raw: dict[str, Any] = {}
     for _, fields in layers:
         raw = _merged(raw, fields)
-    base = PUBLISHED if raw.get("preset") == "published" else {}
+    preset, method = str(raw.get("preset")), raw.get("method")
+    refiner = method.get("refiner") if isinstance(method, Mapping) else None
+    budget = BUDGETS.get((preset, str(refiner or Session().method.refiner)), {})
+    base = _merged(PRESETS.get(preset, {}), budget)
     try:
         session = Session.model_validate(_merged(base, raw))
     except ValidationError as error:
