@@ -50,6 +50,11 @@ class Answer:
     n_flipped: int
     """Iterations whose flip was accepted."""
 
+    @property
+    def auc(self) -> float:
+        """What it adds to the area under the curve of right answers over the tolerance, 0 to 20 mm."""
+        return max(1 - self.add_s_mm / 20, 0.0)
+
 
 def answers(run: Run, problem: Problem, seed: int) -> list[Answer]:
     """Those of a finished run, measured on the models of ``problem``; objects without answer or ground truth are
@@ -177,17 +182,14 @@ def show(
     for name, now in by_row.items():
         mm = np.array([a.add_s_mm for a in now])
         before = by_row[rows[name].against] if name != rows[name].against else []
-        shares = share(now, before, "is_right"), share(now, before, "looks_right")
-        auc, ar = 100 * np.mean(np.maximum(1 - mm / 20, 0)), 100 * np.mean([a.ar for a in now])
+        shares = (share(now, before, field) for field in ("is_right", "looks_right", "auc", "ar"))
         cost, n_turned = 1e3 * seconds[name] / n_frames, sum(a.n_flipped > 0 for a in now)
-        table.add_row(
-            name, str(len(now)), *shares, f"{auc:.1f}", f"{ar:.1f}", f"{mm.mean():.1f}", f"{cost:.0f}", str(n_turned)
-        )
+        table.add_row(name, str(len(now)), *shares, f"{mm.mean():.1f}", f"{cost:.0f}", str(n_turned))
         for a, b in zip(before or now, now, strict=True):
             if a.looks_right != b.looks_right:
                 verb = "mended" if b.looks_right else "broken"
                 changed.append(f"{name}: {verb} {b.name} {b.frame} seed {b.seed}, {a.add_mm:.0f} → {b.add_mm:.0f} mm")
-    console = Console(width=150)
+    console = Console(width=180)
     console.print(table)
     console.print("\n".join(changed), highlight=False)
 
