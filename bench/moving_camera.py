@@ -33,7 +33,7 @@ from verefine_viz.page.protocol import Open, Track
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.object_track import track
 from verefine_viz.page.workspace import Workspace
-from verefine_viz.run.data_folder import data_folder
+from verefine_viz.run.data_folder import data_at
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.demo_layout import Viewpoint, settled, take_picture
 from verefine_viz.scenes.demo_models import demo_model
@@ -123,7 +123,7 @@ def write(folder: Path, camera: Camera, model: ObjectModel, shots: Iterator[Shot
 
 def measured(folder: Path) -> list[dict[str, object]]:
     """Open the folder as the page does, and time the strip and a click on it, without drawing in a browser."""
-    known = data_folder(folder, {})
+    known = data_at(folder, {})
     assert known is not None
     Console().print(known.what)
     debugger, opening = _timed(lambda: Debugger(Workspace(known.session, None, Toolbox)))

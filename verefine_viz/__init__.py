@@ -1,17 +1,30 @@
 """Step through 6D pose verification and physics-guided refinement, and see why an estimate won."""
 
+from __future__ import annotations
+
 from importlib import import_module
 from typing import Any
 
 __version__ = "0.1.0"
 
+_HOMES = {
+    "VerefineError": "core.errors",
+    **dict.fromkeys(("Frame", "OpenedFrame", "open_dataset", "open_frame"), "library.frame_to_solve"),
+    **dict.fromkeys(("estimator", "refiner"), "library.plugins"),
+    **dict.fromkeys(("estimate", "evaluate", "refine", "score", "score_maps", "settle"), "library.single_calls"),
+    **dict.fromkeys(("Run", "solve", "step"), "library.solving"),
+    "show": "page.notebook",
+    "share": "page.share",
+    "Trace": "trace",
+}
+"""The module of each name; it is imported when the name is first asked for, as some are heavy. Types: __init__.pyi."""
 
-def show(what: Any, height: int = 800) -> Any:
-    """Show a run, or what lies at a path, within a notebook; see ``verefine_viz.page.notebook.show``."""
-    # The page is heavy, and stands above everything that imports the version from here.
-    return import_module("verefine_viz.page.notebook").show(what, height)
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
 
 
-def share(what: Any, out: Any, frame: str | None = None, maps: Any = "marked", with_scene: bool = True) -> str:
-    """Write a run as one HTML file that opens without this program; see ``verefine_viz.page.share.share``."""
-    return import_module("verefine_viz.page.share").share(what, out, frame, maps, with_scene)
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})

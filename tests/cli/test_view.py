@@ -51,7 +51,7 @@ REFUSED: list[tuple[list[str], str]] = [
     (
         ["poses.csv"],
         "poses.csv does not exist; expected a session (.toml), the folder of a batch run, or a "
-        "recorded run (.vfrun, .rrd); poses in a CSV are named by a session: [hypotheses] files",
+        "recorded run (.vfrun, .rrd)",
     ),
     ([str(ROOT / "README.md")], "README.md cannot be opened; expected a session (.toml), the folder of a batch"),
 ]

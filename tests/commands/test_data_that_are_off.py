@@ -21,7 +21,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.run.capture import DetectedObject, keep_frame
+from verefine_viz.library.frame_to_solve import Frame as ArrayFrame
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.source import open_scene
@@ -93,7 +93,7 @@ def of_folder(frame: Frame, root: Path) -> tuple[str, ...]:
     one = frame.objects[0]
     trimesh.Trimesh(one.mesh_mm.vertices / 1000, one.mesh_mm.faces, process=False).export(root / "mesh" / "mesh.obj")
     np.savetxt(root / "annotated_poses" / "1.txt", one.T_cam_obj)
-    return opened("sequence", root)
+    return opened(root)
 
 
 def of_trace(frame: Frame, root: Path) -> tuple[str, ...]:
@@ -104,25 +104,23 @@ def of_trace(frame: Frame, root: Path) -> tuple[str, ...]:
             one.mesh_mm.export(path)
             begun = trace.object(one.name, mesh=path, mask=one.mask, unit_m=0.001, truth=one.T_cam_obj)
             begun.hypothesis(0, one.T_cam_obj)
-    return opened("trace", root / "trace")
+    return opened(root / "trace")
 
 
-def opened(source: str, root: Path) -> tuple[str, ...]:
-    made = SceneSettings.model_validate({"source": source, "dataset": str(root)})
+def opened(root: Path) -> tuple[str, ...]:
+    made = SceneSettings(source="folder", dataset=str(root))
     found = open_scene(made, HypothesesSettings(source="recorded"))
     return data_doubts(found.problem(found.frames[0]))
 
 
 def of_keep_frame(frame: Frame, root: Path) -> tuple[str, ...]:
     root.mkdir()
-    detected = []
+    kept = ArrayFrame(frame.K, frame.depth_m)
     for k, one in enumerate(frame.objects):
         path = root / f"{k}.ply"
         one.mesh_mm.export(path)
-        detected.append(
-            DetectedObject(path, one.mask, {"net": one.T_cam_obj}, one.name, 0.001, T_cam_obj_gt=one.T_cam_obj)
-        )
-    name = keep_frame(root / "kept", frame.K, frame.depth_m, None, detected)
+        kept.add(one.name, path, one.mask, {"net": one.T_cam_obj}, None, 0.001, one.T_cam_obj)
+    name = kept.keep(root / "kept")
     return data_doubts(Toolbox(load_session(root / "kept" / "session.toml")).problem(name))
 
 

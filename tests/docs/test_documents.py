@@ -7,6 +7,8 @@ import tomllib
 from itertools import pairwise
 from pathlib import Path
 
+import msgspec
+
 from verefine_viz.core.presets import BUDGETS, PRESETS
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import resolve
@@ -118,7 +120,9 @@ def test_the_table_of_presets_is_what_the_code_has() -> None:
 
 
 def test_settings_that_the_methods_name_exist() -> None:
-    fields = {f"{s}.{f}" for s, values in Session().model_dump().items() if isinstance(values, dict) for f in values}
+    fields = {
+        f"{s}.{f}" for s, values in msgspec.to_builtins(Session()).items() if isinstance(values, dict) for f in values
+    }
     sections = {name.split(".")[0] for name in fields}
     named = re.findall(r"`(\w+\.\w+)(?: = [^`]*)?`", text(METHODS))
     named = [name for name in named if name.split(".")[0] in sections]

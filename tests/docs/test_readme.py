@@ -22,9 +22,11 @@ from verefine_viz.commands.view import View
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.settings import Session
+from verefine_viz.library.solving import Run
 from verefine_viz.pictures.refiner_crops import step_picture
 from verefine_viz.refiners.registry import REFINERS, make_refiner
 from verefine_viz.run.data_folder import open_session
+from verefine_viz.run.run_file import read_run_file
 from verefine_viz.run.session_file import load_session, resolve
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.trace import Trace
@@ -76,7 +78,7 @@ def test_every_shipped_session_is_one() -> None:
         assert session.title, path
 
 
-def test_its_frame_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_its_frame_is_solved_saved_and_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     code, *_ = blocks("python")
     problem = box_problem()
     (tmp_path / "meshes").mkdir()
@@ -84,7 +86,11 @@ def test_its_frame_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     seen, (instance,) = problem.observation, problem.instances
     arrays = {"K": seen.camera.K, "depth_m": seen.depth_m, "rgb": seen.rgb, "mask": instance.mask}
     monkeypatch.chdir(tmp_path)
-    exec(code, arrays | {"T_cam_obj": instance.hypotheses[0].T_cam_obj})
+    shown: list[Run] = []
+    monkeypatch.setattr(Run, "show", lambda run: shown.append(run))
+    exec(code, arrays | {"poses": instance.hypotheses[0].T_cam_obj})
+    assert shown[0]["mug"].score is not None
+    assert read_run_file(tmp_path / "drop.vfrun").is_complete
     (kept,) = Toolbox(load_session(tmp_path / "frames" / "session.toml")).problem("1/1").instances
     np.testing.assert_allclose(kept.hypotheses[0].T_cam_obj, instance.hypotheses[0].T_cam_obj, atol=1e-12)
 

@@ -17,7 +17,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.page import notebook
 from verefine_viz.page.app import App
 from verefine_viz.recording.verify import first_difference
-from verefine_viz.run.run_file import read_run_file
+from verefine_viz.run.run_file import read_run_file, write_record
 from verefine_viz.run.session_file import save_session
 
 
@@ -33,7 +33,7 @@ def test_a_record_a_path_and_a_folder_are_shown_until_the_page_is_closed(tmp_pat
     save_session(SESSION, tmp_path / "session.toml")
     shown = {
         "record": record,
-        "run": SimpleNamespace(record=lambda: record),
+        "run": SimpleNamespace(save=lambda path: write_record(path, record)),
         "file": tmp_path / "run.vfrun",
         "batch": str(tmp_path / "batch"),
         "session": tmp_path / "session.toml",

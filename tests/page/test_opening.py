@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tests.page.conftest import SESSION, Posted
 from tests.page.fake_tools import FakeTools
@@ -21,7 +22,7 @@ from verefine_viz.page.replay_verbs import carry_out
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.recording.verify import first_difference
-from verefine_viz.run.data_folder import data_folder
+from verefine_viz.run.data_folder import data_at
 from verefine_viz.run.run_file import read_run_file
 from verefine_viz.run.session_file import changed, save_session
 from verefine_viz.run.toolbox import Toolbox
@@ -119,7 +120,7 @@ def test_a_recording_opens_at_its_end(tmp_path: Path, debugger: Debugger, posted
 
 def test_recorded_steps_are_there_at_once(tmp_path: Path, posted: Posted):
     write_trace(tmp_path / "trace", write_box(tmp_path / "box.obj"))
-    known = data_folder(tmp_path / "trace", {})
+    known = data_at(tmp_path / "trace", {})
     assert known is not None
     d = Debugger(Workspace(known.session, None, Toolbox), posted)
     assert d.is_running
@@ -170,7 +171,7 @@ def test_the_gallery_gives_every_answer_once_in_every_order(gallery: Gallery, po
 
 
 def test_sessions_are_listed_by_their_titles(tmp_path: Path):
-    save_session(SESSION.model_copy(update={"title": "A carton"}), tmp_path / "failure_wrong_plane.toml")
+    save_session(structs.replace(SESSION, title="A carton"), tmp_path / "failure_wrong_plane.toml")
     save_session(SESSION, tmp_path / "failure_mask_leaks.toml")
     (tmp_path / "broken.toml").write_text("[")
     names = [one["title"] for one in titled(sorted(tmp_path.glob("*.toml")))]

@@ -1,4 +1,4 @@
-"""Frames to save with ``keep_frame``, and the folders that hold them."""
+"""Frames to save with ``Frame.keep``, and the folders that hold them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import trimesh
 
 from tests.fakes import BOX_M
 from verefine_viz.core.problem import Problem
-from verefine_viz.run.capture import DetectedObject, keep_frame
+from verefine_viz.library.frame_to_solve import Frame
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
 
@@ -21,15 +21,24 @@ def box_mesh(path: Path, unit_m: float = 1.0) -> Path:
     return path
 
 
-def kept(folder: Path, problem: Problem, objects: list[DetectedObject], **more: Any) -> str:
+def keep(folder: Path, K: Any, depth_m: Any, rgb: Any, objects: list[dict[str, Any]], **more: Any) -> str:
+    frame = Frame(K, depth_m, rgb, **more)
+    for one in objects:
+        frame.add(**one)
+    return frame.keep(folder)
+
+
+def kept(folder: Path, problem: Problem, objects: list[dict[str, Any]], **more: Any) -> str:
     seen = problem.observation
-    return keep_frame(folder, seen.camera.K, seen.depth_m, seen.rgb, objects, **more)
+    return keep(folder, seen.camera.K, seen.depth_m, seen.rgb, objects, **more)
 
 
-def found(problem: Problem, mesh: Path, k: int = 0, with_truth: bool = False) -> DetectedObject:
+def found(problem: Problem, mesh: Path, k: int = 0, with_truth: bool = False) -> dict[str, Any]:
+    """What ``Frame.add`` takes about an instance."""
     instance = problem.instances[k]
     poses = {"net": np.array([h.T_cam_obj for h in instance.hypotheses])}
-    return DetectedObject(mesh, instance.mask, poses, T_cam_obj_gt=instance.T_cam_obj_gt if with_truth else None)
+    truth = instance.T_cam_obj_gt if with_truth else None
+    return {"name": "box", "mesh": mesh, "mask": instance.mask, "poses": poses, "T_cam_obj_gt": truth}
 
 
 def reopened(folder: Path, overrides: Mapping[str, Any] | None = None) -> Toolbox:

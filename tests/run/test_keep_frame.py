@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import count
 from multiprocessing import get_context
 from pathlib import Path
@@ -17,9 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fakes import BOX_M, box_problem
-from tests.run.kept_frames import assert_same_files, box_mesh, files_in, found, kept, reopened
+from tests.run.kept_frames import assert_same_files, box_mesh, files_in, found, keep, kept, reopened
 from verefine_viz.core.errors import InputError
-from verefine_viz.run.capture import DetectedObject, keep_frame
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
 
@@ -52,8 +50,11 @@ def test_a_kept_frame_is_the_frame(tmp_path: Path, mesh: Path) -> None:
 def test_frames_add_up_and_name_their_objects_alike(tmp_path: Path, mesh: Path) -> None:
     problem = box_problem(n_instances=2)
     one, two = found(problem, mesh), found(problem, mesh, 1)
-    other = replace(
-        two, mesh=box_mesh(tmp_path / "carton.ply"), poses={"icp": problem.instances[1].hypotheses[0].T_cam_obj}
+    other = dict(
+        two,
+        name="carton",
+        mesh=box_mesh(tmp_path / "carton.ply"),
+        poses={"icp": problem.instances[1].hypotheses[0].T_cam_obj},
     )
     names = [kept(tmp_path / "kept", problem, objects) for objects in ([one], [other, one], [two])]
     assert names == ["1/1", "1/2", "1/3"]
@@ -102,7 +103,7 @@ def test_holes_in_the_depth_stay_holes_and_far_depth_fits(tmp_path: Path, mesh: 
     seen = problem.observation
     depth = np.array(seen.depth_m, np.float64)
     depth[:4] = [[np.nan], [np.inf], [500.0], [30.0]]
-    keep_frame(tmp_path / "kept", seen.camera.K, depth, None, [found(problem, mesh)])
+    keep(tmp_path / "kept", seen.camera.K, depth, None, [found(problem, mesh)])
     got = reopened(tmp_path / "kept").problem("1/1").observation
     assert not got.depth_m[:3].any()
     np.testing.assert_allclose(got.depth_m[3], 30.0)
@@ -113,7 +114,9 @@ def test_holes_in_the_depth_stay_holes_and_far_depth_fits(tmp_path: Path, mesh: 
 def test_millimetres_of_a_mesh_are_said_and_without_poses_they_are_looked_for(tmp_path: Path) -> None:
     problem = box_problem()
     mesh = box_mesh(tmp_path / "box.obj", unit_m=0.001)
-    kept(tmp_path / "kept", problem, [DetectedObject(mesh, problem.instances[0].mask, name="tea", unit_m=0.001)])
+    kept(
+        tmp_path / "kept", problem, [{"name": "tea", "mesh": mesh, "mask": problem.instances[0].mask, "unit_m": 0.001}]
+    )
     toolbox = reopened(tmp_path / "kept")
     assert toolbox.session.hypotheses.source == "ppf"
     model = toolbox.problem("1/1").models[1]
@@ -126,7 +129,11 @@ def test_symmetry_about_an_axis_is_known_when_it_is_opened(tmp_path: Path) -> No
     box = trimesh.creation.cylinder(BOX_M[0] / 2, BOX_M[2], sections=32)
     box.apply_translation([0.05, 0, 0])
     box.export(mesh)
-    kept(tmp_path / "kept", problem, [DetectedObject(mesh, problem.instances[0].mask, symmetry_axis=[0, 0, 2])])
+    kept(
+        tmp_path / "kept",
+        problem,
+        [{"name": "can", "mesh": mesh, "mask": problem.instances[0].mask, "symmetry_axis": [0, 0, 2]}],
+    )
     model = reopened(tmp_path / "kept").problem("1/1").models[1]
     assert len(model.symmetries) == 64
     for T in model.symmetries:
@@ -182,7 +189,7 @@ def test_nothing_of_a_frame_that_was_left_half_written_stays(
         kept(folder, problem, [one])
 
     def keep_next(folder: Path) -> str:
-        return keep_frame(folder, seen.camera.K, seen.depth_m, None, [one])
+        return keep(folder, seen.camera.K, seen.depth_m, None, [one])
 
     keep_first(tmp_path / "whole" / "kept")
     before = files_in(tmp_path / "whole" / "kept")
@@ -192,7 +199,7 @@ def test_nothing_of_a_frame_that_was_left_half_written_stays(
     for step in count(1):
         folder = tmp_path / str(step) / "kept"
         keep_first(folder)
-        more = [replace(one, poses={"icp": two.poses["net"]}, T_cam_obj_gt=two.T_cam_obj_gt), two]
+        more = [dict(one, poses={"icp": two["poses"]["net"]}, T_cam_obj_gt=two["T_cam_obj_gt"]), two]
         if not killed_at(step, monkeypatch, lambda folder=folder, more=more: kept(folder, problem, more)):
             break
         steps = step
@@ -209,7 +216,7 @@ def test_a_first_frame_that_was_left_half_written_is_made_anew(
     tmp_path: Path, mesh: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     problem = box_problem()
-    wrong = replace(found(problem, box_mesh(tmp_path / "wrong.stl", unit_m=0.9)), name="box")
+    wrong = dict(found(problem, box_mesh(tmp_path / "wrong.stl", unit_m=0.9)), name="box")
     n_told = 0
     for step in range(1, 9):
         folder = tmp_path / str(step)
@@ -270,52 +277,50 @@ def test_what_cannot_be_right_is_refused_and_nothing_is_written(tmp_path: Path, 
         ({"rgb": np.zeros((60, 80, 3))}, "rgb is of float64, expected uint8"),
         ({"rgb": np.zeros((30, 80, 3), np.uint8)}, r"rgb has shape \(30, 80, 3\), expected 60×80×3"),
         ({"gravity_cam": [0, 0, 0]}, "gravity_cam is 0, expected a direction"),
-        ({"objects": []}, "no object is given"),
-        ({"objects": [replace(good, mask=np.zeros((60, 80)))]}, r"mask of object 0 \(box\) is empty"),
-        ({"objects": [replace(good, mask=seen.depth_m == 0)]}, r"mask of object 0 \(box\) has no measured depth"),
-        ({"objects": [replace(good, mask=np.ones((6, 8)))]}, r"mask of object 0 \(box\) has shape \(6, 8\)"),
-        ({"objects": [replace(good, mesh=tmp_path / "cup.stl")]}, r"cup\.stl does not exist"),
-        ({"objects": [replace(good, mesh="cup.step")]}, r"cup\.step is no mesh file; supported: ply"),
-        ({"objects": [replace(good, unit_m=0)]}, "unit_m of object 0 .* is 0, expected metres per unit"),
-        ({"objects": [replace(good, unit_m=0.001)]}, r"unit_m = 0\.001 was given, 1 would fit better"),
-        ({"objects": [replace(good, poses={"../net": T})]}, r"estimator '\.\./net' of object 0"),
-        ({"objects": [replace(good, poses={"net": T[:3]})]}, r"pose of object 0 \(box\) by net has shape \(3, 4\)"),
-        ({"objects": [replace(good, poses={"net": [[1], [1, 2]]})]}, "pose of object 0 .* by net is no array"),
+        ({"objects": []}, "has no object to solve"),
+        ({"objects": [dict(good, mask=np.zeros((60, 80)))]}, r"mask of box is empty"),
+        ({"objects": [dict(good, mask=seen.depth_m == 0)]}, r"mask of box has no measured depth"),
+        ({"objects": [dict(good, mask=np.ones((6, 8)))]}, r"mask of box has shape \(6, 8\)"),
+        ({"objects": [dict(good, mesh=tmp_path / "cup.stl")]}, r"cup\.stl does not exist"),
+        ({"objects": [dict(good, mesh="cup.step")]}, r"cup\.step is no mesh file; supported: ply"),
+        ({"objects": [dict(good, unit_m=0)]}, "unit_m of box is 0, expected metres per unit"),
+        ({"objects": [dict(good, unit_m=0.001)]}, r"unit_m = 0\.001 was given, 1 would fit better"),
+        ({"objects": [dict(good, poses={"../net": T})]}, r"estimator '\.\./net' of box"),
+        ({"objects": [dict(good, poses={"net": T[:3]})]}, r"pose of box by net has shape \(3, 4\)"),
+        ({"objects": [dict(good, poses={"net": [[1], [1, 2]]})]}, "pose of box by net is no array"),
         (
-            {"objects": [replace(good, poses={"net": in_mm})]},
-            "pose of object 0 .* m away, .* expected T_cam_obj in metres",
+            {"objects": [dict(good, poses={"net": in_mm})]},
+            "pose of box .* m away, .* expected T_cam_obj in metres",
         ),
-        ({"objects": [replace(good, poses={"net": T * 2})]}, "pose of object 0 .* is not rigid"),
-        ({"objects": [replace(good, T_cam_obj_gt=T * np.nan)]}, "ground-truth pose of object 0"),
+        ({"objects": [dict(good, poses={"net": T * 2})]}, "pose of box by net is not rigid"),
+        ({"objects": [dict(good, T_cam_obj_gt=T * np.nan)]}, "ground-truth pose of box"),
         ({"K": np.array(seen.camera.K).T}, r"K: the last row of 'cam_K' is .*; it looks written column by column"),
-        ({"objects": good}, "objects is no list of DetectedObject"),
         (
-            {"objects": [replace(good, mask=shares)]},
-            "mask of object 0 .* holds shares, such as .*; give it as mask > 0",
+            {"objects": [dict(good, mask=shares)]},
+            "mask of box holds shares, such as .*; give it as mask > 0",
         ),
-        ({"objects": [replace(good, mask=~instance.mask)]}, r"mask of .* covers 9\d% of the image; is it inverted\?"),
+        ({"objects": [dict(good, mask=~instance.mask)]}, r"mask of .* covers 9\d% of the image; is it inverted\?"),
         (
-            {"objects": [replace(good, mesh=trimesh.creation.box(BOX_M))]},
-            "mesh of object 0 is a Trimesh, expected the path",
+            {"objects": [dict(good, mesh=trimesh.creation.box(BOX_M))]},
+            "mesh of box is a Trimesh, expected the path",
         ),
-        ({"objects": [replace(good, unit_m="mm")]}, "unit_m of object 0 .* is 'mm', expected metres per unit"),
-        ({"objects": [replace(good, poses=T)]}, "poses of object 0 .* is no dict, expected {'my_net': T_cam_obj}"),
-        ({"objects": [replace(good, poses={"net": behind})]}, "lies behind the camera .* expected OpenCV's axes"),
-        ({"objects": [replace(good, poses={"net": aside})]}, "lies outside of the image; .* is it the inverse"),
-        ({"objects": [replace(good, T_cam_obj_gt=away)]}, "ground-truth pose of .* m from what its mask covers"),
+        ({"objects": [dict(good, unit_m="mm")]}, "unit_m of box is 'mm', expected metres per unit"),
+        ({"objects": [dict(good, poses={"net": behind})]}, "lies behind the camera .* expected OpenCV's axes"),
+        ({"objects": [dict(good, poses={"net": aside})]}, "lies outside of the image; .* is it the inverse"),
+        ({"objects": [dict(good, T_cam_obj_gt=away)]}, "ground-truth pose of .* m from what its mask covers"),
         (
-            {"objects": [replace(good, symmetry_axis=[0, 0, 0])]},
-            "symmetry_axis of object 0 .* is 0, expected a direction",
+            {"objects": [dict(good, symmetry_axis=[0, 0, 0])]},
+            "symmetry_axis of box is 0, expected a direction",
         ),
         (
-            {"objects": [good, replace(good, T_cam_obj_gt=T)]},
+            {"objects": [good, dict(good, T_cam_obj_gt=T)]},
             "1 of 2 objects have a ground-truth pose; give",
         ),
     ]
     for wrong, words in cases:
         arguments = {"K": seen.camera.K, "depth_m": seen.depth_m, "rgb": seen.rgb, "objects": [good], **wrong}
         with pytest.raises(InputError, match=words):
-            keep_frame(tmp_path / "kept", **arguments)
+            keep(tmp_path / "kept", **arguments)
         assert not (tmp_path / "kept").exists(), words
 
 
@@ -332,5 +337,5 @@ def test_folders_and_names_of_others_are_left_alone(tmp_path: Path, mesh: Path) 
     before = {path: path.read_bytes() for path in (tmp_path / "kept").rglob("*") if path.is_file()}
     trimesh.creation.box(BOX_M * 0.9).export(tmp_path / "other.stl")
     with pytest.raises(InputError, match=r"box is another mesh than before in .*; give it another name"):
-        kept(tmp_path / "kept", problem, [replace(good, mesh=tmp_path / "other.stl", name="box")])
+        kept(tmp_path / "kept", problem, [dict(good, mesh=tmp_path / "other.stl", name="box")])
     assert {path: path.read_bytes() for path in (tmp_path / "kept").rglob("*") if path.is_file()} == before

@@ -12,7 +12,7 @@ from PIL import Image
 from tests.scenes.test_trace import SHAPE, K, picture, pose, write_box, write_trace
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
-from verefine_viz.run.data_folder import data_folder, holds_frames, open_session
+from verefine_viz.run.data_folder import data_at, holds_frames, open_session
 from verefine_viz.run.imported_folder import imported
 from verefine_viz.scenes.layouts.foundation_pose import Reader
 from verefine_viz.scenes.source import open_scene
@@ -144,11 +144,11 @@ def test_folders_are_recognized(tmp_path: Path) -> None:
     sequence = write_sequence(tmp_path / "mustard")
     write_trace(tmp_path / "runs" / "a_1", write_box(tmp_path / "box.obj"))
     write_trace(tmp_path / "runs" / "a_2", tmp_path / "box.obj")
-    kinds = {path: data_folder(path, {}) for path in (sequence, tmp_path / "runs", tmp_path / "runs" / "a_1")}
+    kinds = {path: data_at(path, {}) for path in (sequence, tmp_path / "runs", tmp_path / "runs" / "a_1")}
     words = [known.what for known in kinds.values() if known is not None]
     assert words == ["layout of FoundationPose's demo, 3 frames", "traces, 2 frames", "traces, 1 frame"]
     assert all(known is not None and known.session.method.name == "trace" for known in kinds.values())
-    assert data_folder(tmp_path, {}) is None
+    assert data_at(tmp_path, {}) is None
     assert not holds_frames(tmp_path)
     assert holds_frames(tmp_path / "runs")
 
@@ -185,3 +185,41 @@ def test_names_are_those_of_the_depth_images(tmp_path: Path) -> None:
     folder = write_sequence(tmp_path / "mustard")
     (folder / "depth" / "notes.txt").write_text("")
     assert len(Reader(folder).names) == 3
+
+
+def test_poses_that_are_counted_otherwise_are_paired_in_order(tmp_path: Path) -> None:
+    """As YCBInEOAT has them: images are named by their times, ground truth by 0000000, 0000001, …"""
+    folder = write_sequence(tmp_path / "mustard")
+    (folder / "annotated_poses").mkdir()
+    for k in range(3):
+        np.savetxt(folder / "annotated_poses" / f"{k:07d}.txt", pose(x=0.01 * k))
+    source = source_of(folder)
+    assert source.notes == (
+        "the poses of annotated_poses/ are named otherwise than the frames; they are paired in order",
+    )
+    for k, frame in enumerate(source.frames):
+        assert np.allclose(source.problem(frame).instances[0].T_cam_obj_gt, pose(x=0.01 * k))
+    (folder / "annotated_poses" / "0000001.txt").unlink()
+    source = source_of(folder)
+    assert "has 2 poses of other names than the 3 frames; they are left out" in source.notes[0]
+    assert source.problem("0/1").instances[0].T_cam_obj_gt is None
+
+
+def test_poses_may_be_arrays_or_have_three_rows(tmp_path: Path) -> None:
+    folder = write_sequence(tmp_path / "mustard")
+    for k, file in enumerate(sorted((folder / "ob_in_cam").iterdir())):
+        file.unlink()
+        T = pose(x=0.002 * k)
+        (np.save if k else np.savetxt)(file.with_suffix(".npy" if k else ".txt"), T[:3] if k < 2 else T[None])
+    source = source_of(folder)
+    for k, frame in enumerate(source.frames):
+        assert np.allclose(source.problem(frame).instances[0].hypotheses[0].T_cam_obj, pose(x=0.002 * k))
+
+
+def test_without_poses_a_method_starts_from_the_truth_or_from_the_images(tmp_path: Path) -> None:
+    folder = write_sequence(tmp_path / "mustard")
+    (folder / "ob_in_cam").rename(folder / "annotated_poses")
+    session = open_session(folder, {})
+    assert (session.hypotheses.source, session.method.name) == ("perturb", "rir")
+    shutil.rmtree(folder / "annotated_poses")
+    assert open_session(folder, {}).hypotheses.source == "ppf"

@@ -16,7 +16,7 @@ from tests.scenes.test_trace import SHAPE, K, picture, pose, write_box
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.geometry import quat_wxyz
 from verefine_viz.core.problem import ANSWER
-from verefine_viz.run.data_folder import data_folder
+from verefine_viz.run.data_folder import data_at
 from verefine_viz.scenes.detections import encode_rle
 from verefine_viz.scenes.layouts import readers
 from verefine_viz.scenes.source import open_scene
@@ -143,7 +143,7 @@ CASES = (
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.write.__name__}-{case.opened}")
 def test_a_layout_is_recognized_and_read(case: Case, tmp_path: Path) -> None:
     case.write(tmp_path / "it")
-    known = data_folder(tmp_path / "it" / case.opened, {})
+    known = data_at(tmp_path / "it" / case.opened, {})
     assert known is not None
     assert known.what == case.what
     source = open_scene(known.session.scene, known.session.hypotheses)
@@ -190,7 +190,7 @@ def test_what_is_damaged_in_a_layout_is_one_line(tmp_path: Path) -> None:
                 if damaged is not None:
                     path.write_bytes(damaged)
                 try:
-                    known = data_folder(folder / case.opened, {})
+                    known = data_at(folder / case.opened, {})
                     if known is not None:
                         source = open_scene(known.session.scene, known.session.hypotheses)
                         source.problem(source.frames[0])

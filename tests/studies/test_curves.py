@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from tests.fakes import box_problem
 from verefine_viz.core.geometry import axis_angle, transform
@@ -66,7 +67,7 @@ def test_what_one_disturbance_does_at_many_x_counts_as_one_piece_of_evidence() -
     gains = np.random.default_rng(1).normal(0.02, 0.05, 8)
     once = [_outcome("A", 0.0, k, 0.5 + float(g)) for k, g in enumerate(gains)]
     once += [_outcome("B", 0.0, k, 0.5) for k in range(8)]
-    twice = [*once, *(o.model_copy(update={"x": 1.0}) for o in once)]
+    twice = [*once, *(structs.replace(o, x=1.0) for o in once)]
     (alone,), (repeated,) = (verdicts(_panel(), points_of(found)) for found in (once, twice))
     assert (repeated.low, repeated.high) == pytest.approx((alone.low, alone.high))
 

@@ -1,6 +1,6 @@
 """A folder in which frames arrive: which there are, and a batch per data set of it that solves them as they come.
 
-The folder is a data set in BOP layout (what ``keep_frame`` writes is one), or holds several. Each gets a run of its
+The folder is a data set in BOP layout (what ``Frame.keep`` writes is one), or holds several. Each gets a run of its
 own below ``out``, with the files of any batch: a watch that is killed goes on where it was, and ``view`` opens what it
 left.
 """
@@ -16,6 +16,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from msgspec import structs
+
 from verefine_viz.batch.folder import SESSION_FILE, RunFolder
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.pace import Pace
@@ -25,7 +27,7 @@ from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.core.errors import InputError, UnavailableError, VerefineError, in_one_line
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import check_folder, try_lock
-from verefine_viz.run.data_folder import CAMERAS, SCENES, data_folder, holds_frames
+from verefine_viz.run.data_folder import CAMERAS, SCENES, data_at, holds_frames
 from verefine_viz.run.record import WAITING, Answer, RunRecord
 from verefine_viz.run.session_file import load_session, save_session
 from verefine_viz.scenes.frames import frame_name
@@ -250,18 +252,18 @@ class Watch:
         if own.is_file():
             session = load_session(own, self._overrides)
         elif base is not None and base.scene.source == "bop" and any(data.glob(f"{SCENES}/{CAMERAS}")):
-            scene = base.scene.model_copy(update={"dataset": str(data.resolve())})
-            session = base.model_copy(update={"title": title, "scene": scene})
+            scene = structs.replace(base.scene, dataset=str(data.resolve()))
+            session = structs.replace(base, title=title, scene=scene)
         else:
-            known = data_folder(data, self._overrides)
+            known = data_at(data, self._overrides)
             if known is None:
                 raise InputError(f"{data} holds no frame any more")
             session = known.session
         if base is not None:
             data_of = {"title": session.title, "scene": session.scene, "hypotheses": session.hypotheses}
-            session = base.model_copy(update=data_of)
-        scene = session.scene.model_copy(update={"frames": ()})
-        return session.model_copy(update={"scene": scene, "edits": ()})
+            session = structs.replace(base, **data_of)
+        scene = structs.replace(session.scene, frames=())
+        return structs.replace(session, scene=scene, edits=())
 
     def _solve(self, data: Path, watched: Watched) -> None:
         """What is ready of a data set, and what arrives meanwhile; then its tables."""
@@ -374,7 +376,7 @@ def _shown(latest: tuple[tuple[BatchIndex, ...], str]) -> object:
 
 
 def _accept_growth(watched: Watched) -> None:
-    """Lets a run go on with the session that ``keep_frame`` wrote with later frames.
+    """Lets a run go on with the session that ``Frame.keep`` wrote with later frames.
 
     Further results files, more poses per object, and gravity that later frames know do not change what earlier frames
     have to be solved with.
@@ -383,12 +385,11 @@ def _accept_growth(watched: Watched) -> None:
     if not file.exists():
         return
     before, now = load_session(file), watched.session
-    hypotheses = {"files": now.hypotheses.files, "max_per_object": now.hypotheses.max_per_object}
-    grown = before.model_copy(
-        update={
-            "scene": before.scene.model_copy(update={"gravity": now.scene.gravity}),
-            "hypotheses": before.hypotheses.model_copy(update=hypotheses),
-        }
+    files, most = now.hypotheses.files, now.hypotheses.max_per_object
+    grown = structs.replace(
+        before,
+        scene=structs.replace(before.scene, gravity=now.scene.gravity),
+        hypotheses=structs.replace(before.hypotheses, files=files, max_per_object=most),
     )
     keeps_files = {*before.hypotheses.files} <= {*now.hypotheses.files}
     if before != now and grown == now and keeps_files:

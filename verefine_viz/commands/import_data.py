@@ -17,7 +17,7 @@ class Import:
     folder: Annotated[Path, tyro.conf.Positional]
     """A trace, a folder of traces, or a sequence; what view says it is."""
     out: Path
-    """New folder for the data set; frames are added to one that keep_frame or this command made."""
+    """New folder for the data set; frames are added to one that Frame.keep or this command made."""
 
     def run(self, arguments: Sequence[str]) -> int:
         from verefine_viz.run.imported_folder import imported

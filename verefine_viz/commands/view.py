@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
+from msgspec import structs
 
 from verefine_viz.commands.flags import AnySettings, SessionFlags, given
 from verefine_viz.core.errors import InputError
@@ -17,7 +18,7 @@ from verefine_viz.core.settings import MethodSettings, Session
 
 if TYPE_CHECKING:
     from verefine_viz.page.gallery import Gallery
-    from verefine_viz.run.data_folder import DataFolder
+    from verefine_viz.run.data_folder import KnownData
 
 
 @dataclass(frozen=True)
@@ -25,8 +26,9 @@ class View:
     """Open the page in the browser: step through a run and see why a pose won or lost."""
 
     session: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SESSION|DIR|RUN]")] = None
-    """A session file (.toml), a recorded run (.vfrun, .rrd), or a folder: of batch runs, traces, frames of keep_frame,
-    a data set in BOP layout or as another program has it; none = a built-in scene."""
+    """A session file (.toml) or the name of a built-in one (mug, clutter, …), a recorded run (.vfrun, .rrd), or a
+    folder: of batch runs, traces, kept frames, a data set in BOP layout or as another program has it, or poses for one
+    near it (.csv, .npz, .yml); none = a built-in scene."""
     other: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[RUN_B]")] = None
     """A recorded run of the same frame, shown beside the first as B (A/B panel)."""
     host: str = "127.0.0.1"
@@ -39,7 +41,7 @@ class View:
     open_browser: bool = True
     """Open the page in this desktop's browser, where there is one."""
     watch: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
-    """A folder in which frames arrive, in BOP layout or from keep_frame, or that holds several such: each is listed at
+    """A folder in which frames arrive, in BOP layout or from Frame.keep, or that holds several such: each is listed at
     once, solved in the background with the method of SESSION (none = of the folder's own session.toml), and can be
     opened."""
     out: Path | None = None
@@ -47,6 +49,11 @@ class View:
     settings: AnySettings = field(default_factory=SessionFlags)
 
     def run(self, arguments: Sequence[str]) -> int:
+        from verefine_viz.run.built_in_sessions import named_session
+
+        named = None if self.session is None else named_session(self.session)
+        if named != self.session:
+            return replace(self, session=named).run(arguments)
         overrides = given(self.settings, arguments)
         if self.watch is not None:
             return self._run_watch(self.watch, overrides)
@@ -55,7 +62,7 @@ class View:
         recordings = _recordings(self.session, self.other, overrides)
         recording, _ = recordings
         batch: Gallery | None = None
-        known: DataFolder | None = None
+        known: KnownData | None = None
         if recording is not None:
             session = _recorded_session(recording, self.other)
         elif known := _data_folder(self.session, overrides):
@@ -122,19 +129,19 @@ class View:
         return self._serve(settings, watch=Watch(folder, out, base, overrides))
 
 
-def _data_folder(path: Path | None, overrides: Mapping[str, Any]) -> DataFolder | None:
-    """What data a folder holds; None where it is none of data.
+def _data_folder(path: Path | None, overrides: Mapping[str, Any]) -> KnownData | None:
+    """What data lie at a path; None where it is none of data.
 
     Raises:
         InputError: it is one of nothing that can be opened.
     """
     from verefine_viz.batch.index import is_batch_folder, named_runs
-    from verefine_viz.run.data_folder import data_folder, why_unknown
+    from verefine_viz.run.data_folder import data_at, why_unknown
 
-    if path is None or not path.is_dir() or is_batch_folder(path):
+    if path is None or is_batch_folder(path):
         return None
-    known = data_folder(path, overrides)
-    if known is None and not named_runs(path) and not (path / "session.toml").exists():
+    known = data_at(path, overrides)
+    if known is None and path.is_dir() and not named_runs(path) and not (path / "session.toml").exists():
         why = why_unknown(path)
         batch = "is no folder of a batch: it has no run.json, and " if why.startswith("holds no data") else ""
         raise InputError(f"{path} {batch}{why}")
@@ -150,9 +157,8 @@ def _check_kind(path: Path | None) -> None:
     """Raises InputError where the path is of a kind that cannot be opened, or does not exist."""
     if path is not None and path.suffix != ".toml":
         why = "cannot be opened" if path.exists() else "does not exist"
-        hint = "; poses in a CSV are named by a session: [hypotheses] files" if path.suffix == ".csv" else ""
         expected = "a session (.toml), the folder of a batch run, or a recorded run (.vfrun, .rrd)"
-        raise InputError(f"{path} {why}; expected {expected}{hint}")
+        raise InputError(f"{path} {why}; expected {expected}")
 
 
 def _recordings(a: Path | None, b: Path | None, overrides: Mapping[str, Any]) -> tuple[Path | None, Path | None]:
@@ -198,9 +204,9 @@ def _recorded_session(path: Path, other: Path | None) -> Session:
     if other is not None:  # Before the user is sent to a page that cannot open.
         theirs = read_recording(other).header
         check_same_frame(other, (session_of(theirs), theirs.frame), (session, header.frame))
-    scene = session.scene.model_copy(update={"frames": (header.frame,)})
+    scene = structs.replace(session.scene, frames=(header.frame,))
     method = MethodSettings(name="refine", refiner="identity")
-    return session.model_copy(update={"scene": scene, "method": method, "edits": (), "changes": ()})
+    return structs.replace(session, scene=scene, method=method, edits=(), changes=())
 
 
 def _has_desktop() -> bool:

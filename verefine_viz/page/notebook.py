@@ -50,7 +50,7 @@ def show(what: Any, height: int = HEIGHT_PX) -> ShownPage:
     """Show a run, or what lies at a path, within a notebook.
 
     Args:
-        what: a record of a run, an object whose ``record()`` gives one, or the path of a recorded run (``.vfrun``,
+        what: a run, its record, or the path of a recorded run (``.vfrun``,
             ``.rrd``), of a session (``.toml``), or of a folder of a batch or of data.
         height: of the frame in the notebook [px].
 

@@ -11,7 +11,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import at_home
 from verefine_viz.page.gallery import Gallery
 from verefine_viz.run.record import RunRecord
-from verefine_viz.run.run_file import SUFFIX, RunFile
+from verefine_viz.run.run_file import SUFFIX, write_record
 
 
 @dataclass(frozen=True)
@@ -32,14 +32,16 @@ def what_lies_at(path: Path) -> Openable:
     """
     from verefine_viz.batch.index import is_batch_folder
     from verefine_viz.page.gallery import read_gallery
-    from verefine_viz.run.data_folder import data_folder
+    from verefine_viz.run.built_in_sessions import named_session
+    from verefine_viz.run.data_folder import data_at
     from verefine_viz.run.session_file import load_session
 
+    path = named_session(path)
     if path.suffix in (SUFFIX, ".rrd"):
         if not path.is_file():
             raise InputError(f"{path} does not exist; expected a recorded run (.vfrun, .rrd)")
         return Openable(Session(), recording=path)
-    if path.is_dir() and not is_batch_folder(path) and (known := data_folder(path, {})) is not None:
+    if not is_batch_folder(path) and (known := data_at(path, {})) is not None:
         return Openable(known.session)
     if path.is_dir():
         gallery = read_gallery(path)
@@ -51,7 +53,7 @@ def path_of(what: Any, folder: Path) -> Path:
     """Return the path of what can be opened; a run that is in memory is written into ``folder`` first.
 
     Args:
-        what: a record of a run, an object whose ``record()`` gives one, or a path.
+        what: a record of a run, an object with ``save(path)`` such as the library's run, or a path.
         folder: an empty one.
 
     Raises:
@@ -59,14 +61,11 @@ def path_of(what: Any, folder: Path) -> Path:
     """
     if isinstance(what, str | Path):
         return at_home(str(what))
-    record = what if isinstance(what, RunRecord) else what.record() if hasattr(what, "record") else None
-    if record is None:
+    path = folder / f"run{SUFFIX}"
+    if isinstance(what, RunRecord):
+        write_record(path, what)
+    elif hasattr(what, "save"):
+        what.save(path)
+    else:
         raise InputError(f"{type(what).__name__} cannot be shown; expected a run, its record, or the path of one")
-    file = RunFile(folder / f"run{SUFFIX}", Session())
-    file.begin(record.header)
-    for iteration in record.iterations:
-        file.append(iteration)
-    if record.end is not None:
-        file.finish(record.end)
-    file.close()
-    return file.path
+    return path

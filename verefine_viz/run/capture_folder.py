@@ -1,7 +1,8 @@
-"""The folder of ``keep_frame``: BOP layout, detections, results files, and a session over all of it."""
+"""The folder of kept frames: BOP layout, detections, results files, and a session over all of it."""
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import InputError, in_one_line
 from verefine_viz.core.files import id_of, read_json
+from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.writing import atomic, wait_for_lock, why_not, write_json
 from verefine_viz.run.session_file import CAPTURE_HEAD, SCENE_ID, scene_folder
 from verefine_viz.scenes.detections import encode_rle
@@ -27,6 +29,8 @@ SESSION, DETECTIONS, NAMES, LOCK = "session.toml", "detections.json", "obj_names
 RESULTS = "*_kept-test.csv"
 DEPTH_STEPS_MM = (0.1, 1.0)
 """Millimetres per step of the 16-bit depth images: the first in which the frame fits."""
+FARTHEST_M = 60.0
+"""Depth beyond counts as not measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +58,32 @@ class CapturedFrame:
     objects: Sequence[CapturedObject]
     down_cam: Float | None
     """(3,) where things fall, of any length."""
+
+
+def captured(problem: Problem) -> CapturedFrame:
+    """A frame that was read from somewhere else, with ground truth where all its objects have some."""
+    has_gt = all(target.instance.T_cam_obj_gt is not None for target in problem.targets)
+    observation = problem.observation
+    support = observation.support
+    is_given = support is not None and support.gravity_source == "given"
+    down = -support.T_world_cam[2, :3] if support is not None and is_given else None
+    objects = [_captured_object(target, has_gt) for target in problem.targets]
+    depth_m = np.where(observation.depth_m > FARTHEST_M, 0.0, observation.depth_m.astype(np.float64))
+    return CapturedFrame(observation.camera.K, depth_m, observation.rgb, objects, down)
+
+
+def _captured_object(target: Target, has_gt: bool) -> CapturedObject:
+    """With its initial poses by what estimated them, and the last one recorded, which another program answered with."""
+    model, instance = target.model, target.instance
+    mesh = Mesh(model.vertices, model.faces, model.vertex_colors, (), model.texture)
+    poses: dict[str, list[Float]] = {}
+    for hypothesis in instance.hypotheses:
+        poses.setdefault(re.sub(r"[^\w.+-]+", "_", hypothesis.source) or "recorded", []).append(hypothesis.T_cam_obj)
+    last = instance.recorded[-1].T_cam_obj if instance.recorded else None
+    if last is not None and not (instance.hypotheses and np.array_equal(last, instance.hypotheses[0].T_cam_obj)):
+        poses["recorded_answer"] = [last]
+    T_gt = instance.T_cam_obj_gt if has_gt else None
+    return CapturedObject(model.name, mesh, instance.mask, poses, T_gt, None)
 
 
 def _ply(mesh: Mesh, texture: Path) -> bytes:

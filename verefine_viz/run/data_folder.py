@@ -1,4 +1,4 @@
-"""What kind of data a folder holds, and a session over all of it."""
+"""What data lie in a folder or a results file, and a session over all of them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from typing import Any
 from verefine_viz.core.errors import InputError, in_one_line
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import MOST_NAMED, first_of
+from verefine_viz.run.built_in_sessions import named_session
+from verefine_viz.run.results_session import SUFFIXES, results_session
 from verefine_viz.run.session_file import CAPTURE_HEAD, load_session
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.bop_files import (
@@ -27,35 +29,41 @@ from verefine_viz.scenes.bop_files import (
 from verefine_viz.scenes.frames import frame_name, frames_of_scene
 from verefine_viz.scenes.layouts import readers, recording_in
 from verefine_viz.scenes.layouts.foundation_pose import lacking
-from verefine_viz.scenes.recorded_frame import Recording
+from verefine_viz.scenes.recorded_frame import LayoutReader
 
 SCENES, CAMERAS, SESSION = "*/[0-9]*", "scene_camera*.json", "session.toml"
-"""Scenes of a BOP data set, the files that list the images of one, and the session of a folder of ``keep_frame``."""
+"""Scenes of a BOP data set, the files that list the images of one, and the session of a folder of kept frames."""
 LOOKED_FOR = (
     "run files (.vfrun)",
-    "session.toml (frames of keep_frame)",
+    "session.toml (kept frames)",
     "SPLIT/000001/scene_camera.json (a data set in BOP layout)",
 )
 
 
 @dataclass(frozen=True)
-class DataFolder:
-    """A folder of data that was recognized."""
+class KnownData:
+    """Data that were recognized."""
 
     what: str
     """As shown to the user: "2 traces"."""
     session: Session
 
 
-def data_folder(folder: Path, overrides: Mapping[str, Any]) -> DataFolder | None:
-    """What a folder holds, and a session over it with ``overrides``; None where it is nothing that is known.
+def data_at(folder: Path, overrides: Mapping[str, Any]) -> KnownData | None:
+    """What lies in a folder or a results file, with a session over it and ``overrides``; None where it is none of data.
 
     Raises:
-        VerefineError: it holds something that is damaged, or the overrides do not fit it.
+        VerefineError: it is damaged, or the overrides do not fit it.
     """
+    if folder.suffix in SUFFIXES and folder.is_file():
+        session = results_session(folder, overrides)
+        n, of = len(session.scene.frames), f"{Path(session.scene.dataset).name}/{session.scene.split}"
+        return KnownData(f"poses for {n} frame{'s' * (n > 1)} of {of}", session)
+    if not folder.is_dir():
+        return None
     own = folder / SESSION
     if own.is_file() and own.read_text("utf-8", errors="replace").startswith(CAPTURE_HEAD):
-        return DataFolder("frames of keep_frame", load_session(own, overrides))
+        return KnownData("kept frames", load_session(own, overrides))
     if recording := recording_in(folder):
         return _recorded(folder, recording, overrides)
     if splits := splits_to_open(folder):
@@ -64,7 +72,7 @@ def data_folder(folder: Path, overrides: Mapping[str, Any]) -> DataFolder | None
     return None if inside is None else _part_of_bop(inside, overrides)
 
 
-def _bop(folder: Path, splits: Sequence[str], overrides: Mapping[str, Any]) -> DataFolder:
+def _bop(folder: Path, splits: Sequence[str], overrides: Mapping[str, Any]) -> KnownData:
     """A data set in BOP layout, its splits in the order in which they are opened."""
     split = overrides.get("scene", {}).get("split", splits[0])
     sections = {
@@ -73,28 +81,28 @@ def _bop(folder: Path, splits: Sequence[str], overrides: Mapping[str, Any]) -> D
     }
     others = ", ".join(name for name in splits if name != split)
     what = f"a data set in BOP layout, split {split}{f' (also: {others})' if others else ''}"
-    return DataFolder(what, _session(folder, sections, overrides))
+    return KnownData(in_one_line(what), _session(folder, sections, overrides))
 
 
-def _part_of_bop(inside: Inside, overrides: Mapping[str, Any]) -> DataFolder | None:
+def _part_of_bop(inside: Inside, overrides: Mapping[str, Any]) -> KnownData | None:
     """The split or the scene that a folder is, opened from its data set."""
     scene = {"split": inside.split, **overrides.get("scene", {})}
     if inside.scene_id is not None and "frames" not in scene:
         dataset = BopDataset(inside.dataset, inside.split, sensor=scene.get("sensor", ""))
         scene["frames"] = tuple(map(frame_name, frames_of_scene(dataset, inside.scene_id)))
-    known = data_folder(inside.dataset, {**overrides, "scene": scene})
+    known = data_at(inside.dataset, {**overrides, "scene": scene})
     part = f"split {inside.split}" if inside.scene_id is None else f"scene {inside.scene_id} of split {inside.split}"
-    return known and DataFolder(f"{part} of the data set {inside.dataset}", known.session)
+    return known and KnownData(in_one_line(f"{part} of the data set {inside.dataset}"), known.session)
 
 
-def _recorded(folder: Path, recording: Recording, overrides: Mapping[str, Any]) -> DataFolder:
+def _recorded(folder: Path, recording: LayoutReader, overrides: Mapping[str, Any]) -> KnownData:
     n = len(recording.names)
     source = "recorded" if recording.has_poses else "perturb" if recording.has_truth else "ppf"
     scene = {"dataset": str(folder.resolve()), "source": "folder"}
     sections: dict[str, Any] = {"scene": scene, "hypotheses": {"source": source}}
     if {"source": source, **overrides.get("hypotheses", {})}["source"] == "recorded":
         sections["method"] = {"name": "trace"}
-    return DataFolder(f"{recording.LAYOUT}, {n} frame{'s' * (n > 1)}", _session(folder, sections, overrides))
+    return KnownData(f"{recording.LAYOUT}, {n} frame{'s' * (n > 1)}", _session(folder, sections, overrides))
 
 
 def _session(folder: Path, sections: Mapping[str, Mapping[str, Any]], overrides: Mapping[str, Any]) -> Session:
@@ -108,14 +116,15 @@ def holds_frames(folder: Path) -> bool:
 
 
 def open_session(path: Path, overrides: Mapping[str, Any]) -> Session:
-    """The session of a file, or over the data of a folder, with ``overrides`` on top.
+    """The session of a file, or over the data that lie at a path, with ``overrides`` on top.
 
     Raises:
         VerefineError: it is neither, or is damaged.
     """
-    known = data_folder(path, overrides) if path.is_dir() else None
+    path = named_session(path)
+    known = data_at(path, overrides)
     if known is not None:
-        print(f"{path}: {known.what}", file=sys.stderr)
+        print(f"{in_one_line(str(path))}: {known.what}", file=sys.stderr)
         return known.session
     if lacking(path) or (path.is_dir() and _meant(path)):
         raise InputError(f"{path} {why_unknown(path)}")

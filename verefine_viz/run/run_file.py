@@ -27,7 +27,7 @@ from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Contacts, Iteration, SimulatedPath
 from verefine_viz.core.settings import Session
-from verefine_viz.run.record import FORMAT, RunEnd, RunHeader, RunRecord, header_of
+from verefine_viz.run.record import FORMAT, RunEnd, RunHeader, RunRecord, header_of, session_of
 
 SUFFIX = ".vfrun"
 NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
@@ -105,6 +105,21 @@ class RunFile:
 
     def _refused(self, error: OSError) -> InputError:
         return InputError(f"cannot write {self.path}: {error.strerror or error}")
+
+
+def write_record(path: Path, record: RunRecord) -> None:
+    """Write a whole record to a file; what is there is replaced.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    file = RunFile(path, session_of(record.header))
+    file.begin(record.header)
+    for iteration in record.iterations:
+        file.append(iteration)
+    if record.end is not None:
+        file.finish(record.end)
+    file.close()
 
 
 def read_run_file(path: Path, with_iterations: bool = True) -> RunRecord:

@@ -8,6 +8,8 @@ from dataclasses import replace
 from functools import cache, cached_property, partial
 from typing import Any
 
+from msgspec import structs
+
 from verefine_viz.core.errors import InputError, ShapeError, VerefineError, unknown
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
@@ -44,15 +46,19 @@ class Toolbox:
     Args:
         session: what is needed for.
         progress: has checkpoints before and during anything that may take seconds. What is cancelled can be repeated.
+        source: where the frames come from; None = what the session's scene names.
     """
 
-    def __init__(self, session: Session, progress: ProgressToken = NEVER_CANCELLED) -> None:
+    def __init__(
+        self, session: Session, progress: ProgressToken = NEVER_CANCELLED, source: SceneSource | None = None
+    ) -> None:
         self.session = session
         self._progress = progress
+        self._source = source
 
     @cached_property
     def source(self) -> SceneSource:
-        return open_scene(self.session.scene, self.session.hypotheses)
+        return self._source or open_scene(self.session.scene, self.session.hypotheses)
 
     @cached_property
     def verifier(self) -> Verifier:
@@ -266,11 +272,10 @@ class Toolbox:
     def restarted(self, settings: dict[str, dict[str, Any]]) -> Toolbox:
         """The same for what can change at the start of a run: without edited poses and settings changed during it."""
         session = changed(self.session, settings, AT_ITS_START)
-        return self._sharing(session.model_copy(update={"edits": (), "changes": (), "tracked": ()}))
+        return self._sharing(structs.replace(session, edits=(), changes=(), tracked=()))
 
     def _sharing(self, session: Session) -> Toolbox:
-        other = Toolbox(session, self._progress)
-        other.__dict__["source"] = self.source
+        other = Toolbox(session, self._progress, self.source)
         if other.session.score == self.session.score:
             other.__dict__["verifier"] = self.verifier
         if other.session.physics == self.session.physics:

@@ -42,6 +42,8 @@ class RecordedObject:
     """The program's own, of the hypotheses."""
     steps: tuple[RecordedStep, ...] = ()
     T_cam_obj_gt: Float | None = None
+    symmetry_axis: Float | None = None
+    """(3,) through the middle of the mesh's box, of any length: every turn about it looks the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,24 +62,7 @@ class RecordedFrame:
 
 
 class Recording(Protocol):
-    """A folder of frames in a layout that is not BOP's; files are read when they are asked for."""
-
-    LAYOUT: ClassVar[str]
-    """Whose it is, as shown to the user."""
-    LOOKS_LIKE: ClassVar[str]
-    """The names by which it is recognized."""
-
-    def __init__(self, folder: Path) -> None:
-        """Open a folder.
-
-        Raises:
-            InputError: what all frames share is missing or damaged.
-        """
-
-    @staticmethod
-    def recognizes(folder: Path) -> bool:
-        """Whether a folder has this layout."""
-        ...
+    """Frames of another program; files are read when they are asked for."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -119,6 +104,27 @@ class Recording(Protocol):
 
     def answers(self, name: str) -> Mapping[str, tuple[Float | None, float | None]]:
         """The program's pose (4, 4) [m] of each object of a frame and its score, None where it has none."""
+        ...
+
+
+class LayoutReader(Recording, Protocol):
+    """Opens folders of one layout."""
+
+    LAYOUT: ClassVar[str]
+    """Whose it is, as shown to the user."""
+    LOOKS_LIKE: ClassVar[str]
+    """The names by which it is recognized."""
+
+    def __init__(self, folder: Path) -> None:
+        """Open a folder.
+
+        Raises:
+            InputError: what all frames share is missing or damaged.
+        """
+
+    @staticmethod
+    def recognizes(folder: Path) -> bool:
+        """Whether a folder has this layout."""
         ...
 
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+from msgspec import structs
+
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, SettingsError, ShapeError, VerefineError, unknown
@@ -19,9 +21,9 @@ from verefine_viz.scenes.frames import frame_name, parse_frame, repeated_notes
 from verefine_viz.scenes.hypothesis_pool import check_asked, check_covered, file_notes, pools_of_frame, results_of
 from verefine_viz.scenes.instance_notes import instance_notes
 from verefine_viz.scenes.layouts import readers, recording_in
-from verefine_viz.scenes.meshes import read_mesh
-from verefine_viz.scenes.models import model_of_mesh
-from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, frame_ids
+from verefine_viz.scenes.meshes import Mesh, read_mesh
+from verefine_viz.scenes.models import Axis, ModelInfo, model_of_mesh, symmetry_transforms
+from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, Recording, frame_ids
 from verefine_viz.scenes.segments import Segment, draw_placed
 
 NEARER_M = 0.02
@@ -45,13 +47,15 @@ class RecordedSource:
     Args:
         scene: which frames and objects; ``dataset`` is absolute.
         hypotheses: where initial poses come from.
+        given: the recording; None = what lies at ``dataset``.
 
     Raises:
         VerefineError: the folder holds nothing of the kind, or a frame or an object does not exist.
     """
 
-    def __init__(self, scene: SceneSettings, hypotheses: HypothesesSettings) -> None:
-        if not scene.dataset:
+    def __init__(self, scene: SceneSettings, hypotheses: HypothesesSettings, given: Recording | None = None) -> None:
+        self._given = given
+        if not scene.dataset and given is None:
             raise SettingsError(f'scene.dataset is empty; set it to the folder of scene.source = "{scene.source}"')
         self._scene, self._hypotheses = scene, hypotheses
         self._results = results_of(hypotheses)
@@ -73,7 +77,7 @@ class RecordedSource:
 
     def _read(self) -> None:
         folder = Path(self._scene.dataset)
-        recording = recording_in(folder) if folder.is_dir() else None
+        recording = self._given or (recording_in(folder) if folder.is_dir() else None)
         if recording is None:
             layouts = "; ".join(f"{reader.LOOKS_LIKE} ({reader.LAYOUT})" for reader in readers())
             raise InputError(f"{folder} is in none of the layouts that are read: {layouts}")
@@ -159,7 +163,7 @@ class RecordedSource:
         scene = self._scene
         if recorded.down_cam is not None and scene.gravity == "plane":
             x, y, z = recorded.down_cam.tolist()
-            scene = scene.model_copy(update={"gravity": (x, y, z)})
+            scene = structs.replace(scene, gravity=(x, y, z))
         masks = [segment.mask for segment, _ in segments]
         return Problem(
             *ids,
@@ -201,11 +205,19 @@ class RecordedSource:
         key = (one.name, one.mesh.stat().st_size)
         if key not in self._models:
             mesh = read_mesh(one.mesh, one.unit_m)
+            turns = None if one.symmetry_axis is None else _turns(one.symmetry_axis, mesh, one.name)
+            scene = self._scene
             model = model_of_mesh(
-                mesh, obj_id, one.name, self._scene.model_points, self._scene.seed, sampling=self._scene.model_sampling
+                mesh, obj_id, one.name, scene.model_points, scene.seed, turns, sampling=scene.model_sampling
             )
             self._models[key] = model, tuple(f"{one.name} ({obj_id}): {text}" for text in mesh.notes)
         return self._models[key]
+
+
+def _turns(axis: Float, mesh: Mesh, name: str) -> Float:
+    """The turns (S, 4, 4) about an axis through the middle of a mesh's box after which it looks the same."""
+    middle_mm = 500.0 * (mesh.vertices_m.min(axis=0) + mesh.vertices_m.max(axis=0))
+    return symmetry_transforms(ModelInfo(symmetries_continuous=(Axis(axis, middle_mm),)), f"symmetry axis of {name}")
 
 
 def _mask_of(

@@ -49,6 +49,8 @@ class Call(msgspec.Struct, frozen=True):
     unit_m: Annotated[float, Meta(gt=0, le=1000)] = 1.0
     mask: str = ""
     truth: Numbers4x4 | None = None
+    axis: Numbers3 | None = None
+    """Of symmetry."""
 
     T: Numbers4x4 | None = None
     hypothesis: Number | None = None
@@ -220,7 +222,7 @@ def _object(
     firsts = [first for (first, *_) in poses.values()]
     scores = tuple(call.score for call, _ in firsts)
     hypotheses = tuple(
-        Hypothesis(T, 0.0 if call.score is None else call.score, f"{name} #{h}")
+        Hypothesis(T, 0.0 if call.score is None else call.score, in_one_line(call.name) or f"{name} #{h}")
         for h, (call, T) in zip(poses, firsts, strict=True)
     )
     T_gt = None
@@ -229,8 +231,9 @@ def _object(
             T_gt = as_rigid(begun.truth, "ground truth")
         except ShapeError as error:
             notes.append(f"{name}: {error}; it is left out")
+    axis = begun.axis if begun.axis is not None and begun.axis.any() else None
     mesh = folder / begun.mesh if begun.mesh else None
-    return RecordedObject(name, mesh, begun.unit_m, mask, hypotheses, scores, tuple(steps), T_gt)
+    return RecordedObject(name, mesh, begun.unit_m, mask, hypotheses, scores, tuple(steps), T_gt, axis)
 
 
 def _nearest(poses: Mapping[int, Sequence[tuple[Call, Float]]], T_cam_obj: Float) -> int:

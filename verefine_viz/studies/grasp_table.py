@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 from scipy.stats import binomtest
 
+from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.writing import atomic
 from verefine_viz.studies.figure import COLORS, DPI, MARKERS, band, save
 from verefine_viz.studies.grasping_study import PAPER, TABLE
@@ -136,9 +136,9 @@ def report_grasps(study: Study, outcomes: Sequence[Outcome], out: Path, about: s
             numbers = (f"{v:.6g}" for v in (o.difference, o.low, o.high, o.p))
             sheet.writerow([o.claim.better, o.claim.worse, o.n, o.better_alone, o.worse_alone, *numbers])
     png, svg = save(draw_grasps(study, rows, about), out, "grasping")
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(highlight=False, soft_wrap=True)
     if not console.is_terminal:
-        console = Console(highlight=False, soft_wrap=True, width=FILE_COLUMNS)
+        console = Terminal(highlight=False, soft_wrap=True, width=FILE_COLUMNS)
     console.print(_printed(study, rows))
     for order in orders:
         console.print(escape(str(order)))

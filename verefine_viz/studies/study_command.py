@@ -7,11 +7,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
+import msgspec
+from msgspec import structs
 from rich.markup import escape
 from rich.table import Table
 
 from verefine_viz.batch.progress import counted_bar
+from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import atomic, clear_parts
 from verefine_viz.run.session_file import load_session
@@ -78,7 +80,7 @@ def run_one(
     except KeyboardInterrupt:
         if n_done:
             part = f"stopped after {n_done} of {n_all} runs"
-            stderr = Console(stderr=True, highlight=False, soft_wrap=True)
+            stderr = Terminal(stderr=True, highlight=False, soft_wrap=True)
             stderr.print(f"study {name}: {part}; writing them, the same command goes on")
             _write_results(request, sessions, n_seeds, saved_outcomes(request, sessions, n_seeds, journal), out, part)
         raise
@@ -128,8 +130,8 @@ def _with_turned(name: str, session: Session) -> dict[str, Session]:
     """The scene as it is and with its objects turned; objects of a photo lie as they lie."""
     if session.scene.source not in RENDERED or session.scene.turned:
         return {name: session}
-    scene = session.scene.model_copy(update={"turned": True})
-    return {name: session, f"{name} {TURNED}": session.model_copy(update={"scene": scene})}
+    scene = structs.replace(session.scene, turned=True)
+    return {name: session, f"{name} {TURNED}": structs.replace(session, scene=scene)}
 
 
 def write_csv(study: Study, points: Points, path: Path) -> None:
@@ -139,9 +141,12 @@ def write_csv(study: Study, points: Points, path: Path) -> None:
 
 def write_objects(outcomes: Sequence[Outcome], path: Path) -> None:
     """Everything: a row per curve, x, seed, frame and object."""
-    _write(
-        path, [{**o.model_dump(exclude={"quality"}), **o.quality.model_dump(), "ar": o.quality.ar} for o in outcomes]
-    )
+    _write(path, [_row(outcome) for outcome in outcomes])
+
+
+def _row(outcome: Outcome) -> dict[str, object]:
+    row = msgspec.to_builtins(outcome)
+    return {**row, **row.pop("quality"), "ar": outcome.quality.ar}
 
 
 def _write(path: Path, table: Sequence[Mapping[str, object]]) -> None:
@@ -158,7 +163,7 @@ def _about(sessions: Mapping[str, Session], outcomes: Sequence[Outcome], seeds: 
 
 
 def _print_results(study: Study, points: Points, notes: Sequence[str], figures: tuple[Path, Path]) -> None:
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(highlight=False, soft_wrap=True)
     if len(study.panels) == 1:
         console.print(_table(study, points))
     for panel in study.panels:

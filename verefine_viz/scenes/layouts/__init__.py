@@ -7,16 +7,16 @@ from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 
-from verefine_viz.scenes.recorded_frame import Recording
+from verefine_viz.scenes.recorded_frame import LayoutReader
 
 
 @cache
-def readers() -> tuple[type[Recording], ...]:
+def readers() -> tuple[type[LayoutReader], ...]:
     """All of them, found by listing this folder."""
     return tuple(import_module(f"{__name__}.{module.name}").Reader for module in iter_modules(__path__))
 
 
-def recording_in(folder: Path) -> Recording | None:
+def recording_in(folder: Path) -> LayoutReader | None:
     """What a folder holds in one of the layouts, None where it has none of them.
 
     Raises:

@@ -40,7 +40,7 @@ class Camera(msgspec.Struct, frozen=True):
 
 
 class Reader:
-    """The frames of such a folder; see :class:`~verefine_viz.scenes.recorded_frame.Recording`."""
+    """The frames of such a folder; see :class:`~verefine_viz.scenes.recorded_frame.LayoutReader`."""
 
     LAYOUT = "layout of DeepIM's demo"
     LOOKS_LIKE = "000000-color.png, 000000-depth.png, meta.yml, posecnn_results/"

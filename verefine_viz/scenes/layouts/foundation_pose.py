@@ -40,7 +40,7 @@ LARGEST_M, DEEPEST_M = 5.0, 60.0
 
 
 class Reader:
-    """The frames of such a folder, with one object; see :class:`~verefine_viz.scenes.recorded_frame.Recording`."""
+    """The frames of such a folder, with one object; see :class:`~verefine_viz.scenes.recorded_frame.LayoutReader`."""
 
     LAYOUT = "layout of FoundationPose's demo"
     LOOKS_LIKE = "cam_K.txt, depth/, rgb/, mesh/"

@@ -40,7 +40,7 @@ class Entry(msgspec.Struct, frozen=True):
 
 
 class Reader:
-    """The frames of the data set or of one folder; see :class:`~verefine_viz.scenes.recorded_frame.Recording`."""
+    """The frames of the data set or of one folder; see :class:`~verefine_viz.scenes.recorded_frame.LayoutReader`."""
 
     LAYOUT = "layout of DenseFusion's Linemod_preprocessed"
     LOOKS_LIKE = "data/01/gt.yml, data/01/info.yml, models/obj_01.ply"

@@ -45,7 +45,7 @@ class ObjectData(msgspec.Struct, frozen=True):
 
 
 class Reader:
-    """The one frame of such a folder; see :class:`~verefine_viz.scenes.recorded_frame.Recording`."""
+    """The one frame of such a folder; see :class:`~verefine_viz.scenes.recorded_frame.LayoutReader`."""
 
     LAYOUT = "layout of MegaPose's example"
     LOOKS_LIKE = "camera_data.json, image_rgb.png, image_depth.png, meshes/, inputs/object_data.json"

@@ -13,7 +13,7 @@ from verefine_viz.scenes.trace_files import begun_at, left_out_of, object_names,
 
 
 class Reader:
-    """The traces of a folder; see :class:`~verefine_viz.scenes.recorded_frame.Recording`."""
+    """The traces of a folder; see :class:`~verefine_viz.scenes.recorded_frame.LayoutReader`."""
 
     LAYOUT = "traces"
     LOOKS_LIKE = "calls.jsonl, depth.npy"

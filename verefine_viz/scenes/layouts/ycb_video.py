@@ -55,7 +55,7 @@ CLASSES = (
 
 class Reader:
     """The frames of the data set, those of ``image_sets/keyframe.txt`` where that is there, or of one of its folders;
-    see :class:`~verefine_viz.scenes.recorded_frame.Recording`.
+    see :class:`~verefine_viz.scenes.recorded_frame.LayoutReader`.
     """
 
     LAYOUT = "layout of YCB-Video"

@@ -1,0 +1,54 @@
+"""Results files that are opened by themselves: the data set near them, its split, and the frames that have poses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.scenes.bop_folder import make
+from verefine_viz.core.errors import InputError
+from verefine_viz.run.data_folder import data_at, open_session
+from verefine_viz.scenes.results_csv import ResultRow, write_results
+from verefine_viz.scenes.source import open_scene
+
+
+def write(path: Path, *frames: tuple[int, int]) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    T = np.eye(4)
+    T[2, 3] = 0.5
+    write_results(path, [ResultRow(*frame, 2, 0.9, T) for frame in frames])
+    return path
+
+
+@pytest.mark.parametrize("place", ["made/net_made-test.csv", "net_made-test.csv", "made/out/a.csv", "results/x/a.csv"])
+def test_the_data_set_near_a_results_file_is_opened(place: str, tmp_path: Path) -> None:
+    make(tmp_path / "made")
+    known = data_at(write(tmp_path / place, (7, 3), (99, 1)), {})
+    assert known is not None
+    assert known.what == "poses for 1 frame of made/test"
+    source = open_scene(known.session.scene, known.session.hypotheses)
+    assert source.frames == ("7/3",)
+    (posed,) = (i for i in source.problem("7/3").instances if i.hypotheses)
+    assert posed.obj_id == 2
+    assert np.allclose(posed.hypotheses[0].T_cam_obj[2, 3], 0.5)
+
+
+def test_the_name_of_the_file_chooses_between_data_sets(tmp_path: Path) -> None:
+    for name in ("aaa", "made"):
+        make(tmp_path / name)
+    for name in ("aaa", "made"):
+        session = open_session(write(tmp_path / f"net_{name}-test.csv", (7, 3)), {})
+        assert Path(session.scene.dataset).name == name
+
+
+def test_without_a_data_set_the_line_says_what_to_add(tmp_path: Path) -> None:
+    path = write(tmp_path / "a" / "b" / "c" / "d.csv", (7, 3))
+    make(tmp_path / "made")
+    with pytest.raises(InputError, match="1 poses of scenes 7, but no data set with them lies near it; add --scene"):
+        open_session(path, {})
+    assert open_session(path, {"scene": {"dataset": str(tmp_path / "made")}}).scene.frames == ("7/3",)
+    far = write(tmp_path / "made" / "e.csv", (8, 3))
+    with pytest.raises(InputError, match="made has none of them"):
+        open_session(far, {"scene": {"dataset": str(tmp_path / "made")}})

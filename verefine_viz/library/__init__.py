@@ -1,0 +1,1 @@
+"""The library: ``import verefine_viz as vv`` gives what its modules have."""

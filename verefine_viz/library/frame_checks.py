@@ -1,0 +1,238 @@
+"""Checks of arrays that become a frame: shapes, units, and whether what is given fits together."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from contextlib import suppress
+from itertools import chain, zip_longest
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from verefine_viz.core.arrays import Float, Mask, finite, frozen
+from verefine_viz.core.camera import Camera
+from verefine_viz.core.errors import InputError, ShapeError, in_one_line
+from verefine_viz.core.geometry import apply, as_rigid
+from verefine_viz.core.problem import Hypothesis
+from verefine_viz.scenes.image_files import CameraEntry, intrinsics_of
+from verefine_viz.scenes.meshes import Mesh, read_mesh
+from verefine_viz.scenes.recorded_frame import RecordedObject
+
+TOO_LARGE, TOO_SMALL = 30.0, 5.0
+"""So many times as large, or as small, as what its mask covers a mesh must have a wrong unit. A mask may show a small
+part of an object, but not much more than the object."""
+LEAST_SEEN_M = 0.002
+"""What a mask of a few pixels counts as covering."""
+UNITS_M = (0.001, 0.01, 0.0254, 1.0)
+"""Of mesh files: millimetres, centimetres, inches, metres."""
+WHOLE = 0.9
+"""Share of the image that no mask of one object covers."""
+TOO_FAR = 30.0
+"""So many times as far away as its mask a pose must have a wrong unit."""
+NEAREST_M, FARTHEST_M = 0.005, 60.0
+"""Depth beyond the second counts as not measured; a median beyond either is no depth in metres."""
+Poses = ArrayLike | Mapping[str, ArrayLike] | None
+
+
+def checked_camera(K: ArrayLike, shape: tuple[int, ...]) -> Camera:
+    """The camera of images of ``shape``; InputError or ShapeError where K is no pinhole camera's matrix [px]."""
+    return Camera(intrinsics_of(CameraEntry(cam_K=finite(K, "K", (3, 3))), "K"), shape[1], shape[0])
+
+
+def direction(given: ArrayLike, name: str) -> Float:
+    """A direction (3,) of any length; ShapeError where it is none."""
+    vector = finite(given, name, (3,))
+    if not vector.any():
+        raise ShapeError(f"{name} is 0, expected a direction")
+    return vector
+
+
+def checked_depth(depth_m: ArrayLike) -> NDArray[np.float32]:
+    """Depth (H, W) [m], 0 where nothing was measured; ShapeError where it is none, or not in metres."""
+    depth = np.nan_to_num(frozen(depth_m, "depth_m", (None, None)), nan=0.0, posinf=0.0, neginf=0.0)
+    if not depth.any():
+        raise ShapeError("depth_m has no measured pixel")
+    if depth.min() < 0:
+        raise ShapeError(f"depth_m goes down to {depth.min():.3g}, expected metres, and 0 where nothing was measured")
+    median_m = float(np.median(depth[depth > 0]))
+    if not NEAREST_M < median_m <= FARTHEST_M:
+        how = "divide millimetres by 1000" if median_m > 1 else "it looks divided by 1000 twice"
+        raise ShapeError(f"depth_m has a median of {median_m:.4g}, expected metres; {how}")
+    return np.where(depth > FARTHEST_M, 0.0, depth).astype(np.float32)
+
+
+def checked_photo(rgb: ArrayLike, shape: tuple[int, int]) -> NDArray[np.uint8]:
+    """A colour image (H, W, 3); ShapeError where it is none of ``shape``."""
+    photo = np.asarray(rgb)
+    if photo.dtype != np.uint8:
+        raise ShapeError(f"rgb is of {photo.dtype}, expected uint8, 0 to 255")
+    return frozen(photo, "rgb", (*shape, 3), np.uint8)
+
+
+def checked_object(
+    camera: Camera,
+    points_cam: Float,
+    name: str,
+    mesh: Path | str,
+    mask: ArrayLike | None,
+    poses: Poses,
+    scores: ArrayLike | None,
+    unit_m: float,
+    T_cam_obj_gt: ArrayLike | None,
+    symmetry_axis: ArrayLike | None,
+) -> RecordedObject:
+    """An object of a frame, checked against the measured points (H, W, 3) [m], 0 where nothing was measured.
+
+    Raises:
+        InputError: the mesh cannot be read, or what is given does not fit together.
+        ShapeError: an array has another shape.
+    """
+    if not isinstance(name, str) or not (name := in_one_line(name).strip()):
+        raise InputError(f"name of an object is {name!r}, expected a text")
+    if not isinstance(mesh, str | Path):
+        raise InputError(f"mesh of {name} is a {type(mesh).__name__}, expected the path of a PLY, OBJ, GLB or STL file")
+    if not isinstance(unit_m, int | float) or not 0 < unit_m < np.inf:
+        raise InputError(f"unit_m of {name} is {unit_m!r}, expected metres per unit of the mesh, as 0.001")
+    path, seen, covered = Path(mesh), None, None
+    if mask is not None:
+        seen = _mask(mask, name, camera.shape)
+        covered = points_cam[seen & (points_cam[..., 2] > 0)]
+        if len(covered) == 0:
+            raise ShapeError(f"mask of {name} has no measured depth")
+    shape = read_mesh(path, unit_m)
+    by_estimator = _by_estimator(poses, name)
+    if covered is not None:
+        _check_size(shape.diameter_m, covered, path, unit_m, _first_distance_m(T_cam_obj_gt, *by_estimator.values()))
+    checked = {who: _poses(who, given, name, covered) for who, given in by_estimator.items()}
+    for who, some in checked.items():
+        for T_cam_obj in some:
+            _check_seen(T_cam_obj, shape, camera, f"pose of {name} by {who}")
+    T_gt = None
+    if T_cam_obj_gt is not None:
+        T_gt = _near(T_cam_obj_gt, f"ground-truth pose of {name}", covered)
+        _check_seen(T_gt, shape, camera, f"ground-truth pose of {name}")
+        if covered is not None:
+            _check_true(T_gt, shape, covered, f"ground-truth pose of {name}")
+    if mask is None and not any(checked.values()):
+        raise InputError(f"{name} has neither a mask nor a pose; give one of both")
+    axis = None if symmetry_axis is None else direction(symmetry_axis, f"symmetry_axis of {name}")
+    # Estimators take turns: the best pose of each, then the second best.
+    turns = chain.from_iterable(zip_longest(*([(T, who) for T in some] for who, some in checked.items())))
+    given = [one for one in turns if one is not None]
+    own = (None,) * len(given) if scores is None else tuple(finite(scores, f"scores of {name}", (len(given),)).tolist())
+    hypotheses = tuple(Hypothesis(T, score or 0.0, who) for (T, who), score in zip(given, own, strict=True))
+    return RecordedObject(name, path, unit_m, seen, hypotheses, own, (), T_gt, axis)
+
+
+def _by_estimator(poses: Poses, name: str) -> Mapping[str, ArrayLike]:
+    """Poses by the name of what estimated them."""
+    if poses is None:
+        return {}
+    by_estimator = poses if isinstance(poses, Mapping) else {"given": poses}
+    for estimator in by_estimator:
+        if not re.fullmatch(r"\w[\w.+-]{0,80}", estimator):
+            raise InputError(
+                f"estimator {estimator!r} of {name}: expected letters, digits, _ . + -, as it names a file"
+            )
+    return by_estimator
+
+
+def _mask(given: ArrayLike, where: str, shape: tuple[int, int]) -> Mask:
+    values = np.asarray(given)
+    mask = frozen(values != 0, f"mask of {where}", shape, bool)
+    if not mask.any():
+        raise ShapeError(f"mask of {where} is empty")
+    if np.issubdtype(values.dtype, np.floating) and np.ptp(values[mask]) > 0:
+        raise ShapeError(f"mask of {where} holds shares, such as {values[mask][0]:.3g}; give it as mask > 0.5")
+    if mask.mean() > WHOLE:
+        raise ShapeError(f"mask of {where} covers {mask.mean():.0%} of the image; is it inverted?")
+    return mask
+
+
+def _check_size(diameter_m: float, covered: Float, path: Path, unit_m: float, away_m: float) -> None:
+    # Across the line of sight, and without the outermost tenths: the edge of a mask may lie on something far behind.
+    across = covered[:, :2] / covered[:, 2:] * np.median(covered[:, 2])
+    seen_m = float(np.linalg.norm(np.percentile(across, 90, axis=0) - np.percentile(across, 10, axis=0)))
+
+    def fits(times: float, deeper: float = 1.0) -> bool:
+        size_m = max(deeper * seen_m, LEAST_SEEN_M)
+        return size_m / TOO_SMALL <= times * diameter_m <= size_m * TOO_LARGE
+
+    if fits(1):
+        return
+    seen_m = max(seen_m, LEAST_SEEN_M)
+    message = f"{path} is {diameter_m:.3g} m across, what its mask covers {seen_m:.3g} m; "
+    mask_m = float(np.median(np.linalg.norm(covered, axis=1)))
+    times = away_m / mask_m
+    if away_m and not 0.5 < times < 2 and fits(1, deeper=times):
+        raise InputError(
+            f"{message}depth_m is {mask_m:.3g} m there, the pose {away_m:.3g} m away: about {times:.1g} times as much "
+            "depth would fit, check its unit"
+        )
+    units = [unit for unit in UNITS_M if fits(unit / unit_m)]
+    likely = min(units, key=lambda unit: abs(np.log(unit / unit_m * diameter_m / seen_m)), default=None)
+    better = "no other unit of the mesh would fit: check depth_m and the mask"
+    better = better if likely is None else f"{likely:g} would fit better"
+    raise InputError(f"{message}unit_m = {unit_m:g} was given, {better}")
+
+
+def _first_distance_m(*given: ArrayLike | None) -> float:
+    """How far away the first pose is that can be read [m]; 0 where there is none."""
+    for one in given:
+        with suppress(TypeError, ValueError, ShapeError):
+            T = np.asarray(one, dtype=np.float64).reshape(-1, 4, 4)
+            if len(T):
+                return float(np.linalg.norm(as_rigid(T[0], "pose")[:3, 3]))
+    return 0.0
+
+
+def _poses(estimator: str, given: ArrayLike, where: str, covered: Float | None) -> list[Float]:
+    name = f"pose of {where} by {estimator}"
+    try:
+        array = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ShapeError(f"{name} is no array, expected (4, 4) or (N, 4, 4)") from None
+    if array.size == 0:
+        return []
+    return [_near(T_cam_obj, name, covered) for T_cam_obj in (array if array.ndim == 3 else [array])]
+
+
+def _near(T_cam_obj: ArrayLike, name: str, covered: Float | None) -> Float:
+    """A rigid transform, not as far away as one in millimetres would be."""
+    T = as_rigid(T_cam_obj, name)
+    away_m = float(np.linalg.norm(T[:3, 3]))
+    if covered is None:
+        if away_m > FARTHEST_M:
+            raise InputError(f"{name} is {away_m:.3g} m away, expected T_cam_obj in metres")
+        return T
+    mask_m = float(np.median(np.linalg.norm(covered, axis=1)))
+    if away_m > TOO_FAR * mask_m:
+        raise InputError(f"{name} is {away_m:.3g} m away, its mask {mask_m:.3g} m; expected T_cam_obj in metres")
+    return T
+
+
+def _check_seen(T_cam_obj: Float, mesh: Mesh, camera: Camera, name: str) -> None:
+    """An estimate may be wrong, but is of something in the image."""
+    points = apply(T_cam_obj, mesh.vertices_m)
+    ahead = points[points[:, 2] > 0]
+    if len(ahead) == 0:
+        raise InputError(
+            f"{name} lies behind the camera (z = {points[:, 2].mean():.2g} m); expected OpenCV's axes, z forward"
+        )
+    u, v = camera.project(ahead).T
+    if not (u.max() >= 0 and v.max() >= 0 and u.min() < camera.width and v.min() < camera.height):
+        raise InputError(
+            f"{name} lies outside of the image; expected T_cam_obj, which maps the object's points into the camera's "
+            "frame: is it the inverse, or of another K?"
+        )
+
+
+def _check_true(T_cam_obj: Float, mesh: Mesh, covered: Float, name: str) -> None:
+    # To the nearest measured point: of the others some may lie on something else.
+    nearest_m = float(np.linalg.norm(covered - apply(T_cam_obj, mesh.vertices_m).mean(axis=0), axis=1).min())
+    if nearest_m > mesh.diameter_m:
+        raise InputError(
+            f"{name} is {nearest_m:.2g} m from what its mask covers; expected T_cam_obj of this object and frame"
+        )

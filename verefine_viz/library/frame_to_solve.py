@@ -1,0 +1,264 @@
+"""A frame and the objects to solve in it: made of arrays, or opened from data on the disk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, ShapeError, in_one_line, unknown
+from verefine_viz.core.problem import Problem, Target
+from verefine_viz.core.settings import Session
+from verefine_viz.library.frame_checks import checked_camera, checked_depth, checked_object, checked_photo, direction
+from verefine_viz.run.capture_folder import CaptureFolder, captured
+from verefine_viz.run.data_folder import open_session
+from verefine_viz.run.session_file import load_session
+from verefine_viz.run.toolbox import Toolbox
+from verefine_viz.scenes.demo import demo_names
+from verefine_viz.scenes.recorded_frame import RecordedFrame
+from verefine_viz.scenes.recorded_source import RecordedSource
+from verefine_viz.scenes.source import SceneSource
+from verefine_viz.trace import Trace
+
+
+class Frame:
+    """A frame of arrays; objects are added, and nothing is written to the disk.
+
+    Args:
+        K: (3, 3) intrinsics [px].
+        depth_m: (H, W) z [m]; 0, NaN or infinity where nothing was measured.
+        rgb: (H, W, 3) uint8, or None.
+        gravity_cam: (3,) direction in which things fall, in the camera's frame, of any length; None = along the normal
+            of the table that is seen.
+        name: what it is called.
+
+    Raises:
+        InputError: an array has another shape or unit; one line says what was expected.
+    """
+
+    def __init__(
+        self,
+        K: ArrayLike,
+        depth_m: ArrayLike,
+        rgb: ArrayLike | None = None,
+        gravity_cam: ArrayLike | None = None,
+        name: str = "frame",
+    ) -> None:
+        try:
+            depth = checked_depth(depth_m)
+            self._camera = checked_camera(K, depth.shape)
+            photo = None if rgb is None else checked_photo(rgb, self._camera.shape)
+            down = None if gravity_cam is None else direction(gravity_cam, "gravity_cam")
+        except ShapeError as error:
+            raise InputError(str(error)) from None
+        self.name = in_one_line(name)
+        self._recorded = RecordedFrame(self.name, self._camera.K, depth, photo, (), down)
+        self._points = self._camera.back_project(depth.astype(np.float64))
+
+    def add(
+        self,
+        name: str,
+        mesh: Path | str,
+        mask: ArrayLike | None = None,
+        poses: ArrayLike | Mapping[str, ArrayLike] | None = None,
+        scores: ArrayLike | None = None,
+        unit_m: float = 1.0,
+        T_cam_obj_gt: ArrayLike | None = None,
+        symmetry_axis: ArrayLike | None = None,
+    ) -> Frame:
+        """Add an object.
+
+        Args:
+            name: the same in all frames of this object.
+            mesh: a PLY, OBJ, GLB or STL file.
+            mask: (H, W) its visible pixels: all that is not 0; None = those that its first pose covers.
+            poses: T_cam_obj [m], (4, 4) or (N, 4, 4) with the best first, or these by estimator; None = point pair
+                features make some when the frame is solved.
+            scores: (N,) of the poses, in units of your own; None = 1 for each.
+            unit_m: metres per unit of the mesh file: 0.001 for millimetres.
+            T_cam_obj_gt: (4, 4) ground truth [m], where it is known.
+            symmetry_axis: (3,) axis through the middle of the mesh's box about which every turn looks the same.
+
+        Returns:
+            The frame itself.
+
+        Raises:
+            InputError: the mesh cannot be read, or an array has another shape or unit.
+        """
+        try:
+            one = checked_object(
+                self._camera, self._points, name, mesh, mask, poses, scores, unit_m, T_cam_obj_gt, symmetry_axis
+            )
+        except ShapeError as error:
+            raise InputError(str(error)) from None
+        self._recorded = replace(self._recorded, objects=(*self._recorded.objects, one))
+        return self
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """The names of the objects, in order."""
+        return tuple(one.name for one in self._recorded.objects)
+
+    def tools(self, sections: Mapping[str, Any]) -> tuple[Toolbox, str]:
+        """What solves the frame with settings by section, and the frame's id, "scene/image"."""
+        if not self._recorded.objects:
+            raise InputError(f"{self.name} has no object to solve; add one: frame.add(name, mesh, mask, poses)")
+        has_poses = all(one.hypotheses for one in self._recorded.objects)
+        own = {"scene": {"source": "folder"}, "hypotheses": {"source": "recorded" if has_poses else "ppf"}}
+        merged = {name: {**fields, **sections.get(name, {})} for name, fields in own.items()}
+        session = load_session(None, {"title": self.name, **sections, **merged})
+        source = RecordedSource(session.scene, session.hypotheses, _InMemory(self._recorded))
+        return Toolbox(session, source=source), source.frames[0]
+
+    def problem(self, **sections: Mapping[str, Any]) -> Problem:
+        """The frame as methods get it: observation, models, instances with their initial poses.
+
+        Raises:
+            InputError: nothing can be solved in it.
+        """
+        tools, frame = self.tools(sections)
+        return tools.problem(frame)
+
+    def save(self, folder: Path | str) -> Path:
+        """Write the frame as a trace, which ``verefine-viz view FOLDER`` and :func:`open_frame` open with all its bits.
+
+        Returns:
+            The folder; where it held a trace, the next free name.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        seen = self._recorded
+        try:
+            with Trace(folder, K=seen.K, depth_m=seen.depth_m, rgb=seen.rgb, gravity_cam=seen.down_cam) as trace:
+                for one in seen.objects:
+                    truth, axis = one.T_cam_obj_gt, one.symmetry_axis
+                    traced = trace.object(one.name, str(one.mesh), one.mask, one.unit_m, truth, axis)
+                    for k, (start, score) in enumerate(zip(one.hypotheses, one.scores, strict=True)):
+                        traced.hypothesis(k, start.T_cam_obj, score, start.source)
+        except (OSError, ValueError) as error:
+            raise InputError(f"cannot write {folder}: {error}") from None
+        return trace.folder
+
+    def keep(self, folder: Path | str) -> str:
+        """Add the frame to a folder that becomes a small data set in BOP layout with a ``session.toml``.
+
+        Returns:
+            The frame's name there, as "1/17"; ``verefine-viz view FOLDER --scene.frames 1/17`` opens it alone.
+
+        Raises:
+            InputError: a mesh is another one than its name had before, ground truth is known of some objects only, or
+                the folder holds something else or cannot be written.
+        """
+        n, n_true = len(self._recorded.objects), sum(one.T_cam_obj_gt is not None for one in self._recorded.objects)
+        if n_true not in (0, n):
+            raise InputError(f"{n_true} of {n} objects have a ground-truth pose; give all of them one, or none")
+        source = self.tools({})[0].source
+        frame = captured(source.problem(source.frames[0]))
+        axes = {one.name: one.symmetry_axis for one in self._recorded.objects}
+        objects = [replace(one, symmetry_axis=axes[one.name]) for one in frame.objects]
+        return CaptureFolder(Path(folder)).add(replace(frame, objects=objects, down_cam=self._recorded.down_cam))
+
+
+class OpenedFrame:
+    """A frame of data on the disk; :func:`open_frame` and :func:`open_dataset` make them."""
+
+    def __init__(self, path: Path | str, sections: Mapping[str, Any], source: SceneSource, frame: str) -> None:
+        self._path, self._sections, self._source = path, sections, source
+        self.name = frame
+        """Scene and image, as "50/1"."""
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """The names of the objects, in order.
+
+        Raises:
+            InputError: the frame cannot be read.
+        """
+        return tuple(target.model.name for target in self.problem().targets)
+
+    def tools(self, sections: Mapping[str, Any]) -> tuple[Toolbox, str]:
+        """What solves the frame with settings by section, and the frame's id."""
+        names = {*self._sections, *sections}
+        merged = {name: {**self._sections.get(name, {}), **sections.get(name, {})} for name in names}
+        session = _session_of(self._path, merged)
+        is_same = all(merged.get(name) == self._sections.get(name) for name in ("scene", "hypotheses"))
+        return Toolbox(session, source=self._source if is_same else None), self.name
+
+    def problem(self, **sections: Mapping[str, Any]) -> Problem:
+        """The frame as methods get it; see :meth:`Frame.problem`."""
+        tools, frame = self.tools(sections)
+        return tools.problem(frame)
+
+
+AnyFrame = Frame | OpenedFrame
+
+
+def open_frame(path: Path | str, frame: str = "", **sections: Mapping[str, Any]) -> OpenedFrame:
+    """Open a frame of a data set, a session, traces, a folder of another program, or a results file.
+
+    Args:
+        path: what ``verefine-viz view`` opens; or the name of a built-in scene.
+        frame: "scene/image"; empty = the first.
+        sections: settings, each section a dict as in a session file: ``scene={"split": "test"}``.
+
+    Raises:
+        InputError: there is no such frame.
+        VerefineError: the data or the settings cannot be used.
+    """
+    source = Toolbox(_session_of(path, sections)).source
+    if frame and frame not in source.frames:
+        raise InputError(f"{unknown('frame', frame, source.frames)} ({path})")
+    return OpenedFrame(path, sections, source, frame or source.frames[0])
+
+
+def open_dataset(path: Path | str, **sections: Mapping[str, Any]) -> Iterator[OpenedFrame]:
+    """The frames of what lies at a path, one after the other; the arguments are those of :func:`open_frame`."""
+    source = Toolbox(_session_of(path, sections)).source
+    yield from (OpenedFrame(path, sections, source, frame) for frame in source.frames)
+
+
+def target_of(problem: Problem, name: str | int) -> Target:
+    """The target of an object's name, or of its instance_id; InputError where the frame has none, or several."""
+    if isinstance(name, int):
+        return problem.target(name)
+    own = [target for target in problem.targets if target.model.name == name]
+    if not own:
+        there = [target.model.name for target in problem.targets]
+        why = next((one.why for one in problem.left_out if one.name == name), "")
+        raise InputError(f"{name} cannot be solved: {why}" if why else unknown("object", name, there))
+    if len(own) > 1:
+        ids = ", ".join(str(target.instance.instance_id) for target in own)
+        raise InputError(f"the frame has {len(own)} objects {name!r}; name one by its instance: {ids}")
+    return own[0]
+
+
+def _session_of(path: Path | str, sections: Mapping[str, Any]) -> Session:
+    if isinstance(path, str) and not Path(path).exists() and path in demo_names():
+        return load_session(None, {**sections, "scene": {"demo": path, **sections.get("scene", {})}})
+    return open_session(Path(path), sections)
+
+
+class _InMemory:
+    """The recording of one frame of arrays; see :class:`~verefine_viz.scenes.recorded_frame.Recording`."""
+
+    names, notes = ("0",), ()
+    is_sequence = False
+
+    def __init__(self, recorded: RecordedFrame) -> None:
+        self._recorded = recorded
+        names = dict.fromkeys(one.name for one in recorded.objects)
+        self.objects: Mapping[str, int] = {name: k for k, name in enumerate(names, 1)}
+        self.has_poses = any(one.hypotheses for one in recorded.objects)
+        self.has_truth = any(one.T_cam_obj_gt is not None for one in recorded.objects)
+
+    def frame(self, name: str) -> RecordedFrame:
+        return self._recorded
+
+    def answers(self, name: str) -> Mapping[str, tuple[Float | None, float | None]]:
+        return {}

@@ -1,0 +1,59 @@
+"""Parts of your own, registered by a name that settings then take."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from verefine_viz.core.errors import InputError, quoted
+from verefine_viz.core.protocols import Estimator, Refiner
+from verefine_viz.estimators.registry import ESTIMATORS
+from verefine_viz.refiners.registry import REFINERS
+
+R = TypeVar("R", bound=Callable[[], Refiner])
+_REGISTRIES = ("verefine_viz.refiners.registry", "verefine_viz.estimators.registry")
+E = TypeVar("E", bound=Callable[[], Estimator])
+
+
+def refiner(name: str) -> Callable[[R], R]:
+    """Register a class as a refiner: ``@vv.refiner("nudge")`` above it.
+
+    The class takes no arguments and has ``refine(target, T_cam_obj, fixed=()) → (4, 4)``; see
+    :class:`~verefine_viz.core.protocols.Refiner`. Its answer must depend on the arguments alone.
+
+    Raises:
+        InputError: a refiner of this package has the name.
+    """
+
+    def register(kind: R) -> R:
+        _check(name, "refine", kind)
+        REFINERS[name] = lambda session: kind()
+        return kind
+
+    return register
+
+
+def estimator(name: str) -> Callable[[E], E]:
+    """Register a class as an estimator of initial poses: ``@vv.estimator("mine")`` above it.
+
+    The class takes no arguments and has ``hypotheses(target, n, progress=…) → tuple[Hypothesis, …]``, the best first;
+    see :class:`~verefine_viz.core.protocols.Estimator`.
+
+    Raises:
+        InputError: an estimator of this package has the name.
+    """
+
+    def register(kind: E) -> E:
+        _check(name, "hypotheses", kind)
+        ESTIMATORS[name] = lambda session: kind()
+        return kind
+
+    return register
+
+
+def _check(name: str, method: str, kind: Any) -> None:
+    built_in = (REFINERS.get(name), ESTIMATORS.get(name))
+    if any(make.__module__ in _REGISTRIES for make in built_in if make is not None):
+        raise InputError(f"{name!r} is the name of a part of this package; choose another")
+    if not callable(getattr(kind, method, None)):
+        raise InputError(f"{quoted(kind.__name__)} has no method {method}")
