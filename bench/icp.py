@@ -19,7 +19,7 @@ from tests.refiners.alignment import Cloud, icp_align, trimmed_align
 from verefine_viz.core.algorithm_settings import IcpSettings, TricpSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, axis_angle, inverse, nearest_rotation, transform
-from verefine_viz.core.settings import PUBLISHED
+from verefine_viz.core.presets import PRESETS
 from verefine_viz.refiners.icp import largest_extent_m
 
 N_SOURCE, N_TARGET, N_ITERATIONS = 1000, 2000, 10
@@ -38,7 +38,7 @@ def run() -> list[dict[str, Any]]:
         ("as open3d: fixed gate, all matches", plain),
         ("default: shrinking gate, same side", IcpSettings()),
         ("default, point to plane", IcpSettings(metric="plane")),
-        ("published: stops after 2", msgspec.convert(PUBLISHED["icp"], IcpSettings)),
+        ("published: stops after 2", msgspec.convert(PRESETS["published"]["icp"], IcpSettings)),
     ]
     rows: list[dict[str, Any]] = [
         {

@@ -17,6 +17,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from verefine_viz.core.presets import PRESETS
 from verefine_viz.core.problem import Problem
 from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
 from verefine_viz.run.session_file import resolve
@@ -138,7 +139,7 @@ def main() -> None:
     scene = {"source": "bop", "dataset": str(folder)}
     names = ("cosypose_ycbv-test", "posecnn-rss2018_ycbv-test", "sundermeyer_ycbv-test")
     files = [str(folder / "pose_estimates" / f"{name}.csv") for name in names]
-    for preset in ("recommended", "published"):
+    for preset in PRESETS:
         estimators = {
             "preset": preset,
             "scene": {**scene, "frames": ["49/2365", "50/1"]},

@@ -19,6 +19,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from verefine_viz.core.presets import PRESETS
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Refiner
 from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
@@ -153,7 +154,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--dataset", type=lambda text: Path(text).resolve())
     parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--preset", choices=("recommended", "published"), default="recommended")
+    parser.add_argument("--preset", choices=tuple(PRESETS), default="recommended")
     parser.add_argument("--refiner", default="icp")
     parser.add_argument("--methods", nargs="+", default=METHODS)
     parser.add_argument("--only", default="", help="tables whose title holds this word")

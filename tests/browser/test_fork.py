@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from verefine_viz.core.presets import PRESETS
 from verefine_viz.page import protocol as p
 
 
@@ -77,3 +78,17 @@ def test_nothing_that_is_begun_stops_another_run(show):
     screen.until("state.branches.every(b => state.runs.get(b.index)?.over)")
     assert all(b.run.is_done for b in screen.app.debugger.space.branches.values())
     screen.shot("fork_three_runs")
+
+
+def test_b_can_have_the_papers_choices(show):
+    screen = show()
+    screen.tab("compare")
+    selects = screen.page.locator(".new-b select")
+    selects.first.select_option("preset")
+    assert selects.nth(1).locator("option").all_inner_texts() == list(PRESETS)
+    selects.nth(1).select_option("paper")
+    screen.click("Run B")
+    screen.until("state.compare && [state.compare.a, state.compare.b].every(i => state.runs.get(i)?.over)")
+    _, b = screen.app.debugger.space.branches.values()
+    assert (b.settings.preset, b.settings.score.alpha) == ("paper", 0.293)
+    screen.shot("compare_paper")

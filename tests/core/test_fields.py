@@ -11,6 +11,7 @@ import msgspec
 import pytest
 from msgspec.inspect import FloatType, IntType, StructType, Type, UnionType
 
+from verefine_viz.core.presets import PRESETS
 from verefine_viz.core.setting_types import fields_of, limits
 from verefine_viz.core.settings import Change, Edit, Session
 from verefine_viz.run.session_file import load_session, resolve
@@ -53,7 +54,7 @@ def test_what_is_beyond_sense_is_refused() -> None:
                 msgspec.convert({field: value, **({"settings": {}} if model is Change else {})}, model, strict=False)
 
 
-@pytest.mark.parametrize("preset", ["recommended", "published"])
+@pytest.mark.parametrize("preset", PRESETS)
 def test_the_bounds_admit_what_ships(preset: str) -> None:
     resolve({"preset": preset})
     assert [load_session(path, {"preset": preset}).preset for path in SESSIONS] == [preset] * len(SESSIONS)

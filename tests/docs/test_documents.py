@@ -9,7 +9,9 @@ from pathlib import Path
 
 import msgspec
 
-from verefine_viz.core.settings import PUBLISHED, Session
+from verefine_viz.core.presets import BUDGETS, PRESETS
+from verefine_viz.core.settings import Session
+from verefine_viz.run.session_file import resolve
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "verefine_viz"
@@ -97,12 +99,24 @@ def test_every_paper_section_that_is_named_is_one_of_the_paper() -> None:
 
 
 def test_the_table_of_presets_is_what_the_code_has() -> None:
-    rows = re.findall(r"^\| [^|]+ \| `(\w+)\.(\w+)` \| ([^|]+) \| ([^|]+) \|$", text(METHODS), re.MULTILINE)
-    defaults = msgspec.to_builtins(Session())
-    assert {(section, field): value for section, field, _, value in rows} == {
-        (section, field): str(value) for section, fields in PUBLISHED.items() for field, value in fields.items()
-    }
-    assert [row for row in rows if str(defaults[row[0]][row[1]]) != row[2]] == []
+    """A value, and in brackets where the paper says so; a dash where the preset leaves what is recommended."""
+    cell = r"([^|(]+?)(?: \([^|]*\))?"
+    row = re.compile(rf"^\| `(\w+)\.(\w+)` \| {cell} \| {cell} \| {cell} \|.*\|$", re.MULTILINE)
+    rows = {(section, field): values for section, field, *values in row.findall(text(METHODS))}
+    sets = dict[str, set[tuple[str, str]]]()
+    for name in ("paper", "published"):
+        every = (PRESETS[name], BUDGETS.get((name, "icp"), {}))
+        sets[name] = {(section, field) for fields in every for section, of in fields.items() for field in of}
+    assert rows.keys() == sets["paper"] | sets["published"]
+    sessions = {name: resolve({"preset": name}) for name in ("paper", "published", "recommended")}
+    for (section, field), written in rows.items():
+        values = [getattr(getattr(session, section), field) for session in sessions.values()]
+        shown = [f"{value:g}" if type(value) is float else str(value) for value in values]
+        expected = [
+            value if (section, field) in sets.get(name, rows) else "–"
+            for name, value in zip(sessions, shown, strict=True)
+        ]
+        assert written == expected, (section, field)
 
 
 def test_settings_that_the_methods_name_exist() -> None:

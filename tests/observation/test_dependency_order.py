@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import networkx
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.sparse.csgraph import csgraph_from_dense, reverse_cuthill_mckee
 
 from verefine_viz.core.problem import Edge
-from verefine_viz.observation.dependency_order import connected, ordered
+from verefine_viz.observation.dependency_order import connected, cut_between, cut_by_cuthill_mckee, ordered
 
 Case = tuple[dict[int, float], tuple[Edge, ...]]
 
@@ -66,10 +68,10 @@ def test_cutting_only_ever_splits(case: Case, data: st.DataObject) -> None:
     pairs = sorted({(e.first, e.second) for e in edges})
     few = data.draw(st.lists(st.sampled_from(pairs), unique=True)) if pairs else []
     more = few + (data.draw(st.lists(st.sampled_from(pairs))) if pairs else [])
-    whole = [set(c) for c in ordered(depths_m, edges, few).clusters]
-    split = [set(c) for c in ordered(depths_m, edges, [(b, a) for a, b in more]).clusters]
-    assert all(any(part <= group for group in whole) for part in split)
-    assert {(e.first, e.second) for e in ordered(depths_m, edges, few).edges if e.state == "cut"} >= set(few)
+    whole = ordered(depths_m, cut_between(edges, few))
+    split = ordered(depths_m, cut_between(edges, [(b, a) for a, b in more]))
+    assert all(any(set(part) <= set(group) for group in whole.clusters) for part in split.clusters)
+    assert {(e.first, e.second) for e in whole.edges if e.state == "cut"} >= set(few)
 
 
 @given(cases())
@@ -105,8 +107,44 @@ def test_what_carries_comes_first_front_to_back() -> None:
     assert ordered({}, ()).clusters == ()
 
 
+def as_the_authors_code(depths_m: dict[int, float], edges: tuple[Edge, ...]) -> list[list[int]]:
+    """Clusters on the dense matrix of touching objects, which has a diagonal there, by scipy's own order."""
+    ids = sorted(depths_m)
+    matrix = np.eye(len(ids), dtype=bool)
+    for edge in edges:
+        a, b = ids.index(edge.first), ids.index(edge.second)
+        matrix[a, b] = matrix[b, a] = True
+    order = reverse_cuthill_mckee(csgraph_from_dense(matrix), symmetric_mode=True).tolist()
+    clusters = [[order[0]]]
+    for k in order[1:]:
+        if matrix[clusters[-1]].any(axis=0)[k]:
+            clusters[-1].append(k)
+        else:
+            clusters.append([k])
+    return [sorted(ids[k] for k in cluster) for cluster in clusters]
+
+
+@given(cases())
+def test_clusters_by_cuthill_mckee_are_those_of_the_authors_code(case: Case) -> None:
+    depths_m, edges = case
+    marked = cut_by_cuthill_mckee(depths_m, edges)
+    expected = as_the_authors_code(depths_m, edges)
+    assert sorted(connected(depths_m, [e for e in marked if e.state != "cut"])) == sorted(expected)
+    found = ordered(depths_m, marked)
+    assert sorted(sorted(cluster) for cluster in found.clusters) == sorted(expected)
+    at = {i: k for k, i in enumerate(i for cluster in found.clusters for i in cluster)}
+    assert all(at[e.first] < at[e.second] for e in found.edges if e.kind == "support" and e.state == "used")
+
+
+def test_cuthill_mckee_takes_a_star_apart_and_leaves_a_chain_whole() -> None:
+    star = [Edge("contact", 0, leaf, 1.0, "") for leaf in (1, 2, 3)]
+    assert ordered(dict.fromkeys(range(4), 1.0), cut_by_cuthill_mckee(range(4), star)).clusters == ((0, 1, 2), (3,))
+    chain = [Edge("contact", i, i + 1, 1.0, "") for i in range(5)]
+    assert cut_by_cuthill_mckee(range(6), chain) == tuple(chain)
+    assert cut_by_cuthill_mckee((), ()) == ()
+
+
 def test_a_star_is_one_group() -> None:
-    # Reverse Cuthill-McKee order splits it into [[3], [2, 0, 1]] in the authors' code (docs/methods.md 2.2).
     edges = [Edge("contact", 0, leaf, 1.0, "") for leaf in (1, 2, 3)]
     assert connected(range(4), edges) == [[0, 1, 2, 3]]
     assert len(ordered(dict.fromkeys(range(4), 1.0), edges).clusters) == 1

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from tests.physics.bodies import angle, ball, box, model, ring
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.physics.colliders import Collider, build, collider, reduced_hull, signed_distance
+from verefine_viz.physics.colliders import Collider, boxed, build, collider, reduced_hull, signed_distance
+from verefine_viz.physics.world import QuietClient, convex_body
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.scenes.demo_models import demo_model
 
@@ -41,6 +42,29 @@ def test_centre_and_principal_axes_follow_the_mesh(angle: float, shift: float):
     axes = np.abs(T[:3, :3].T @ solid.T_obj_com[:3, :3])  # a permutation: z is the lightest axis, then x, then y
     np.testing.assert_allclose(axes, np.eye(3)[:, [2, 0, 1]], atol=1e-6)
     assert np.linalg.det(solid.T_obj_com[:3, :3]) == pytest.approx(1)
+
+
+@given(st.tuples(*[st.floats(0.02, 0.2)] * 3), st.tuples(*[st.floats(-0.1, 0.1)] * 3))
+@settings(max_examples=15, deadline=None)
+def test_the_box_about_an_object_gives_its_middle_and_its_moments(size: tuple[float, ...], at: tuple[float, ...]):
+    mesh = trimesh.creation.icosphere(2)
+    mesh.apply_scale(np.array(size) / 2)
+    mesh.apply_translation(at)
+    solid = build(model(mesh), "hull")
+    box_of_it = boxed(solid)
+    low, high = np.vstack(solid.parts).min(axis=0), np.vstack(solid.parts).max(axis=0)
+    x, y, z = (high - low + 0.004) ** 2
+    np.testing.assert_allclose(box_of_it.inertia_m2, [(y + z) / 12, (x + z) / 12, (x + y) / 12], rtol=1e-9)
+    np.testing.assert_allclose(box_of_it.T_obj_com, transform(np.eye(3), (low + high) / 2), atol=1e-12)
+    assert all(a is b for a, b in zip(box_of_it.parts, solid.parts, strict=True))
+
+
+def test_the_moments_of_the_box_are_bullets_own(hollow_ring: Collider):
+    bullet = QuietClient()
+    solid = boxed(hollow_ring)
+    body = convex_body(bullet, solid.parts, solid.T_obj_com, 2.0, 0.5, 1e-3)
+    np.testing.assert_allclose(bullet.getDynamicsInfo(body, -1)[2], 2.0 * solid.inertia_m2, rtol=1e-4)
+    bullet.disconnect()
 
 
 def test_ring_is_hollow_when_decomposed_and_full_as_a_hull(hollow_ring: Collider):

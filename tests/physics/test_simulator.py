@@ -7,8 +7,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
-from tests.physics.bodies import T_CAM_WORLD, T_WORLD_CAM, ball, box, heights, placed, ring, standing, table, tilt_deg
+from tests.physics.bodies import (
+    T_CAM_WORLD,
+    T_WORLD_CAM,
+    ball,
+    box,
+    heights,
+    model,
+    placed,
+    ring,
+    standing,
+    table,
+    tilt_deg,
+)
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import angle_between, axis_angle, transform
 from verefine_viz.core.observation import Support
@@ -142,6 +155,20 @@ def test_order_of_the_fixed_objects_is_free(simulator: BulletSimulator):
     moving = placed(CUBE, (0, 0, 0.11))
     one, two = (simulator.settle(moving, fixed, table(), 20) for fixed in ((a, b), (b, a)))
     assert one.Ts_cam_obj.tobytes() == two.Ts_cam_obj.tobytes()
+
+
+def test_a_block_with_a_thin_arm_stands_by_its_mesh_and_tips_by_its_box(cache: Path):
+    block = trimesh.creation.box(bounds=[[-0.02, -0.02, 0], [0.02, 0.02, 0.04]])
+    arm = trimesh.creation.box(bounds=[[-0.02, -0.005, 0.04], [0.10, 0.005, 0.05]])
+    crane = model(trimesh.util.concatenate([block, arm]))
+    by_mesh, by_box = (
+        BulletSimulator(PhysicsSettings(collider="hull", inertia=kind), cache) for kind in ("mesh", "box")
+    )
+    assert by_mesh.collider(crane).com_obj[0] < 0.01
+    np.testing.assert_allclose(by_box.collider(crane).com_obj, [0.04, 0, 0.025], atol=1e-9)
+    tilts_deg = [tilt_deg(s.settle(standing(crane), (), table(), 30).T_cam_obj) for s in (by_mesh, by_box)]
+    assert tilts_deg[0] < 1
+    assert tilts_deg[1] > 10
 
 
 def test_physics_off_leaves_the_pose(cache: Path):

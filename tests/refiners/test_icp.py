@@ -14,8 +14,8 @@ from tests.fakes import box_model, box_problem
 from tests.refiners.alignment import Cloud, icp_align
 from verefine_viz.core.algorithm_settings import IcpSettings
 from verefine_viz.core.geometry import angle_between, apply, axis_angle, inverse, random_unit_vector, transform
+from verefine_viz.core.presets import PRESETS
 from verefine_viz.core.problem import Target
-from verefine_viz.core.settings import PUBLISHED
 from verefine_viz.refiners.icp import Icp, gate_schedule_m, largest_extent_m, observed_normals
 from verefine_viz.refiners.icp_kernel import icp_loop, nearest_rotation
 
@@ -231,7 +231,7 @@ def test_gate_starts_wide_and_ends_at_the_published_one() -> None:
 def test_published_gate_leaves_a_far_start_untouched_and_the_default_does_not() -> None:
     target = moved(box_problem().targets[0], transform(np.eye(3), [0, 0, 0.6]))
     far = transform(np.eye(3), [0.01, 0.02, 0.68])
-    published = Icp(msgspec.convert(PUBLISHED["icp"], IcpSettings)).refine(target, far)
+    published = Icp(msgspec.convert(PRESETS["published"]["icp"], IcpSettings)).refine(target, far)
     assert np.array_equal(published, far)
     T = far
     for _ in range(5):
@@ -315,4 +315,4 @@ def test_too_few_points_leave_the_pose_as_it_is() -> None:
 
 
 def test_published_preset_spells_out_every_choice_of_icp() -> None:
-    assert set(PUBLISHED["icp"]) == set(IcpSettings.__struct_fields__)
+    assert set(PRESETS["published"]["icp"]) == set(IcpSettings.__struct_fields__)

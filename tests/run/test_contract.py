@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from tests.recording.runs import END
+from verefine_viz.core.presets import PRESETS
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.records import Iteration
 from verefine_viz.evaluation.pose_errors import pose_errors
@@ -31,16 +32,15 @@ from verefine_viz.run.toolbox import Toolbox
 
 pytestmark = pytest.mark.usefixtures("long_run")
 
-PRESETS = ("recommended", "published")
 LIKE_OTHERS = ("refine", "phys_before", "phys_after", "even", "expl", "pir")
-"""Methods of which ``published`` changes the refiner, physics and the score alone, as it does of all others."""
+"""Methods of which other presets change the refiner, physics and the score alone, as they do of all others."""
 IN_SURROUNDINGS = ("pir", "rir", "vf_breadth", "vf_depth")
 """Methods whose contract is checked among observed surroundings as well."""
 Runs = dict[tuple[str, str], Future[tuple[Iteration, ...]]]
 """The run of a method with a preset, once a worker has made it."""
 CASES = [
     *product(ALL_METHOD_NAMES, ["recommended"]),
-    *((name, "published") for name in ALL_METHOD_NAMES if name not in LIKE_OTHERS),
+    *((name, preset) for preset in ("paper", "published") for name in ALL_METHOD_NAMES if name not in LIKE_OTHERS),
     *product(IN_SURROUNDINGS, ["observed"]),
 ]
 

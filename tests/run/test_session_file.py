@@ -7,14 +7,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from msgspec import structs
 from msgspec.inspect import StructType
 
 from verefine_viz.core.algorithm_settings import DepthNetSettings
 from verefine_viz.core.errors import InputError, SettingsError
+from verefine_viz.core.presets import BUDGETS, PRESETS
 from verefine_viz.core.setting_types import descriptions, fields_of
-from verefine_viz.core.settings import PUBLISHED, Session
+from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import FILES, changed, load_session, resolve, save_session
 
 
@@ -39,14 +41,31 @@ def test_saved_sessions_load_the_same(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [tmp_path / "out.toml"]
 
 
-def test_published_sets_every_choice_and_explicit_fields_win() -> None:
-    published = resolve({"preset": "published"})
-    for section, fields in PUBLISHED.items():
-        for name, value in fields.items():
-            assert getattr(getattr(published, section), name) == value
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_preset_sets_every_choice_and_explicit_fields_win(preset: str) -> None:
+    session = resolve({"preset": preset})
+    raw, defaults = msgspec.to_builtins(session), msgspec.to_builtins(Session())
+    for fields in (PRESETS[preset], BUDGETS.get((preset, "icp"), {})):
+        for section, values in fields.items():
+            assert {name: raw[section][name] for name in values} == values
+            raw[section] |= {name: defaults[section][name] for name in values}
+    assert raw == {**defaults, "preset": preset}
     assert resolve({"preset": "published", "icp": {"stop": "tolerance"}}).icp.stop == "tolerance"
     assert resolve({"preset": "published", "icp": {"stop": "tolerance"}}).icp.gate == "published"
     assert resolve({}) == Session()
+
+
+def test_the_paper_has_a_budget_for_each_of_its_refiners() -> None:
+    def budget(**method: object) -> tuple[int, int, int]:
+        session = resolve({"preset": "paper", "method": method})
+        return session.hypotheses.max_per_object, session.method.iterations, session.physics.steps
+
+    assert budget() == budget(refiner="icp") == (3, 5, 3)  # RIR has 3 · 5 calls of 10 iterations, 150 in all.
+    assert budget(refiner="trimmed_icp") == (25, 2, 60)  # Three objects have 150 calls.
+    assert budget(refiner="densefusion") == (5, 2, 3)  # 10 calls of one iteration.
+    assert budget(refiner="densefusion", iterations=7) == (5, 7, 3)
+    with pytest.raises(SettingsError, match="preset = "):
+        resolve({"preset": ["paper"]})
 
 
 def test_paths_are_taken_from_the_file_and_overrides_from_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,7 +134,7 @@ WRONG_FILES: tuple[tuple[str, str], ...] = (
     ("[scene]\ngravity = [0, 1, inf]", r"scene.gravity.2 = inf: expected a number from -1000000 to 1000000$"),
     ("[scene]\ngravity = [0, 0, 0]", r"scene.gravity = \[0.0, 0.0, 0.0\]: expected a vector that is not zero$"),
     ("[scene]\ngravity = [1e308, 1, 1]", r"scene.gravity.0 = 1e\+308: expected a number from -1000000 to 1000000$"),
-    ("preset = 'theirs'", "preset = 'theirs': expected 'published' or 'recommended'$"),
+    ("preset = 'theirs'", "preset = 'theirs': expected 'paper', 'published' or 'recommended'$"),
     ("[method\nname=1", "is not TOML"),
     ("[[edits]]\nafter_iteration=1", "edits.0.instance is missing$"),
     ("[[edits]]\nx=1", "unknown field 'edits.0.x'; available: T_cam_obj, .*instance$"),

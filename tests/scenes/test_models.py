@@ -9,10 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import KDTree
 
 from verefine_viz.core.files import decoded_json
 from verefine_viz.core.geometry import apply
+from verefine_viz.core.model import ObjectModel
 from verefine_viz.scenes import meshes
+from verefine_viz.scenes.demo_models import demo_model
 from verefine_viz.scenes.meshes import hull_vertices, largest_distance, read_mesh
 from verefine_viz.scenes.models import ModelInfo, ModelLibrary, model_of_mesh, symmetry_transforms
 
@@ -75,6 +78,44 @@ def test_sampling_depends_on_the_seed_only(tmp_path: Path) -> None:
     assert a.points.tobytes() == b.points.tobytes()
     assert a.points.tobytes() != c.points.tobytes()
     assert a.mesh_hash == b.mesh_hash == c.mesh_hash
+
+
+def test_an_even_cloud_is_spread_far_more_uniformly_and_depends_on_the_seed_only(tmp_path: Path) -> None:
+    path = tmp_path / "box.ply"
+    box().export(path)
+    mesh = read_mesh(path, 1e-3)
+    random, a, b, c = (
+        model_of_mesh(mesh, 1, "box", 1000, seed, sampling=sampling)
+        for sampling, seed in (("random", 4), ("even", 4), ("even", 4), ("even", 5))
+    )
+    assert a.points.tobytes() == b.points.tobytes() != c.points.tobytes()
+
+    def variation(model: ObjectModel) -> float:
+        """Deviation of the distances to the nearest point, as a share of their mean."""
+        nearest_m = KDTree(model.points).query(model.points, 2)[0][:, 1]
+        return float(nearest_m.std() / nearest_m.mean())
+
+    assert len(a.points) == 1000
+    assert variation(random) > 0.4
+    assert variation(a) < 0.2
+    # On the surface, each with its face's normal, each face with its share.
+    on = np.abs(np.abs(a.points) - SIZE_MM / 2000) < 1e-9
+    assert on.any(axis=1).all()
+    np.testing.assert_allclose((np.sign(a.points) * a.point_normals).max(axis=1), 1, atol=1e-9)
+    areas = np.array([80 * 60, 100 * 60, 100 * 80])
+    counts = np.abs(a.point_normals).round().sum(axis=0)
+    np.testing.assert_allclose(counts / 1000, areas / areas.sum(), atol=0.03)
+
+
+@pytest.mark.parametrize("source", ["bop", "demo"])
+def test_a_session_says_how_model_clouds_are_spread(source: str, tmp_path: Path) -> None:
+    library = [demo_model("mug", 300, 0, sampling) for sampling in ("random", "even")]
+    if source == "bop":
+        (tmp_path / "models").mkdir()
+        box().export(tmp_path / "models" / "obj_000001.ply")
+        library = [ModelLibrary(tmp_path, 300, 0, sampling).get(1) for sampling in ("random", "even")]
+    gaps_m = [KDTree(model.points).query(model.points, 2)[0][:, 1].min() for model in library]
+    assert gaps_m[1] > 5 * gaps_m[0]
 
 
 def test_glb_is_metres_in_a_bop_folder(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from verefine_viz.core.settings import Session
 HELP_SETTINGS = "--help-settings"
 _HINT = """
 Every setting of a session file is an option too, and wins over the file: --method.name sir --score.tau-m 0.01;
---preset published sets every choice as the authors' public code has it.
+--preset paper sets every choice as the paper has it, --preset published as the authors' public code does.
 --help-settings lists them with unit, default and source, --help-settings SECTION those of one section:
 {sections}.
 """

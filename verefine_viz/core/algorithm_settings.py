@@ -161,6 +161,9 @@ class DependencySettings(Settings, frozen=True):
     rule: Literal["recommended", "published"] = "recommended"
     """recommended: contact, occlusion and support from the visible clouds. published: masks that touch when dilated by
     one pixel form a cluster, lower tops come first."""
+    clusters: Literal["components", "cuthill_mckee"] = "components"
+    """Which objects are one cluster. components: all that edges connect, over others too. cuthill_mckee: as the
+    authors' code splits them, which takes some apart that edges connect."""
     order: Order = ()
     """Clusters in the order to solve them, which wins over any rule: object ids, or "#4" for instance 4 where an object
     is there twice, as [[8, 2], [3]]."""

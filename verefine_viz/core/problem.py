@@ -36,7 +36,8 @@ class Edge:
     evidence: str
     """With numbers and units: "5 mm apart", "64 % of its footprint, 2 mm above"."""
     state: EdgeState = "used"
-    """ambiguous: part of a cycle and its weakest edge, so left out of the order. cut: left out by the user."""
+    """ambiguous: part of a cycle and its weakest edge, so left out of the order. cut: left out by the user,
+    or between two clusters of `cuthill_mckee`."""
 
 
 @dataclass(frozen=True)

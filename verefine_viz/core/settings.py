@@ -2,7 +2,7 @@
 
 A session file (TOML) is a :class:`Session`; what only some runs need is in ``algorithm_settings`` (refiners,
 estimators, the tree search, the order of objects, breakpoints). ``--help-settings`` shows the docstrings of the fields.
-Where the paper can be read in two ways the choice is a field; :data:`PUBLISHED` is what the authors' public code does.
+Where the paper can be read in two ways the choice is a field; ``presets`` has the paper's and the authors' code's.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ from verefine_viz.core.algorithm_settings import (
     TricpSettings,
 )
 from verefine_viz.core.setting_types import Count, Gravity, Index, InputPath, Pose, Seed, Settings, Weight
+
+ModelSampling = Literal["random", "even"]
+"""How points are spread over a model's surface."""
 
 
 class SceneSettings(Settings, frozen=True):
@@ -66,6 +69,8 @@ class SceneSettings(Settings, frozen=True):
     """Observed points per object that the refiner sees."""
     model_points: Annotated[int, Meta(ge=1, le=100_000)] = 2000
     """Points sampled on each model."""
+    model_sampling: ModelSampling = "random"
+    """How: drawn at random, or evenly, each the farthest from those before (as the authors' clouds are)."""
 
 
 class HypothesesSettings(Settings, frozen=True):
@@ -192,6 +197,9 @@ class PhysicsSettings(Settings, frozen=True):
     """Lateral friction of objects; the plane has 1.0."""
     collider: Literal["decomposition", "hull"] = "decomposition"
     """Convex decomposition keeps bowls and mugs hollow; the authors use one hull per object."""
+    inertia: Literal["mesh", "box"] = "mesh"
+    """Whose centre of mass and moments of inertia an object has: its mesh's, or its bounding box's along the axes of
+    the model (authors' code: Bullet's default)."""
     margin_m: Annotated[float, Meta(ge=0, le=0.1)] = 1e-4
     """Collision margin [m]; Bullet's default for meshes is 1e-3, which leaves objects 1 mm above the plane."""
     gravity_m_s2: Annotated[float, Meta(ge=0, le=1000)] = 9.81
@@ -271,8 +279,9 @@ class Session(Settings, frozen=True):
 
     title: str = ""
     """Shown on the page and in recordings."""
-    preset: Literal["recommended", "published"] = "recommended"
-    """published: every choice as the authors' public code has it; fields given explicitly win over it."""
+    preset: Literal["recommended", "paper", "published"] = "recommended"
+    """paper: every choice as the paper's text has it, and its budget for the refiner. published: as the authors' public
+    code has it. Fields given explicitly win over it. docs/methods.md 1.8."""
     scene: SceneSettings = SceneSettings()
     hypotheses: HypothesesSettings = HypothesesSettings()
     method: MethodSettings = MethodSettings()
@@ -296,34 +305,3 @@ class Session(Settings, frozen=True):
     without solving the frames before."""
     changes: tuple[Change, ...] = ()
     """Settings changed during the run, so that a saved session repeats them."""
-
-
-PUBLISHED: dict[str, dict[str, Any]] = {
-    "score": {
-        "pixels": "published",
-        "alpha": 0.707,
-        "tau_m": 0.020,
-        "pixel_centre": "half",
-        "simplify_mm": 0.0,
-        "colour_weight": 0.0,
-    },
-    "icp": {"metric": "point", "stop": "published", "gate": "published", "matches": "all", "max_iterations": 10},
-    "hypotheses": {"flips": False},
-    "tricp": {"trim": 1.0},
-    "pcs": {"part_share": 0.0, "spacing_m": 0.0, "keep_share": 0.2},
-    "dependency": {"rule": "published"},
-    "method": {
-        "sim_candidate": "full",
-        "accept": "latest",
-        "exploration": 0.1,
-        "discount": 0.99,
-        "scene_reward": "current_pass",
-        "scene_answer": "per_object",
-        "scene_prior": "object",
-        "scene_pixels": "frame",
-        "occluders": "none",
-        "carry_clusters": False,
-    },
-    "physics": {"collider": "hull", "margin_m": 1e-3, "placed": "dynamic", "steps": 3, "support": "plane"},
-}
-"""What ``preset = "published"`` changes (docs/methods.md 1.8 and 9)."""

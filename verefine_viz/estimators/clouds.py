@@ -132,15 +132,14 @@ def large_parts(points: Float, side_m: float, share: float) -> Float:
     return points[np.bincount(part)[part] >= share * len(points)]
 
 
-def spread_out(points: Float, n: int) -> tuple[Float, Float]:
-    """At most ``n`` of the points, evenly spread, and how far each is from the nearest of those before it [m].
+def spread_out(points: Float, n: int) -> tuple[NDArray[np.int64], Float]:
+    """Indices of at most ``n`` of the points, evenly spread, and how far each is from the nearest before it [m].
 
     The first is the cloud's first; each further one is the farthest from all before, so that any beginning of the list
     is evenly spread too, and the distances never grow.
     """
     points = np.array(points, dtype=np.float64, order="C")
-    chosen, distances = _farthest(points, min(n, len(points)))
-    return points[chosen], distances
+    return _farthest(points, min(n, len(points)))
 
 
 @njit(cache=True)

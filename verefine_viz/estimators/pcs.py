@@ -48,8 +48,9 @@ class PcsModel(NamedTuple):
 
     @staticmethod
     def build(model: ObjectModel, settings: PcsSettings) -> PcsModel:
-        points, distances = spread_out(thinned(model.points, settings.grid_m), settings.samples)
-        n = max(MIN_PAIRED, int((distances >= settings.spacing_m).sum()))
+        cloud = thinned(model.points, settings.grid_m)
+        chosen, distances = spread_out(cloud, settings.samples)
+        points, n = cloud[chosen], max(MIN_PAIRED, int((distances >= settings.spacing_m).sum()))
         return PcsModel(points, PairTable.build(points[:n]))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 
@@ -10,7 +10,14 @@ from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.errors import unknown
 from verefine_viz.core.problem import DependencyGraph, Edge, Problem
 from verefine_viz.observation.dependency_edges import contact_edges, lowest_m, meetings, occlusion_edges, support_edges
-from verefine_viz.observation.dependency_order import Groups, cut_between, ordered, published_clusters, touching_masks
+from verefine_viz.observation.dependency_order import (
+    Groups,
+    cut_between,
+    cut_by_cuthill_mckee,
+    ordered,
+    published_clusters,
+    touching_masks,
+)
 from verefine_viz.observation.given_order import given_clusters, given_entries
 from verefine_viz.observation.visible_parts import VisiblePart, label, visible_parts
 
@@ -75,7 +82,7 @@ def _recommended(problem: Problem, parts: Sequence[VisiblePart], settings: Depen
         edges += support_edges(parts, near, hidden, settings)
         diameters_m = {i.instance_id: problem.models[i.obj_id].diameter_m for i in problem.instances}
         notes = _hovering(parts, edges, settings.base_m, diameters_m)
-    order = ordered({p.instance_id: p.median_depth_m for p in parts}, edges, settings.cut)
+    order = ordered({p.instance_id: p.median_depth_m for p in parts}, _cut(parts, edges, settings))
     notes += tuple(
         f"what carries what runs in a circle; its weakest sign, that {label(problem, e.first)} carries "
         f"{label(problem, e.second)} ({e.evidence}), is left out of the order"
@@ -86,9 +93,17 @@ def _recommended(problem: Problem, parts: Sequence[VisiblePart], settings: Depen
 
 
 def _published(problem: Problem, parts: Sequence[VisiblePart], settings: DependencySettings) -> _RuleResult:
-    edges = cut_between(touching_masks(problem), settings.cut)
+    edges = _cut(parts, touching_masks(problem), settings)
     clusters = published_clusters(parts, edges)
     return _RuleResult(edges, clusters, clusters, _no_plane(problem))
+
+
+def _cut(parts: Sequence[VisiblePart], edges: Iterable[Edge], settings: DependencySettings) -> tuple[Edge, ...]:
+    """The edges, those that the settings leave out marked as cut."""
+    marked = cut_between(edges, settings.cut)
+    if settings.clusters == "components":
+        return marked
+    return cut_by_cuthill_mckee([p.instance_id for p in parts], marked)
 
 
 def _no_plane(problem: Problem) -> tuple[str, ...]:

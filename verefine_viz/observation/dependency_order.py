@@ -11,8 +11,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
 
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.problem import Edge, Problem
@@ -33,7 +33,7 @@ class Ordering:
     """Each a base object and what it carries, in the order of ``clusters``."""
 
 
-def ordered(depths_m: Mapping[int, float], edges: Iterable[Edge], cut: Collection[tuple[int, int]] = ()) -> Ordering:
+def ordered(depths_m: Mapping[int, float], edges: Iterable[Edge]) -> Ordering:
     """Clusters are connected by edges that are not cut; in each, what carries comes before what it carries.
 
     Base objects (those that nothing carries) are taken front to back, each followed by all that it carries, depth
@@ -43,9 +43,8 @@ def ordered(depths_m: Mapping[int, float], edges: Iterable[Edge], cut: Collectio
     Args:
         depths_m: of every instance; the nearer, the earlier.
         edges: between these instances.
-        cut: pairs between which no edge is to count.
     """
-    marked = without_cycles(cut_between(edges, cut))
+    marked = without_cycles(edges)
     carried: dict[int, list[int]] = {i: [] for i in depths_m}
     carriers: dict[int, set[int]] = {i: set() for i in depths_m}
     for edge in marked:
@@ -86,15 +85,37 @@ def connected(instance_ids: Iterable[int], edges: Iterable[Edge]) -> list[list[i
 
 
 def cut_between(edges: Iterable[Edge], cut: Collection[tuple[int, int]]) -> tuple[Edge, ...]:
-    """The edges in a fixed order, those between the pairs of ``cut`` (either way round) marked as cut."""
+    """The edges, those between the pairs of ``cut`` (either way round) marked as cut."""
     pairs = {frozenset(pair) for pair in cut}
-    marked = [replace(e, state="cut") if frozenset((e.first, e.second)) in pairs else e for e in edges]
-    return tuple(sorted(marked, key=lambda e: (e.kind, e.first, e.second)))
+    return tuple(replace(e, state="cut") if frozenset((e.first, e.second)) in pairs else e for e in edges)
 
 
-def without_cycles(edges: tuple[Edge, ...]) -> tuple[Edge, ...]:
-    """The edges with just so many support edges marked as ambiguous that the rest runs in no circle."""
-    out = list(edges)
+def cut_by_cuthill_mckee(instance_ids: Iterable[int], edges: Iterable[Edge]) -> tuple[Edge, ...]:
+    """The edges, those between clusters of the authors' code marked as cut.
+
+    It takes the objects in reverse Cuthill-McKee order; one that touches none of the latest cluster begins the next, so
+    that objects which edges connect may come apart (docs/methods.md 2.2).
+    """
+    ids, marked = sorted(instance_ids), tuple(edges)
+    place = {i: k for k, i in enumerate(ids)}
+    touch = np.zeros((len(ids), len(ids)), dtype=bool)
+    for edge in marked:
+        if edge.state != "cut":
+            a, b = place[edge.first], place[edge.second]
+            touch[a, b] = touch[b, a] = True
+    clusters: list[list[int]] = []
+    for k in reverse_cuthill_mckee(csr_array(touch), symmetric_mode=True) if ids else ():
+        if clusters and touch[clusters[-1], k].any():
+            clusters[-1].append(int(k))
+        else:
+            clusters.append([int(k)])
+    number = {ids[k]: n for n, cluster in enumerate(clusters) for k in cluster}
+    return tuple(replace(e, state="cut") if number[e.first] != number[e.second] else e for e in marked)
+
+
+def without_cycles(edges: Iterable[Edge]) -> tuple[Edge, ...]:
+    """The edges in a fixed order, just so many support edges marked as ambiguous that the rest runs in no circle."""
+    out = sorted(edges, key=lambda e: (e.kind, e.first, e.second))
     ids = sorted({i for e in edges for i in (e.first, e.second)})
     place = {i: k for k, i in enumerate(ids)}
     while True:

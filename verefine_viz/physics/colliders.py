@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -43,6 +43,8 @@ DECOMPOSED_FACES = 1000
 BEYOND, SHORT = 0.05, 0.1
 """How much further than the mesh, and how much less far, a collider may reach in any direction [share of the diameter].
 Those of YCB-Video and LINEMOD reach at most 0.018 further and 0.013 less far."""
+BOX_MARGIN_M = 0.002
+"""Bullet's bounding box is so much wider on each side, whatever margin a body is given later [m]."""
 FORMAT = 5
 """Part of the cache's file names; raise it when the way colliders are built changes."""
 
@@ -60,8 +62,9 @@ class Collider:
     deviation_m: float
     """How far the surfaces of collider and mesh are from each other, at worst [m]: with a hull, the depth of the bowl
     that physics takes for solid. Sampled, so a good fit reads as about 1 % of the diameter."""
-    mass_from: Literal["mesh", "parts"]
-    """Whether centre of mass and inertia come from the closed mesh, or from the parts because the mesh has holes."""
+    mass_from: Literal["mesh", "parts", "box"]
+    """Whether centre of mass and inertia come from the closed mesh, from the parts because the mesh has holes, or from
+    the bounding box."""
     took_too_long: bool = False
     """Whether it is the hull only because taking the mesh apart takes more than ``decomposition.LIMIT_S``."""
 
@@ -162,6 +165,15 @@ def build(model: ObjectModel, kind: ColliderKind, progress: ProgressToken = NEVE
         deviation_m = deviation(parts, surface)
     T_obj_com, inertia_m2, mass_from = _mass_properties(mesh, parts)
     return Collider(tuple(parts), T_obj_com, inertia_m2, deviation_m, mass_from, took_too_long)
+
+
+def boxed(solid: Collider) -> Collider:
+    """``solid`` with centre of mass and inertia of its bounding box along the object's axes, as Bullet has them."""
+    corners = np.vstack(solid.parts)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    squares = (high - low + 2 * BOX_MARGIN_M) ** 2
+    T_obj_com = transform(np.eye(3), (low + high) / 2)
+    return replace(solid, T_obj_com=T_obj_com, inertia_m2=(squares.sum() - squares) / 12, mass_from="box")
 
 
 def lies_on(parts: list[Float] | tuple[Float, ...], model: ObjectModel) -> bool:

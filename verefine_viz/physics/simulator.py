@@ -23,7 +23,7 @@ from verefine_viz.core.protocols import Simulator
 from verefine_viz.core.records import Contacts, SimulatedPath
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.core.surroundings import SUPPORT_ID, SupportSurface, Surroundings
-from verefine_viz.physics.colliders import Collider, collider
+from verefine_viz.physics.colliders import Collider, boxed, collider
 from verefine_viz.physics.stability import Motion, Touch
 from verefine_viz.physics.world import PLANE_FRICTION, BodyKey, PlacedBody, World, pybullet
 
@@ -81,6 +81,7 @@ class BulletSimulator:
         built = self._colliders.get(model.mesh_hash)
         if built is None:
             built = collider(model, self._settings.collider, self._cache, progress or self._progress)
+            built = boxed(built) if self._settings.inertia == "box" else built
             self._colliders[model.mesh_hash] = built
         return built
 

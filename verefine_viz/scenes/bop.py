@@ -21,6 +21,7 @@ from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, ShapeError, in_one_line, unknown
 from verefine_viz.core.files import Numbered
 from verefine_viz.core.geometry import as_rigid, transform
+from verefine_viz.core.settings import ModelSampling
 from verefine_viz.core.text_format import listed
 from verefine_viz.scenes.annotations import (
     GroundTruth,
@@ -83,13 +84,20 @@ class BopDataset:
         seed: of that sampling.
         sensor: the one whose images are read, where scenes have several; empty = plain names, else the first one
             (:func:`~verefine_viz.scenes.bop_files.files_of_scene`).
+        model_sampling: how the points are spread.
 
     Raises:
         InputError: the folder, the split or the models are not there.
     """
 
     def __init__(
-        self, folder: Path | str, split: str, model_points: int = 2000, seed: int = 0, sensor: str = ""
+        self,
+        folder: Path | str,
+        split: str,
+        model_points: int = 2000,
+        seed: int = 0,
+        sensor: str = "",
+        model_sampling: ModelSampling = "random",
     ) -> None:
         self.folder = Path(folder)
         self.split = split
@@ -99,7 +107,7 @@ class BopDataset:
         splits = splits_in(self.folder)
         if split not in splits:
             raise InputError(f"{unknown('split', split, splits)} in {self.folder}{meant_dataset(self.folder, split)}")
-        self.models = ModelLibrary(self.folder, model_points, seed)
+        self.models = ModelLibrary(self.folder, model_points, seed, model_sampling)
         self._scenes = scenes_in(self.folder / split)
         self._files: dict[int, SceneFiles] = {}
         self._coco: dict[int, CocoMasks] = {}

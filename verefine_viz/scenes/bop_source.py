@@ -64,7 +64,9 @@ class BopSource:
 
     def _read(self) -> None:
         scene, hypotheses = self._scene, self._hypotheses
-        self._dataset = BopDataset(scene.dataset, scene.split, scene.model_points, scene.seed, scene.sensor)
+        self._dataset = BopDataset(
+            scene.dataset, scene.split, scene.model_points, scene.seed, scene.sensor, scene.model_sampling
+        )
         self._check_objects()
         self._detections = _detections(scene.masks)
         self._results = results_of(hypotheses)

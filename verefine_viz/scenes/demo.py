@@ -9,6 +9,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.geometry import apply, inverse
+from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis, Placed, Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
@@ -125,17 +126,21 @@ def _scene(name: str) -> DemoScene:
 
 def _placed(scene: DemoScene, T_world_cam: Float, settings: SceneSettings, progress: ProgressToken) -> list[Placed]:
     T_cam_world = inverse(T_world_cam)
-    models = [demo_model(item.model, settings.model_points, settings.seed) for item in scene.items]
+    models = [_model(item.model, settings) for item in scene.items]
     prepare(scene.items, progress)
     progress.checkpoint("Letting the objects of the scene fall into their places.")
     poses = settled(scene.items, settings.turned)
     return [Placed(k, m, T_cam_world @ T) for k, (m, T) in enumerate(zip(models, poses, strict=True))]
 
 
+def _model(name: str, settings: SceneSettings) -> ObjectModel:
+    return demo_model(name, settings.model_points, settings.seed, settings.model_sampling)
+
+
 def _as_seen(scene: DemoScene, placed: Sequence[Placed], settings: SceneSettings) -> list[Placed]:
     """The same scene without the parts that the depth sensor and the detector look through."""
     names = [item.seen_as or item.model for item in scene.items]
-    models = [demo_model(name, settings.model_points, settings.seed) for name in names]
+    models = [_model(name, settings) for name in names]
     return [Placed(p.instance_id, m, p.T_cam_obj) for p, m in zip(placed, models, strict=True)]
 
 

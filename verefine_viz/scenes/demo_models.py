@@ -19,6 +19,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.model import ObjectModel
+from verefine_viz.core.settings import ModelSampling
 from verefine_viz.scenes.meshes import Mesh, read_mesh
 from verefine_viz.scenes.models import CONTINUOUS_STEPS, model_of_mesh
 
@@ -287,7 +288,7 @@ KINDS: dict[str, _Kind] = {
 
 
 @cache
-def demo_model(name: str, n_points: int, seed: int) -> ObjectModel:
+def demo_model(name: str, n_points: int, seed: int, sampling: ModelSampling = "random") -> ObjectModel:
     """A built-in object.
 
     Raises:
@@ -300,7 +301,7 @@ def demo_model(name: str, n_points: int, seed: int) -> ObjectModel:
     if not kind.is_centred:
         middle = (mesh.vertices_m.min(axis=0) + mesh.vertices_m.max(axis=0)) / 2
         mesh = Mesh(mesh.vertices_m - middle, mesh.faces, mesh.vertex_colors)
-    return model_of_mesh(mesh, kind.obj_id, name, n_points, seed, kind.symmetries)
+    return model_of_mesh(mesh, kind.obj_id, name, n_points, seed, kind.symmetries, sampling=sampling)
 
 
 def demo_obj_id(name: str) -> int:

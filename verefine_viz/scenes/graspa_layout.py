@@ -122,7 +122,7 @@ class LayoutSource:
             if not getattr(scene, name):
                 raise SettingsError(f'scene.{name} is empty; set it to {what} for scene.source = "layout"')
         self._scene, self._hypotheses = scene, hypotheses
-        self._library = ModelLibrary(Path(scene.dataset), scene.model_points, scene.seed)
+        self._library = ModelLibrary(Path(scene.dataset), scene.model_points, scene.seed, scene.model_sampling)
         self._available = tuple(f"0/{k}" for k in range(len(VIEWS)))
         for frame in scene.frames:
             self._check_frame(frame)

@@ -207,7 +207,10 @@ class RecordedSource:
         if key not in self._models:
             mesh = read_mesh(one.mesh, one.unit_m)
             turns = None if one.symmetry_axis is None else _turns(one.symmetry_axis, mesh, one.name)
-            model = model_of_mesh(mesh, obj_id, one.name, self._scene.model_points, self._scene.seed, turns)
+            scene = self._scene
+            model = model_of_mesh(
+                mesh, obj_id, one.name, scene.model_points, scene.seed, turns, sampling=scene.model_sampling
+            )
             self._models[key] = model, tuple(f"{one.name} ({obj_id}): {text}" for text in mesh.notes)
         return self._models[key]
 

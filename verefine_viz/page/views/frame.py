@@ -11,6 +11,7 @@ import numpy as np
 from PIL import Image
 
 from verefine_viz.core.observation import Observation
+from verefine_viz.core.presets import PRESETS
 from verefine_viz.core.problem import LeftOut, Problem, Target
 from verefine_viz.methods.registry import ALL_METHOD_NAMES, method_of
 from verefine_viz.page.blobs import Blobs
@@ -65,6 +66,7 @@ def frame_message(space: Workspace, blobs: Blobs, demos: Sequence[str], sessions
                 for name in ALL_METHOD_NAMES
             ],
             "refiners": list(REFINERS),
+            "presets": list(PRESETS),
             "estimators": ESTIMATORS,
             "settings": editable_settings(branch.settings),
         },

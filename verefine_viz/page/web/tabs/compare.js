@@ -113,8 +113,8 @@ function Curves({ run_a, run_b, moment, names, compare }) {
 
 // What B can be: this frame with a changed setting, another branch, or a recording.
 function NewB({ branch, branches, compare }) {
-  const { preset } = state.frame;
-  const settings = [...settingsOf(state, branch), { name: "preset", kind: "choice", value: preset, choices: ["recommended", "published"], common: true, help: "all that differs between what is recommended and what was published" }];
+  const { preset, choices } = state.frame;
+  const settings = [...settingsOf(state, branch), { name: "preset", kind: "choice", value: preset, choices: choices.presets, common: true, help: "every choice as recommended, as in the paper's text, or as in the authors' code" }];
   const [name, setName] = useState("method.name");
   const [value, setValue] = useState(null);
   const [path, setPath] = useState("");
