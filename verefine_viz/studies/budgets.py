@@ -36,7 +36,7 @@ class Budget:
     def about(self) -> str:
         """In words."""
         of_call = f" of {self.inner} iterations" if self.inner > 1 else ""
-        return f"{self.name}: K = {self.calls} calls{of_call} per hypothesis, H = {self.hypotheses} ({self.source})"
+        return f"{self.name}: K = {self.calls} calls{of_call} per hypothesis ({self.source})"
 
     @property
     def short(self) -> int:

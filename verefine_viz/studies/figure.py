@@ -33,6 +33,15 @@ STYLE: dict[Any, Any] = {
     "pdf.fonttype": 42,
 }
 """Letters as those of a caption; in PDF they are text."""
+LEGEND: dict[str, Any] = {
+    "loc": "outside lower center",
+    "frameon": False,
+    "handlelength": 1.4,
+    "handletextpad": 0.4,
+    "columnspacing": 1.0,
+}
+MOST_COLUMNS = 5
+"""Names in one line of a legend; more of them take two."""
 COLORS = ("#8a8a8a", "#e69f00", "#56b4e9", "#0072b2", "#d55e00", "#cc79a7", "#b8a500", "#009e73")
 """After Okabe and Ito, safe for colour-blind readers; a method has the same in every diagram."""
 MARKERS = "osD^vPX*"
@@ -72,7 +81,8 @@ def draw_curves(diagrams: Sequence[Diagram], mark: str = "") -> Figure:
                     axes.set_ylabel("")
                     axes.tick_params(labelleft=False)
             handles, names = part.axes[0].get_legend_handles_labels()
-            part.legend(handles, names, loc="outside lower center", ncols=4, frameon=False, handlelength=1.6)
+            n_columns = len(names) if len(names) <= MOST_COLUMNS else -(-len(names) // 2)
+            part.legend(handles, names, ncols=n_columns, **LEGEND)
     return figure
 
 

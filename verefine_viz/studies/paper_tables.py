@@ -58,7 +58,16 @@ def _panel(budget: Budget, own_initial_poses: bool) -> Panel:
     curves += [budget.curve(f"{name}, {long}", method) for name, method in SEVERAL]
     claims = _of_search(long) if has_tree else _of_refiner(budget)
     prepare = _as_it_is(budget.hypotheses) if own_initial_poses else _far(budget.hypotheses)
-    return Panel(budget.name, "", (0.0,), tuple(curves), prepare, claims, budget.about, may_lack=True)
+    return Panel(
+        budget.name,
+        "",
+        (0.0,),
+        tuple(curves),
+        prepare,
+        claims,
+        f"H = {budget.hypotheses}; {budget.about}",
+        may_lack=True,
+    )
 
 
 def _of_refiner(budget: Budget) -> tuple[Claim, ...]:

@@ -22,11 +22,11 @@ from verefine_viz.studies.study_plan import Study
 from verefine_viz.studies.study_report import About, report_curves, report_tables
 
 SCENES = ("mug", "duck", "bracket", "bowl", "clutter")
-QUICK_SCENES = ("mug", "duck", "bracket")
 """Built-in scenes that are used where no session is given."""
 TABLE_SCENES = (*SCENES, "stack")
-QUICK_TABLE_SCENES = ("duck", "bowl", "stack")
 """The same for tables, whose methods of whole scenes differ only where objects touch."""
+QUICK_SCENES, QUICK_FRAMES = ("duck", "bowl", "stack"), ("0/0",)
+"""Their six objects are just enough for verdicts."""
 GRASP_SCENE = "clutter"
 """Of grasping: its objects stand close together, and the gripper can hold five of the six."""
 CURVES = ("ablation", "robustness")
@@ -124,9 +124,10 @@ def scenes(study: str, session: Path | None, overrides: Mapping[str, Any], quick
     if study == "grasping":
         scene = {"demo": GRASP_SCENE, "frames": ("0/0",)}
         return _with_turned(GRASP_SCENE, load_session(None, {"preset": PRESET, **overrides, "scene": scene}))
-    every, few = (TABLE_SCENES, QUICK_TABLE_SCENES) if study == "tables" else (SCENES, QUICK_SCENES)
-    names = few if quick else every
-    return {name: load_session(None, {"preset": PRESET, **overrides, "scene": {"demo": name}}) for name in names}
+    names = QUICK_SCENES if quick else TABLE_SCENES if study == "tables" else SCENES
+    frames = QUICK_FRAMES if quick else ()
+    built_in = {name: {"preset": PRESET, **overrides, "scene": {"demo": name, "frames": frames}} for name in names}
+    return {name: load_session(None, fields) for name, fields in built_in.items()}
 
 
 def _with(overrides: Mapping[str, Any], section: str, fields: Mapping[str, Any]) -> dict[str, Any]:
@@ -166,4 +167,5 @@ def _write(path: Path, table: Sequence[Mapping[str, object]]) -> None:
 def _about(sessions: Mapping[str, Session], outcomes: Sequence[Outcome], seeds: int) -> str:
     frames = {(o.scene, o.frame) for o in outcomes}
     objects = {(o.scene, o.frame, o.instance_id) for o in outcomes}
-    return f"{', '.join(sessions)}: {len(frames)} frames, {len(objects)} objects, {seeds} seeds"
+    counts = {"frame": len(frames), "object": len(objects), "seed": seeds}
+    return f"{', '.join(sessions)}: " + ", ".join(f"{n} {what}" + "s" * (n != 1) for what, n in counts.items())
