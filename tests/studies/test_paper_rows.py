@@ -103,9 +103,9 @@ def test_the_papers_number_stands_beside_its_own_budget_and_data_only(tmp_path: 
 def test_a_row_without_numbers_is_left_open_and_table_ii_has_mean_errors() -> None:
     row = {**_row("RIR, 50", 50), "panel": "TrICP"}
     table = printed(_panel("TrICP"), [row], None)
-    assert table.headings == ("", "VSD", "MSPD", "MSSD", "AR", "r̄ [°]", "t̄ [cm]", "T [ms]", "#ref", "paper")
+    assert table.headings == ("", "VSD", "MSPD", "MSSD", "AR", "r̄ [°]", "t̄ [cm]", "T [s]", "#ref", "paper")
     cells = {row[0]: row[1:] for row in table.rows}
-    assert cells["RIR, 50"] == ("80.0", "80.0", "80.0", "80.0", "5.0", "1.2", "9", "50", "other data")
+    assert cells["RIR, 50"] == ("80.0", "80.0", "80.0", "80.0", "5.0", "1.2", "0.0", "50", "other data")
     assert set(cells["VF_d, 50"][:-1]) == {"–"}
 
 

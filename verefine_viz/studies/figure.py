@@ -11,6 +11,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import TextPath
 
 from verefine_viz.core.writing import atomic
 from verefine_viz.studies.claims import Line
@@ -20,6 +22,8 @@ WIDTH_IN = 3.45
 """Of a column of the paper's format."""
 ROW_IN = 1.95
 """Height of a row of diagrams, with its legend [in]."""
+GAP_PT = 5.0
+"""Least space between the columns of a table, whose letters get smaller for it [pt]."""
 LINE_IN = 0.135
 """Height of a line of a table [in]."""
 DPI = 300
@@ -131,8 +135,12 @@ def draw_tables(tables: Sequence[PrintedTable], mark: str = "") -> Figure:
 
 def _table(axes: Axes, table: PrintedTable, top: float) -> None:
     cells = (table.headings, *table.rows)
-    widths = np.array([max(len(row[k]) for row in cells) + 1.5 for k in range(len(table.headings))])
-    right = 0.01 + 0.98 * np.cumsum(widths) / widths.sum()
+    widths_pt = np.array([max(map(_width_pt, column)) for column in zip(*cells, strict=True)])
+    gaps_pt = GAP_PT * (len(widths_pt) - 1)
+    size = STYLE["font.size"] * min(1.0, (0.98 * 72 * WIDTH_IN - gaps_pt) / widths_pt.sum())
+    gap_pt = (0.98 * 72 * WIDTH_IN - widths_pt.sum() * size / STYLE["font.size"]) / max(len(widths_pt) - 1, 1)
+    right = 0.01 + np.cumsum(widths_pt * size / STYLE["font.size"] + gap_pt) / (72 * WIDTH_IN)
+    right -= gap_pt / (72 * WIDTH_IN)
     axes.text(0.01, top + 0.7, table.title, fontweight="bold", va="center")
     for y, lw in ((top + 1.3, 0.9), (top + 2.3, 0.5), (top + 2.4 + len(table.rows), 0.9)):
         axes.plot((0.01, 0.99), (y, y), color="black", lw=lw)
@@ -143,7 +151,13 @@ def _table(axes: Axes, table: PrintedTable, top: float) -> None:
         for k, text in enumerate(row):
             weight = "bold" if (r - 1, k) in table.best else "normal"
             x, side = (right[k], "right") if k else (0.01, "left")
-            axes.text(x, y, with_formulas(text), ha=side, va="center", weight=weight)
+            axes.text(x, y, with_formulas(text), ha=side, va="center", weight=weight, size=size)
+
+
+def _width_pt(text: str) -> float:
+    """Of a text in bold letters [pt]."""
+    path = TextPath((0, 0), with_formulas(text), size=STYLE["font.size"], prop=FontProperties(weight="bold"))
+    return float(path.get_extents().width) if text else 0.0
 
 
 def save(figure: Figure, folder: Path, name: str) -> tuple[Path, ...]:

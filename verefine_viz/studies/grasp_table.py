@@ -133,9 +133,11 @@ def report_grasps(study: Study, outcomes: Sequence[Outcome], out: Path, about: A
     table = _printed(study, rows)
     tables = save(draw_tables([table], about.mark), out, "grasping_table")
     write_text(out / "grasping.tex", ["% needs \\usepackage{booktabs}", table.latex()])
-    curves = save(draw_curves(_diagrams(study, rows), about.mark), out, "grasping")
+    diagrams = _diagrams(study, rows)
+    curves = save(draw_curves(diagrams, about.mark), out, "grasping") if diagrams else ()
     text = [f"# {study.title}", "", f"{about.data}.", "", *([f"{about.mark}.", ""] if about.mark else [])]
-    text += [table.markdown(), "", *(f"- {order}" for order in orders), "", f"![{study.title}](grasping.png)", ""]
+    text += [table.markdown(), "", *(f"- {order}" for order in orders), ""]
+    text += [f"![{study.title}](grasping.png)", ""] if diagrams else []
     text += [*PAPER_TABLE, "", *_differences(sorted({o.name for o in outcomes}))]
     write_text(out / "grasping.md", text)
     console = printing_console()
@@ -143,7 +145,7 @@ def report_grasps(study: Study, outcomes: Sequence[Outcome], out: Path, about: A
     for order in orders:
         console.print(escape(str(order)))
     console.print(escape(f"Table: {names_of(tables)}, grasping.tex, grasping.md"))
-    console.print(escape(f"Curves: {names_of(curves)}; numbers: grasping.csv beside them"))
+    console.print(escape(f"Curves: {names_of(curves) or 'none yet'}; numbers: grasping.csv"))
 
 
 def _order_row(o: GraspOrder) -> dict[str, object]:

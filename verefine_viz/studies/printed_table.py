@@ -31,7 +31,8 @@ class PrintedTable:
 
     def terminal(self) -> Table:
         """For a console."""
-        table = Table(title=self.title, caption=self.note, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+        table = Table(title=escape(self.title), caption=escape(self.note), box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+        table.title_justify = table.caption_justify = "left"
         for k, heading in enumerate(self.headings):
             table.add_column(escape(heading), justify="right" if k else "left", no_wrap=True)
         for r, row in enumerate(self.rows):
@@ -51,7 +52,8 @@ class PrintedTable:
 
     def latex(self) -> str:
         """A float of its own, with the rules of the package booktabs."""
-        lines = [r"\begin{table}", r"  \centering", rf"  \caption{{{_tex(self.title)}. {_tex(self.note)}}}"]
+        caption = " ".join(f"{_tex(text)}." for text in (self.title, self.note.removesuffix(".")) if text)
+        lines = [r"\begin{table}", r"  \centering", rf"  \caption{{{caption}}}"]
         lines += [rf"  \begin{{tabular}}{{l{'r' * (len(self.headings) - 1)}}}", r"    \toprule"]
         lines += [f"    {' & '.join(map(_tex, self.headings))} \\\\", r"    \midrule"]
         for r, row in enumerate(self.rows):

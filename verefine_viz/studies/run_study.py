@@ -207,6 +207,8 @@ def _units(request: StudyRequest, sessions: Mapping[str, Session], seeds: int) -
 def _about(request: StudyRequest, sessions: Mapping[str, Session]) -> Mapping[str, object]:
     return {
         "study": asdict(request),
+        # Budgets of another version are another study.
+        "curves": {p.name: {c.label: c.settings for c in p.curves} for p in request.study().panels},
         "sessions": {name: session.model_dump(mode="json") for name, session in sessions.items()},
     }
 

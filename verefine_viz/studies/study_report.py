@@ -26,7 +26,7 @@ METRICS = {"VSD": "ar_vsd", "MSPD": "ar_mspd", "MSSD": "ar_mssd", "AR": "ar"}
 ERRORS = {"r̄ [°]": "rotation_deg", "t̄ [cm]": "translation_cm"}
 """Of Table II; smaller is better."""
 TABLE_NOTE = (
-    "Average recalls in %; T [ms] and refiner iterations (#ref) per object. Paper: its AR, where budget and data are "
+    "Average recalls in %; T and refiner iterations (#ref) per object. Paper: its AR, where budget and data are "
     "the same."
 )
 ERROR_NOTE = (
@@ -77,10 +77,10 @@ def report_tables(
     missing = missing_curves(outcomes)
     tables = [printed(panel, numbers, paper_table(panel.name, sessions)) for panel in study.panels]
     files = save(draw_tables(tables, about.mark), out, "tables")
-    write_text(out / "tables.tex", ["% needs \\usepackage{booktabs}", *(t.latex() for t in tables)])
+    write_text(out / "tables.tex", ["% needs \\usepackage{booktabs}", f"% {TABLE_NOTE}", *(t.latex() for t in tables)])
     reasons = _reasons(study, missing)
     others = [f"- {sentence}" for sentence in missing_rows(sessions)]
-    text = [f"# {study.title}", "", *_head(about, ""), *(f"{t.markdown()}\n" for t in tables)]
+    text = [f"# {study.title}", "", *_head(about, ""), TABLE_NOTE, "", *(f"{t.markdown()}\n" for t in tables)]
     text += [*_listed("Rows without numbers", reasons), "## The paper's claims on these data", ""]
     text += [*_claims(study, points), *_listed("Tables of the paper that these data do not make", others)]
     text += [f"{of_paper(table).markdown()}\n" for table in PAPER]
@@ -88,6 +88,7 @@ def report_tables(
     console = printing_console()
     for table in tables:
         console.print(table.terminal())
+    console.print(escape(TABLE_NOTE))
     _print_claims(console, study, points)
     for line in (*reasons, *others):
         console.print(escape(line))
@@ -110,7 +111,7 @@ def printed(panel: Panel, numbers: Iterable[Mapping[str, str | float]], paper: P
         (
             label,
             *(_number(by_curve.get(label), name) for name in columns.values()),
-            _number(by_curve.get(label), "ms_per_object"),
+            _number(by_curve.get(label), "s_per_object" if is_search else "ms_per_object"),
             _number(by_curve.get(label), "refiner_calls_per_object"),
             _papers(panel, label, by_curve.get(label), paper),
         )
@@ -118,27 +119,29 @@ def printed(panel: Panel, numbers: Iterable[Mapping[str, str | float]], paper: P
     ]
     best: set[tuple[int, int]] = set()
     for k, name in enumerate(columns.values(), start=1):
-        values = {r: float(by_curve[label][name]) for r, label in enumerate(labels) if label in by_curve}
-        if values:
-            first = (max if name in METRICS.values() else min)(values.values())
-            best |= {(r, k) for r, value in values.items() if value == first}
-    in_paper = " and ".join(table.number for table in PAPER if table.panel == panel.name)
+        values = {r: float(row[k]) for r, row in enumerate(cells) if row[0] in by_curve}
+        first = (max if name in METRICS.values() else min)(values.values(), default=None)
+        best |= {(r, k) for r, value in values.items() if value == first}
+    in_paper = " and ".join(f"Table {table.number}" for table in PAPER if table.panel == panel.name)
     return PrintedTable(
-        f"{panel.name} (rows of Table {in_paper})" if in_paper else panel.name,
-        ("", *columns, "T [ms]", "#ref", "paper"),
+        f"{panel.name}, as in {in_paper}" if in_paper else panel.name,
+        ("", *columns, "T [s]" if is_search else "T [ms]", "#ref", "paper"),
         tuple(cells),
         frozenset(best),
         # Above each run of the refiner alone.
         tuple(r for r, label in enumerate(labels) if r and label.startswith(f"{panel.name},")),
-        " ".join([f"{panel.budget}.", TABLE_NOTE, *([ERROR_NOTE] if is_search else [])]),
+        f"{panel.budget}. {ERROR_NOTE}" if is_search else f"{panel.budget}.",
     )
 
 
 def _number(row: Mapping[str, str | float] | None, name: str) -> str:
     if row is None:
         return "–"
-    percent = name.startswith("ar")
-    return f"{(100 if percent else 1) * float(row[name]):.{1 if percent or name in ERRORS.values() else 0}f}"
+    if name == "s_per_object":
+        return f"{float(row['ms_per_object']) / 1000:.1f}"
+    if name in METRICS.values():
+        return f"{100 * float(row[name]):.1f}"
+    return f"{float(row[name]):.{1 if name in ERRORS.values() else 0}f}"
 
 
 def _papers(panel: Panel, label: str, row: Mapping[str, str | float] | None, paper: PaperTable | None) -> str:
@@ -224,8 +227,7 @@ def printing_console() -> Console:
 
 def names_of(files: Sequence[Path]) -> str:
     """The first with its folder, the others beside it."""
-    first, *others = files
-    return ", ".join([str(first), *(file.name for file in others)])
+    return ", ".join([*map(str, files[:1]), *(file.name for file in files[1:])])
 
 
 def write_rows(path: Path, table: Sequence[Mapping[str, object]]) -> None:
