@@ -156,8 +156,10 @@ def _table(axes: Axes, table: PrintedTable, top: float) -> None:
 
 def _width_pt(text: str) -> float:
     """Of a text in bold letters [pt]."""
+    if not text:
+        return 0.0
     path = TextPath((0, 0), with_formulas(text), size=STYLE["font.size"], prop=FontProperties(weight="bold"))
-    return float(path.get_extents().width) if text else 0.0
+    return float(path.get_extents().width)
 
 
 def save(figure: Figure, folder: Path, name: str) -> tuple[Path, ...]:
