@@ -106,11 +106,13 @@ class _Objects:
         self._by_scene = len(scenes) >= FEWEST_SCENES
         self._units = scenes if self._by_scene else sorted({(o.scene, o.frame) for o in mine})
         self._models = sorted({(o.obj_id, o.name) for o in mine})
-        self.draws: Draws = draws(len(self._units), len(self._models))
+        # Every curve may be missing.
+        self._shape = max(len(self._units), 1), max(len(self._models), 1)
+        self.draws: Draws = draws(*self._shape)
 
     def cells(self, outcomes: Collection[Outcome], value: Callable[[Outcome], float]) -> Cells:
         """Sums of ``value`` by frame and model."""
-        total, n = np.zeros((2, len(self._units), len(self._models)))
+        total, n = np.zeros((2, *self._shape))
         for o in outcomes:
             unit = self._scene(o) if self._by_scene else (o.scene, o.frame)
             at = self._units.index(unit), self._models.index((o.obj_id, o.name))
@@ -188,17 +190,16 @@ def rows(study: Study, points: Points) -> Iterator[dict[str, str | float]]:
 
 def _numbers(mine: Sequence[Outcome]) -> dict[str, float]:
     add, turn, shift = (
-        np.array([np.nan if v is None else v for v in (getattr(o.quality, name) for o in mine)])
+        np.array([v for o in mine if (v := getattr(o.quality, name)) is not None] or [np.nan])
         for name in ("add_s_mm", "rotation_deg", "translation_mm")
     )
-    answered = bool(np.isfinite(add).any())
     return {
         "ar_vsd": float(np.mean([o.quality.ar_vsd for o in mine])),
         "ar_mssd": float(np.mean([o.quality.ar_mssd for o in mine])),
         "ar_mspd": float(np.mean([o.quality.ar_mspd for o in mine])),
-        "rotation_deg": float(np.nanmean(turn)) if answered else float("nan"),
-        "translation_cm": float(np.nanmean(shift)) / 10 if answered else float("nan"),
-        "median_add_s_mm": float(np.nanmedian(add)) if answered else float("nan"),
+        "rotation_deg": float(turn.mean()),
+        "translation_cm": float(shift.mean()) / 10,
+        "median_add_s_mm": float(np.median(add)),
         "below_10_percent": float(np.mean([o.quality.relative is not None and o.quality.relative < 0.1 for o in mine])),
         "ms_per_object": float(np.mean([o.ms for o in mine])),
         "refiner_calls_per_object": float(np.mean([o.refiner_calls for o in mine])),
