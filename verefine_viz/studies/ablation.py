@@ -92,7 +92,7 @@ def robustness(quick: bool = False, refiner: str = "densefusion") -> Study:
     rir = budget.curve(f"RIR, {budget.calls} hypotheses", "rir", 1)
     curves = (*_single(budget), rir)
     claims = (Claim("SIR", budget.name), Claim(rir.label, budget.name))
-    label = "share of the object's depth that is missing"
+    label = "missing share of depth"
 
     def prepared(problem: Problem, seed: int) -> Problem:
         return disturbed(problem, budget.calls, ROTATION_DEG, TRANSLATION_MM, seed)

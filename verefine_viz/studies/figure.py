@@ -59,6 +59,8 @@ class Diagram:
     x_label: str
     y_label: str
     lines: Sequence[Line]
+    main: str = ""
+    """Label of the line that sums up the others: black and thick."""
 
 
 def draw_curves(diagrams: Sequence[Diagram], mark: str = "") -> Figure:
@@ -102,12 +104,13 @@ def _lowest(lines: Sequence[Line]) -> float:
 
 def _curves(axes: Axes, diagram: Diagram, labels: Sequence[str]) -> None:
     for line in diagram.lines:
-        k = labels.index(_method(line.label))
-        color = COLORS[k % len(COLORS)]
+        k, is_main = labels.index(_method(line.label)), line.label == diagram.main
+        color = "black" if is_main else COLORS[k % len(COLORS)]
         # All bands lie below all lines, so light that several of them leave the lines alone.
         axes.fill_between(line.xs, 100 * line.low, 100 * line.high, color=color, alpha=0.10, lw=0, zorder=1)
         marker = MARKERS[k % len(MARKERS)]
-        axes.plot(line.xs, 100 * line.ar, color=color, marker=marker, ms=2.6, lw=0.9, label=line.label, zorder=3)
+        lw, order = (1.6, 4) if is_main else (0.9, 3)
+        axes.plot(line.xs, 100 * line.ar, color=color, marker=marker, ms=2.6, lw=lw, label=line.label, zorder=order)
     axes.set_title(diagram.title, fontsize=7)
     axes.set_xlabel(diagram.x_label)
     axes.set_ylabel(diagram.y_label)

@@ -23,6 +23,8 @@ from verefine_viz.studies.study_report import About, names_of, printing_console,
 
 RESAMPLES = 2000
 """Draws of the bootstrap."""
+ALL = "all"
+"""Name of all objects together."""
 NONE_FREE = ("no collision-free grasp", "no answer")
 
 
@@ -86,14 +88,14 @@ def band(values: Float) -> tuple[float, float]:
 
 
 def grasp_rows(study: Study, outcomes: Sequence[Outcome]) -> list[dict[str, str | float]]:
-    """A row per panel, curve, x and object, and one of all objects ("all")."""
+    """A row per panel, curve, x and object, and one of all objects."""
     rows: list[dict[str, str | float]] = []
     for panel in study.panels:
         for curve in panel.curves:
             for x in panel.xs:
                 mine = [o for o in outcomes if (o.panel, o.curve, o.x) == (panel.name, curve.label, x)]
-                for name in (*sorted({o.name for o in mine}), "all"):
-                    some = [o for o in mine if name in (o.name, "all")]
+                for name in (*sorted({o.name for o in mine}), ALL):
+                    some = [o for o in mine if name in (o.name, ALL)]
                     if some:
                         rows.append(_row(panel.name, curve.label, x, name, some))
     return rows
@@ -156,11 +158,11 @@ def _order_row(o: GraspOrder) -> dict[str, object]:
 
 def _printed(study: Study, rows: Sequence[dict[str, str | float]]) -> PrintedTable:
     mine = [r for r in rows if r["panel"] == TABLE]
-    names = list(dict.fromkeys(str(r["object"]) for r in mine if r["object"] != "all"))
+    names = list(dict.fromkeys(str(r["object"]) for r in mine if r["object"] != ALL))
     cells: list[tuple[str, ...]] = []
     for curve in dict.fromkeys(str(r["curve"]) for r in mine):
         by_name = {str(r["object"]): r for r in mine if r["curve"] == curve}
-        total = by_name["all"]
+        total = by_name[ALL]
         low, high = 100 * float(total["success_low"]), 100 * float(total["success_high"])
         cells.append(
             (
@@ -177,19 +179,17 @@ def _printed(study: Study, rows: Sequence[dict[str, str | float]]) -> PrintedTab
 
 
 def _diagrams(study: Study, rows: Sequence[dict[str, str | float]]) -> list[Diagram]:
-    """Success over the error, a line per object."""
+    """Success over the error, a line per object, and one of all with its interval."""
     diagrams: list[Diagram] = []
     for panel in study.panels:
         mine = [r for r in rows if r["panel"] == panel.name]
-        lines = []
+        lines: list[Line] = []
         for name in dict.fromkeys(str(r["object"]) for r in mine):
+            ends = ("success_low", "success_high") if name == ALL else ("success", "success")
             of_name = [r for r in mine if r["object"] == name]
-            columns = (
-                np.array([float(r[c]) for r in of_name]) for c in ("x", "success", "success_low", "success_high")
-            )
-            lines.append(Line(name, *columns))
+            lines.append(Line(name, *(np.array([float(r[c]) for r in of_name]) for c in ("x", "success", *ends))))
         if panel.name != TABLE:
-            diagrams.append(Diagram(panel.name, panel.x_label, "success [%]", lines))
+            diagrams.append(Diagram(panel.name, panel.x_label, "success [%]", lines, ALL))
     return diagrams
 
 

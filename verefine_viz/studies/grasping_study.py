@@ -60,7 +60,7 @@ def grasping(quick: bool = False, own_initial_poses: bool = False, refiner: str 
     every = 2 if quick else 1
     return Study(
         "grasping",
-        "Grasping (paper, Table IV)",
+        "Grasping, as in Table IV",
         (
             Panel(TABLE, "", (0.0,), tuple(curves), prepare, claims, is_grasped=True),
             Panel("translation", "error of the pose [mm]", ERRORS_MM[::every], given, _off(0.0, 1.0), is_grasped=True),
