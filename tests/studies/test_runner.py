@@ -69,6 +69,11 @@ def test_any_number_of_workers_gives_the_same_and_a_damaged_journal_goes_on(
     assert {name: again[name] for name in others} == {name: entries[name] for name in others}
 
 
+def test_every_curve_of_the_robustness_study_has_as_many_calls(alone: tuple[Path, list[Outcome]]) -> None:
+    assert {o.curve for o in alone[1]} >= {"ICP", "SIR", "RIR, 5 hypotheses"}
+    assert {o.refiner_calls for o in alone[1]} == {50.0}
+
+
 def test_ctrl_c_ends_workers_in_the_middle_of_a_unit_and_keeps_what_is_done(
     alone: tuple[Path, list[Outcome]], tmp_path: Path
 ) -> None:

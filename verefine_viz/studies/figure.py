@@ -48,7 +48,7 @@ MOST_COLUMNS = 5
 """Names in one line of a legend; more of them take two."""
 COLORS = ("#8a8a8a", "#e69f00", "#56b4e9", "#0072b2", "#d55e00", "#cc79a7", "#b8a500", "#009e73")
 """After Okabe and Ito, safe for colour-blind readers; a method has the same in every diagram."""
-MARKERS = "osD^vPX*"
+MARKERS = "osD^vPXp"
 
 
 @dataclass(frozen=True)

@@ -81,7 +81,8 @@ def _of_refiner(budget: Budget) -> tuple[Claim, ...]:
         first = Claim(pir, f"{name}, {short}")
     vf = () if name == "ICP" else (Claim(f"VF_b, {long}", rir), Claim(f"VF_d, {long}", f"VF_b, {long}"))
     more = (Claim(sir, pir), Claim(sir, f"{name}, {short}"), Claim(rir, sir), Claim(rir, f"{name}, {long}"))
-    return first, *more, *vf
+    worse = Claim(f"{name}, {short}", f"{name}, {long}", reading="more iterations make it worse on YCB-V, not on LM")
+    return first, *more, *((worse,) if name == "DF-R" else ()), *vf
 
 
 def _of_search(long: int) -> tuple[Claim, ...]:
