@@ -58,7 +58,7 @@ def test_the_papers_numbers_are_those_of_its_text() -> None:
 
 
 def test_built_in_scenes_make_none_of_the_papers_tables_and_each_reason_names_the_data_set() -> None:
-    found = missing_rows([load_session(None, {"scene": {"demo": "mug"}})])
+    found = missing_rows([load_session(None, {"scene": {"demo": "mug"}})], 1)
     assert len(found) == len(PAPER)
     for table, sentence in zip(PAPER, found, strict=True):
         assert sentence.startswith(f"Table {table.number}, {table.data}, ")
@@ -66,22 +66,21 @@ def test_built_in_scenes_make_none_of_the_papers_tables_and_each_reason_names_th
 
 
 def test_a_table_is_the_papers_with_its_data_set_and_initial_poses_only(tmp_path: Path) -> None:
-    for dataset, source, panel, number in (
-        ("lm", "ppf", "ICP", "I"),
-        ("lm", "densefusion", "DF-R", "I"),
-        ("ycbv", "densefusion", "DF-R", "III"),
-        ("xapc", "pcs", "TrICP", "II"),
+    for dataset, source, panel, n_frames, number in (
+        ("lm", "ppf", "ICP", 2219, "I"),
+        ("lm", "densefusion", "DF-R", 2219, "I"),
+        ("ycbv", "densefusion", "DF-R", 900, "III"),
+        ("xapc", "pcs", "TrICP", 5, "II"),
     ):
-        table = paper_table(panel, [_session(tmp_path, dataset, source)])
+        table = paper_table(panel, [_session(tmp_path, dataset, source)], n_frames)
         assert table is not None
         assert table.number == number
     for dataset, source, panel in (("lm", "perturb", "ICP"), ("ycbv", "ppf", "ICP"), ("lm", "pcs", "TrICP")):
-        assert paper_table(panel, [_session(tmp_path, dataset, source)]) is None, (dataset, source)
-    (sentence,) = (
-        s
-        for s in missing_rows([_session(tmp_path, "lm", "perturb")])
-        if s.endswith("ground truth") and "ICP" in s and "LINEMOD" in s
-    )
+        assert paper_table(panel, [_session(tmp_path, dataset, source)], 2219) is None, (dataset, source)
+    assert paper_table("ICP", [_session(tmp_path, "lm", "ppf")], 2) is None
+    sentences = missing_rows([_session(tmp_path, "lm", "ppf")], 2)
+    assert "Table I, LINEMOD, ICP: needs its 2219 frames, these are 2" in sentences
+    (sentence,) = (s for s in missing_rows([_session(tmp_path, "lm", "perturb")], 2219) if "LINEMOD, ICP" in s)
     assert 'needs initial poses by point pair features (source = "ppf"), these are disturbed ground truth' in sentence
     assert "needs the data set" not in sentence
 
@@ -93,7 +92,7 @@ def _row(curve: str, n_refined: float) -> dict[str, str | float]:
 
 def test_the_papers_number_stands_beside_its_own_budget_and_data_only(tmp_path: Path) -> None:
     numbers = [_row("ICP, 50", 50), _row("RIR, 150", 100)]
-    theirs = paper_table("ICP", [_session(tmp_path, "lm", "ppf")])
+    theirs = paper_table("ICP", [_session(tmp_path, "lm", "ppf")], 2219)
     for paper, expected in ((theirs, ("88.7", "other budget")), (None, ("other data", "other data"))):
         cells = {row[0]: row[-1] for row in printed(_panel("ICP"), numbers, paper).rows}
         assert (cells["ICP, 50"], cells["RIR, 150"]) == expected

@@ -107,7 +107,7 @@ def _curves(axes: Axes, diagram: Diagram, labels: Sequence[str]) -> None:
         k, is_main = labels.index(_method(line.label)), line.label == diagram.main
         color = "black" if is_main else COLORS[k % len(COLORS)]
         # All bands lie below all lines, so light that several of them leave the lines alone.
-        axes.fill_between(line.xs, 100 * line.low, 100 * line.high, color=color, alpha=0.10, lw=0, zorder=1)
+        axes.fill_between(line.xs, 100 * line.low, 100 * line.high, color=color, alpha=0.07, lw=0, zorder=1)
         marker = MARKERS[k % len(MARKERS)]
         lw, order = (1.6, 4) if is_main else (0.9, 3)
         axes.plot(line.xs, 100 * line.ar, color=color, marker=marker, ms=2.6, lw=lw, label=line.label, zorder=order)

@@ -144,11 +144,13 @@ class PaperTable:
     """``hypotheses.source`` of the initial poses."""
     panel: str
     rows: tuple[PaperRow, ...]
+    n_frames: int | None = None
+    """None: the paper does not say; the whole data set."""
 
 
 PAPER = (
     PaperTable(
-        "I", "lm", "LINEMOD, 2219 frames", "densefusion", "DF-R",
+        "I", "lm", "LINEMOD", "densefusion", "DF-R",
         (
             PaperRow("DF-R, 2", 70.6, 76.8, 77.7, 75.0, 2, 2),
             PaperRow("PIR, 2", 73.3, 79.3, 80.1, 77.6, 4, 2),
@@ -156,9 +158,10 @@ PAPER = (
             PaperRow("DF-R, 10", 76.9, 82.6, 82.9, 80.8, 11, 10),
             PaperRow("RIR, 10", 78.3, 89.7, 89.6, 85.9, 48, 10),
         ),
+        2219,
     ),
     PaperTable(
-        "I", "lm", "LINEMOD, 2219 frames", "ppf", "ICP",
+        "I", "lm", "LINEMOD", "ppf", "ICP",
         (
             PaperRow("ICP, 50", 79.8, 93.2, 93.0, 88.7, 248, 50),
             PaperRow("PIR, 50", 78.1, 92.1, 92.1, 87.4, 274, 50),
@@ -166,6 +169,7 @@ PAPER = (
             PaperRow("ICP, 150", 80.0, 93.4, 93.2, 88.9, 617, 150),
             PaperRow("RIR, 150", 81.0, 95.1, 94.5, 90.2, 892, 150),
         ),
+        2219,
     ),
     PaperTable(
         "II", "xapc", "Extended APC", "pcs", "TrICP",
@@ -177,7 +181,7 @@ PAPER = (
         ),
     ),
     PaperTable(
-        "III", "ycbv", "YCB-Video, BOP's frames", "densefusion", "DF-R",
+        "III", "ycbv", "YCB-Video", "densefusion", "DF-R",
         (
             PaperRow("DF-R, 2", 74.2, 69.9, 77.6, 73.9, 17, 2),
             PaperRow("PIR, 2", 74.9, 70.8, 78.2, 74.7, 20, 2),
@@ -187,6 +191,7 @@ PAPER = (
             PaperRow("VF_b, 10", 78.3, 73.8, 80.6, 77.6, 495, 10),
             PaperRow("VF_d, 10", 78.5, 74.1, 80.9, 77.8, 521, 10),
         ),
+        900,
     ),
 )  # fmt: skip
 """Tables I to III. #ref/obj of Table II: 150 iterations of a scene of three objects."""
@@ -194,28 +199,30 @@ SOURCES = {"ppf": "point pair features", "pcs": "congruent point sets", "densefu
 GIVEN = {"perturb": "disturbed ground truth", "results": "results files", "recorded": "recorded ones"} | SOURCES
 
 
-def paper_table(panel: str, sessions: Collection[Session]) -> PaperTable | None:
-    """The paper's table on the data and the initial poses of all these sessions; None where they are others."""
-    same = (t for t in PAPER if t.panel == panel and all(not _reason(t, session) for session in sessions))
-    return next(same, None)
+def paper_table(panel: str, sessions: Collection[Session], n_frames: int) -> PaperTable | None:
+    """The paper's table on as many frames of the same data with the same initial poses; None where they are others."""
+    own = (t for t in PAPER if t.panel == panel and not any(_reason(t, session, n_frames) for session in sessions))
+    return next(own, None)
 
 
-def missing_rows(sessions: Collection[Session]) -> tuple[str, ...]:
-    """A sentence for each of the paper's tables that these sessions do not make, with the reason."""
+def missing_rows(sessions: Collection[Session], n_frames: int) -> tuple[str, ...]:
+    """A sentence for each of the paper's tables that these frames do not make, with the reason."""
     sentences: list[str] = []
     for table in PAPER:
-        reasons = [_reason(table, session) for session in sessions]
+        reasons = [_reason(table, session, n_frames) for session in sessions]
         if any(reasons):
             sentences.append(f"Table {table.number}, {table.data}, {table.panel}: {next(filter(None, reasons))}")
     return tuple(sentences)
 
 
-def _reason(table: PaperTable, session: Session) -> str:
+def _reason(table: PaperTable, session: Session, n_frames: int) -> str:
     """Why a session does not make these rows; empty where it does."""
     reasons: list[str] = []
     here = Path(session.scene.dataset).name if session.scene.source == "bop" else ""
     if here != table.dataset:
         reasons.append(f"needs the data set {table.dataset}, these are {here or 'built-in scenes'}")
+    elif table.n_frames not in (None, n_frames):
+        reasons.append(f"needs its {table.n_frames} frames, these are {n_frames}")
     if session.hypotheses.source != table.source:
         given = GIVEN[session.hypotheses.source]
         reasons.append(f'needs initial poses by {SOURCES[table.source]} (source = "{table.source}"), these are {given}')

@@ -75,11 +75,12 @@ def report_tables(
     numbers = list(rows(study, points))
     write_rows(out / "tables.csv", numbers)
     missing = missing_curves(outcomes)
-    tables = [printed(panel, numbers, paper_table(panel.name, sessions)) for panel in study.panels]
+    n_frames = len({(o.scene, o.frame) for o in outcomes})
+    tables = [printed(panel, numbers, paper_table(panel.name, sessions, n_frames)) for panel in study.panels]
     files = save(draw_tables(tables, about.mark), out, "tables")
     write_text(out / "tables.tex", ["% needs \\usepackage{booktabs}", f"% {TABLE_NOTE}", *(t.latex() for t in tables)])
     reasons = _reasons(study, missing)
-    others = [f"- {sentence}" for sentence in missing_rows(sessions)]
+    others = [f"- {sentence}" for sentence in missing_rows(sessions, n_frames)]
     text = [f"# {study.title}", "", *_head(about, ""), TABLE_NOTE, "", *(f"{t.markdown()}\n" for t in tables)]
     text += [*_listed("Rows without numbers", reasons), "## The paper's claims on these data", ""]
     text += [*_claims(study, points), *_listed("Tables of the paper that these data do not make", others)]
@@ -120,8 +121,9 @@ def printed(panel: Panel, numbers: Iterable[Mapping[str, str | float]], paper: P
     best: set[tuple[int, int]] = set()
     for k, name in enumerate(columns.values(), start=1):
         values = {r: float(row[k]) for r, row in enumerate(cells) if row[0] in by_curve}
-        first = (max if name in METRICS.values() else min)(values.values(), default=None)
-        best |= {(r, k) for r, value in values.items() if value == first}
+        if len(values) > 1:
+            first = (max if name in METRICS.values() else min)(values.values())
+            best |= {(r, k) for r, value in values.items() if value == first}
     in_paper = " and ".join(f"Table {table.number}" for table in PAPER if table.panel == panel.name)
     return PrintedTable(
         f"{panel.name}, as in {in_paper}" if in_paper else panel.name,
