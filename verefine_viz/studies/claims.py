@@ -132,16 +132,14 @@ def lines(panel: Panel, points: Points) -> list[Line]:
 
 
 def _line(panel: Panel, label: str, points: Points, objects: _Objects) -> Line:
-    spreads = [_mean(points.get((panel.name, label, x), ()), objects) for x in panel.xs]
-    means, low, high = (
-        np.array([np.nan if s is None else s.value if v is None else v for s, v in zip(spreads, values, strict=True)])
-        for values in zip(*((s and s.value, s and s.low, s and s.high) for s in spreads), strict=True)
-    )
+    ends: list[tuple[float, float, float]] = []
+    for x in panel.xs:
+        s = objects.draws.mean(objects.cells(points.get((panel.name, label, x), ()), lambda o: o.quality.ar))
+        value = np.nan if s is None else s.value
+        # Of a single object there is no interval.
+        ends.append((value, value, value) if s is None or s.low is None or s.high is None else (value, s.low, s.high))
+    means, low, high = np.array(ends).T
     return Line(label, np.array(panel.xs), means, low, high)
-
-
-def _mean(outcomes: Collection[Outcome], objects: _Objects) -> Spread | None:
-    return objects.draws.mean(objects.cells(outcomes, lambda o: o.quality.ar))
 
 
 def verdicts(panel: Panel, points: Points) -> list[Verdict]:
