@@ -17,6 +17,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from msgspec import structs
 from rich.console import Console
 
 from bench.__main__ import table
@@ -75,7 +76,7 @@ def sensitivity(problems: Sequence[Problem], settings: GraspSettings) -> list[di
     """A row per change."""
     rows: list[dict[str, object]] = []
     for field, value in (("defaults", 0.0), *CHANGES):
-        changed = settings if field == "defaults" else settings.model_copy(update={field: value})
+        changed = settings if field == "defaults" else structs.replace(settings, **{field: value})
         at_gt: list[bool] = []
         off: list[bool] = []
         for problem in problems:

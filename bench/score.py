@@ -16,6 +16,7 @@ from typing import Any
 import moderngl
 import numpy as np
 import trimesh
+from msgspec import structs
 from numpy.typing import NDArray
 
 from verefine_viz.core.camera import Camera
@@ -171,8 +172,8 @@ def run() -> list[dict[str, Any]]:
     """
     target, Ts = scene()
     simplified = ScoreSettings(pixels="published", tau_m=TAU_M, alpha=ALPHA)
-    whole = simplified.model_copy(update={"simplify_mm": 0.0})
-    coloured = simplified.model_copy(update={"colour_weight": 0.1})
+    whole = structs.replace(simplified, simplify_mm=0.0)
+    coloured = structs.replace(simplified, colour_weight=0.1)
     witness = CpuVerifier(whole)
     ways = [
         ("ours, CPU", _by(CpuVerifier(simplified), target)),

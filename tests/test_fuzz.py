@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from msgspec import structs
 from PIL import Image
 
 from tests.learned.tiny_network import constant_network
@@ -33,6 +34,7 @@ from tests.scenes.bop_folder import detections, make
 from tests.scenes.test_foundation_pose import write_sequence
 from tests.scenes.test_graspa_layout import _layout
 from tests.scenes.test_layouts import CASES
+from tests.scenes.test_materials import write_gltf, write_obj
 from tests.scenes.test_textures import textured_ply
 from tests.scenes.test_trace import write_box, write_trace
 from verefine_viz import cli
@@ -91,7 +93,7 @@ def open_bop(folder: Path) -> None:
         for hypotheses in (HypothesesSettings(), files):
             with suppress(VerefineError):
                 session = Session(scene=scene, hypotheses=hypotheses)
-                solve(Toolbox(session.model_copy(update={"method": METHOD, "physics": NO_PHYSICS})))
+                solve(Toolbox(structs.replace(session, method=METHOD, physics=NO_PHYSICS)))
     evaluate_files([folder / "est_x-test.csv"], folder)
 
 
@@ -128,6 +130,7 @@ def write_meshes(folder: Path) -> None:
     for name, content in trimesh.creation.box((1, 2, 3)).export(file_type="gltf").items():
         (folder / name).write_bytes(content)
     (folder / "m.mtl").write_text("newmtl m\nKd 1 0 0\nmap_Kd skin.png\n")
+    write_gltf(folder, "gltf")
     text = "mtllib m.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
     (folder / "d.obj").write_text(text)
 
@@ -196,8 +199,11 @@ KINDS: dict[str, Kind] = {
 
 def _traces(folder: Path) -> None:
     folder.mkdir()
-    for k in (1, 2):
-        write_trace(folder / f"drop_{k}", write_box(folder.with_name(f"{folder.name}.obj")))
+    mesh = write_obj(folder.with_name(f"{folder.name}.mesh"), "textures/skin.png")
+    (mesh.parent / "textures").mkdir()
+    (mesh.parent / "skin.png").rename(mesh.parent / "textures/skin.png")
+    for k, one in ((1, mesh), (2, write_box(folder.with_name(f"{folder.name}.obj")))):
+        write_trace(folder / f"drop_{k}", one)
 
 
 # How a file is spoilt.
@@ -261,7 +267,14 @@ def another_image(path: Path, rng: random.Random) -> None:
         np.save(path, array) if path.suffix == ".npy" else Image.fromarray(array).save(path)
 
 
-SPOILS = (with_a_value, with_a_value, with_a_value, cut_off, with_other_bytes, swapped, no_file, another_image)
+def renamed(path: Path, rng: random.Random) -> None:
+    names = ("\x1b[31mred", "\udcff", "a\nb", "\u202e", "x" * 250, "-s 1 1 1", "..", "%2e%2e", "\\", " ")
+    path = path if path.parent.name == "it" else rng.choice((path, path.parent))
+    with suppress(OSError):
+        path.rename(path.with_name(rng.choice(names) + path.suffix))
+
+
+SPOILS = (renamed, with_a_value, with_a_value, with_a_value, cut_off, with_other_bytes, swapped, no_file, another_image)
 
 
 @pytest.fixture(scope="module")

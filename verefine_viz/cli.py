@@ -15,6 +15,7 @@ import signal
 import stat
 import sys
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 from types import FrameType
@@ -44,6 +45,8 @@ USAGE = 2
 """Exit code for bad usage or input."""
 LONGEST = 300
 """What is quoted of a refusal of words [characters]."""
+TIDYING_S = 5.0
+"""How long after a signal to stop others are left out [s]."""
 COMMANDS: dict[str, type[Command]] = {
     "view": View,
     "batch": Batch,
@@ -79,12 +82,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     if "\0" in "".join(words):
         return fail(f"{quoted(next(word for word in words if chr(0) in word))}: it holds \\0, which no path can")
-    words = [_with_home(word) for word in words]
+    with stopped_by_signals():
+        return _run([_with_home(word) for word in words])
+
+
+def _run(words: list[str]) -> int:
+    """The exit code of a command; what it raises becomes one line."""
     try:
-        with stopped_by_signals():
-            code = parse(words).run(words[1:])
-            sys.stdout.flush()
-            return code
+        code = parse(words).run(words[1:])
+        sys.stdout.flush()
+        return code
     except VerefineError as error:
         return fail(str(error))
     except RuntimeError as error:
@@ -120,27 +127,32 @@ class Stopped(KeyboardInterrupt):
 
 @contextlib.contextmanager
 def stopped_by_signals() -> Iterator[None]:
-    """SIGTERM and SIGHUP end what is inside like Ctrl-C; what is ignored, as by nohup, stays ignored."""
+    """Ctrl-C, SIGTERM and SIGHUP end what is inside; what is ignored, as by nohup, stays ignored."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    mine = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is signal.SIG_DFL]
+    signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    mine = {number: signal.getsignal(number) for number in signals}
+    mine = {number: before for number, before in mine.items() if before in (signal.SIG_DFL, signal.default_int_handler)}
+    tidying_until = 0.0
 
     def stop(number: int, _: FrameType | None) -> None:
-        # A closed terminal sends SIGHUP twice; the second must not break into what the first one has to tidy up.
-        for each in mine:
-            signal.signal(each, signal.SIG_IGN)
+        # Ctrl-C twice, or a closed terminal: the second must not break into what the first one has to tidy up.
+        nonlocal tidying_until
+        if time.monotonic() < tidying_until:
+            return
+        tidying_until = time.monotonic() + TIDYING_S
         if number == signal.SIGHUP:
             _leave_closed_terminal()
-        raise Stopped(number)
+        raise KeyboardInterrupt if number == signal.SIGINT else Stopped(number)
 
     for number in mine:
         signal.signal(number, stop)
     try:
         yield
     finally:
-        for number in mine:
-            signal.signal(number, signal.SIG_DFL)
+        for number, before in mine.items():
+            signal.signal(number, before)
 
 
 def _leave_closed_terminal() -> None:

@@ -18,15 +18,17 @@ import json
 import logging
 import math
 import os
+import re
 import shutil
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
+from urllib.parse import unquote
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from types import TracebackType
     from typing import Concatenate, ParamSpec, Self, TypeVar
 
@@ -43,6 +45,8 @@ FARTHEST_M = 60.0
 """A median depth, or a pose, further away is in millimetres."""
 SHOWN = 3
 """Problems that are reported in full."""
+COPIED = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp", ".gif", ".tga", ".tif", ".tiff", ".webp")
+"""Files that are copied with the mesh that names them."""
 
 
 def _never_raises(call: Callable[Concatenate[S, P], None]) -> Callable[Concatenate[S, P], None]:
@@ -147,8 +151,11 @@ class Trace:
             line["unit_m"] = float(unit_m)
             if not isinstance(mesh, (str, os.PathLike)):
                 raise TypeError(f"it is {mesh!r}, expected the path of a PLY, OBJ, GLB or STL file")
-            line["mesh"] = _copied_mesh(Path(mesh), self.folder / f"mesh_{number}")
-        except (OSError, TypeError, ValueError) as error:
+            missing = _copy_mesh(Path(mesh), self.folder / f"mesh_{number}")
+            line["mesh"] = f"mesh_{number}/{Path(mesh).name}"
+            for file in missing:
+                self.problem(f"mesh of {name}: {file}, which it names, cannot be copied; the mesh may lose its colours")
+        except Exception as error:
             self.problem(f"mesh of {name}: {error}")
         try:
             if mask is not None:
@@ -158,16 +165,17 @@ class Trace:
                     raise ValueError(f"it is {what}, expected pixels of the object in shape {self._shape}, as depth_m")
                 np.save(self.folder / f"mask_{number}.npy", inside)
                 line["mask"] = f"mask_{number}.npy"
-        except (OSError, TypeError, ValueError) as error:
+        except Exception as error:
             self.problem(f"mask of {name}: {error}")
         try:
             line["truth"] = None if truth is None else _pose(truth)
-        except (TypeError, ValueError) as error:
+        except Exception as error:
             self.problem(f"truth of {name}: {error}")
         self._append(line)
 
     def problem(self, text: str) -> None:
         """Counts something that could not be written, and writes that."""
+        text = "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))  # As a terminal can show it.
         self.n_problems += 1
         if self._file < 0:
             if not self._has_warned:  # A loop may go on for hours.
@@ -177,7 +185,7 @@ class Trace:
             self._problems.append(text)
         try:
             if self._file >= 0:
-                self._append({"problem": " ".join(text.split())})
+                self._append({"problem": text})
         except Exception:  # The disk is full: the count is all that is left.
             return
 
@@ -372,34 +380,107 @@ def _claimed(folder: Path) -> tuple[Path, int]:
     raise FileExistsError(f"{folder} and a thousand names after it hold traces")
 
 
-def _copied_mesh(mesh: Path, folder: Path) -> str:
-    """Copies a mesh, and what it names beside it (materials, textures); its path below the trace."""
+def _copy_mesh(mesh: Path, folder: Path) -> list[str]:
+    """Copies a mesh and what it names (materials, textures, buffers); returns what of that cannot be copied."""
     if not mesh.is_file():
         raise OSError(f"{mesh} is no file, expected a PLY, OBJ, GLB or STL file")
+    mesh = Path(os.path.abspath(mesh))  # noqa: PTH100 – the name of a link counts.
     folder.mkdir()
-    waiting: list[Path] = [mesh]
-    copied: set[str] = set()
+    shutil.copyfile(mesh, folder / mesh.name)
+    copies = {mesh: folder / mesh.name}
+    missing: list[str] = []
+    waiting = [(mesh, name) for name in _named_files(mesh)]
     while waiting:
-        path = waiting.pop()
-        if path.name in copied or not path.is_file():
+        path, name = waiting.pop()
+        file = file_beside([path.parent, mesh.parent], name)
+        if file in copies:
             continue
-        copied.add(path.name)
-        shutil.copyfile(path, folder / path.name)
-        if path.suffix.lower() in (".obj", ".mtl", ".ply"):
-            waiting += [path.parent / name for name in _named_files(path)]
-    return f"{folder.name}/{mesh.name}"
+        try:
+            if file is None or file.suffix.lower() not in COPIED:
+                raise OSError("missing, or of an unknown kind")
+            copy = folder / (file.relative_to(mesh.parent) if mesh.parent in file.parents else file.name)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            with file.open("rb") as source, copy.open("xb") as target:  # Another one may have its name.
+                shutil.copyfileobj(source, target)
+            copies[file] = copy
+            waiting += [(file, other) for other in _named_files(file)]
+        except OSError:
+            missing.append(name)
+    return missing
 
 
 def _named_files(path: Path) -> list[str]:
-    """Files in the folder of a mesh or material that it names."""
-    names: list[str] = []
-    with path.open("rb") as file:
-        for line in file:
-            words = line.decode("utf-8", "replace").split()
-            if words[:1] == ["end_header"]:
-                break
-            if words and (
-                words[0] == "mtllib" or words[0].startswith("map_") or words[:2] == ["comment", "TextureFile"]
-            ):
-                names.append(" ".join(words[2:] if words[0] == "comment" else words[1:]))
-    return [name for name in names if name and Path(name).name == name]
+    """Files that a mesh or a material file names, without which it has other colours."""
+    kind = path.suffix.lower()
+    if kind in (".gltf", ".glb"):
+        try:
+            with path.open("rb") as file:
+                header = gltf_header(file)
+            uris = [one.get("uri", "data:") for key in ("buffers", "images") for one in header.get(key, [])]
+            return [uri for uri in uris if not uri.startswith("data:")]
+        except Exception:  # Damaged, which its reader says.
+            return []
+    if kind == ".ply":
+        with path.open("rb") as file:
+            return lines_that_name(file.read(100_000).partition(b"end_header")[0], rb"comment\s+TextureFile")
+    if kind == ".mtl":
+        return lines_that_name(path.read_bytes(), b"map_Kd")
+    if kind != ".obj":
+        return []
+    names = lines_that_name(path.read_bytes(), b"mtllib")
+    own = path.with_suffix(".mtl")
+    return [one for name in names for one in material_files([path.parent], name)] or [own.name] * own.is_file()
+
+
+# Names in mesh files; scenes/materials.py reads them as well.
+
+
+def lines_that_name(content: bytes, key: bytes) -> list[str]:
+    """What stands behind ``key`` in the lines of a file that begin with it."""
+    lines = re.findall(rb"^[ \t]*" + key + rb"[ \t]+([^\r\n]*[^\r\n\s])", content, re.MULTILINE | re.IGNORECASE)
+    return [line.decode("utf-8", "surrogateescape") for line in lines]
+
+
+def material_files(folders: Sequence[Path], name: str) -> list[str]:
+    """The names of an OBJ's line: one, which may have spaces, or several."""
+    return [name] if file_beside(folders, name) else name.split()
+
+
+def file_beside(folders: Sequence[Path], name: str) -> Path | None:
+    """The file that a mesh or material file in one of the folders names.
+
+    Before it may be options, as in ``-clamp on skin.png``; it may be spelled as in a web address, with backslashes or
+    in other case; where a path leads nowhere, as on another machine, a file of its last name counts.
+    """
+    starts = [0, *(space.end() for space in re.finditer(r"\s+", name[:1000]) if name.startswith("-"))]
+    names = [one.strip('"').replace("\\", "/") for k in starts for one in (name[k:], unquote(name[k:]))]
+    for relative in [way for one in names for way in (one, one.rsplit("/", 1)[-1])]:
+        for folder in folders:
+            try:
+                path = _in_any_case(folder, relative)
+                if path is not None and path.is_file():
+                    return Path(os.path.abspath(path))  # noqa: PTH100
+            except (OSError, ValueError):  # No name of a file.
+                continue
+    return None
+
+
+def _in_any_case(folder: Path, relative: str) -> Path | None:
+    path = folder
+    for part in Path(relative).parts:
+        following = path / part
+        if not following.exists():
+            others = path.iterdir() if path.is_dir() else ()
+            following = next((other for other in others if other.name.casefold() == part.casefold()), None)
+            if following is None:
+                return None
+        path = following
+    return path
+
+
+def gltf_header(file: BinaryIO) -> dict[str, Any]:
+    """The JSON of a .gltf or .glb file, read from its beginning."""
+    head = file.read(20)
+    if head[:4] == b"glTF":
+        return json.loads(file.read(int.from_bytes(head[12:16], "little")))
+    return json.loads(head + file.read())

@@ -126,7 +126,7 @@ def test_recordings_that_were_not_asked_for_are_not_missed(
     keep: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     frames(3, monkeypatch)
-    session = Session.model_validate({"recording": {"keep": keep}})
+    session = msgspec.convert({"recording": {"keep": keep}}, Session)
     made = AtOnce(leaves_recordings=False)
     assert run_batch(session, tmp_path, AtOnceBackend(made=made)).notes == ()
 

@@ -7,6 +7,7 @@ from time import sleep
 from typing import Any
 
 import pytest
+from msgspec import structs
 from numba import njit
 
 from tests.batch.frames import depth_file, make_frames, write_session
@@ -222,8 +223,8 @@ def test_a_pool_without_hypotheses_is_no_failure(tmp_path: Path, made: Made) -> 
 def test_a_row_has_what_the_page_shows_of_the_score_around_the_answer(tmp_path: Path, made: Made, keep: str) -> None:
     """Also where the recording, which has score maps, holds it."""
     session = toolbox(tmp_path, made, keep, rotation_deg=2.0, translation_mm=3.0).session
-    recording = session.recording.model_copy(update={"maps": True})
-    tools = Toolbox(session.model_copy(update={"recording": recording}))
+    recording = structs.replace(session.recording, maps=True)
+    tools = Toolbox(structs.replace(session, recording=recording))
     result = solved(tools, "7/0", tmp_path)
     page = Toolbox(tools.session)
     problem = page.problem("7/0")

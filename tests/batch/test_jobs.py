@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from verefine_viz import cli
 from verefine_viz.batch.jobs import Job, check_jobs, session_jobs, sweep_jobs
@@ -96,7 +97,7 @@ def test_a_folder_with_a_single_run_takes_no_sweep(sessions: list[Path], tmp_pat
 
 def test_everything_is_checked_before_anything_runs(tmp_path: Path) -> None:
     good = Session()
-    bad = good.model_copy(update={"method": good.method.model_copy(update={"refiner": "ipc"})})
+    bad = structs.replace(good, method=structs.replace(good.method, refiner="ipc"))
     with pytest.raises(VerefineError, match="unknown refiner 'ipc'"):
         check_jobs([Job(good, tmp_path / "good-0", "good"), Job(bad, tmp_path / "bad-0", "bad")])
     assert not list(tmp_path.iterdir())

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from msgspec import structs
 
 from tests.browser.conftest import Pages, Screen
 from tests.browser.test_image import PICTURE, changes, to_pixel
@@ -123,7 +124,7 @@ def test_names_of_data_are_text_in_a_file(pages: Pages, tmp_path: Path):
     from verefine_viz.run.session_file import load_session, save_session
 
     evil = "</script><img src=x onerror=\"document.title='broken'\"><script>document.title='broken'</script>"
-    session = load_session(MUG).model_copy(update={"title": evil})
+    session = structs.replace(load_session(MUG), title=evil)
     save_session(session, tmp_path / "evil.toml")
     share(tmp_path / "evil.toml", tmp_path / "evil.html", with_scene=False)
     screen = pages.open_file(tmp_path / "evil.html")

@@ -87,7 +87,7 @@ def test_a_bad_option_is_one_clear_line(bad_input: BadInput) -> None:
         "--method.iterations -1": "command line: method.iterations = -1",
         "--scene.demo bowl": 'command line: scene.demo is set, but scene.source is "bop"',
         "--scene.dataset /no/such/data": "/no/such/data",
-        "--scene.gravity 0 0 nan": "scene.gravity = (0.0, 0.0, nan)",
+        "--scene.gravity 0 0 nan": "scene.gravity.2 = nan: expected a number from -1000000 to 1000000",
         "--method.name vf": "unknown method 'vf'; available: ",
         "--workers 0": "--workers is 0, expected 1 or more",
         f"--workers {MOST + 1}": f"--workers is {MOST + 1}, expected {MOST} or fewer, 4 for each core",

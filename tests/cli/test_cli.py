@@ -11,13 +11,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from verefine_viz import __version__, cli
 from verefine_viz.commands import flags
 from verefine_viz.commands.batch import Batch
 from verefine_viz.commands.view import View
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import load_session, session_toml
 
@@ -64,7 +65,7 @@ def test_every_field_of_a_session_file_has_an_option(capsys: pytest.CaptureFixtu
         cli.main(["batch", "--help-settings"])
     text = capsys.readouterr().out
     fields = tomllib.loads(session_toml(Session()))
-    for section, value in Session().model_dump().items():
+    for section, value in msgspec.to_builtins(Session()).items():
         if isinstance(value, dict):
             for field in value.keys() - set(flags.NOT_OPTIONS):
                 assert f"--{section}.{field} ".replace("_", "-") in text
@@ -84,6 +85,26 @@ def test_only_what_was_typed_is_an_override() -> None:
         "scene": {"frames": ("1/2", "3/4")},
     }
     assert overrides("--scene.gravity", "0", "0", "9.81") == {"scene": {"gravity": (0.0, 0.0, 9.81)}}
+
+
+@pytest.mark.parametrize(
+    ("words", "order"),
+    [
+        (["[[3, 99],[6]]"], ((3, 99), (6,))),
+        (["[3,99]", "[6]"], ((3, 99), (6,))),
+        (['[[1, "#2"]]'], ((1, "#2"),)),
+        (["[3]"], ((3,),)),
+        (["3", "#2"], ((3, "#2"),)),
+    ],
+)
+def test_an_order_can_be_typed(words: list[str], order: tuple[object, ...]) -> None:
+    assert load_session(None, overrides("--dependency.order", *words)).dependency.order == order
+
+
+@pytest.mark.parametrize("words", ["[3,99", "[" * 3000, "[3]]"])
+def test_an_order_that_is_cut_off_is_refused(words: str) -> None:
+    with pytest.raises(SettingsError, match=r"^--dependency.order is .*, expected clusters of ids, as"):
+        load_session(None, overrides("--dependency.order", words))
 
 
 def test_options_win_over_the_file_and_over_the_preset(tmp_path: Path) -> None:

@@ -69,6 +69,7 @@ def test_what_is_ignored_stays_ignored_and_a_second_signal_is() -> None:
                 os.kill(os.getpid(), signal.SIGTERM)
             finally:
                 os.kill(os.getpid(), signal.SIGTERM)  # while it tidies up; as timeout(1) sends it
+                os.kill(os.getpid(), signal.SIGINT)
         assert stop.value.signal == signal.SIGTERM
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
         assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN

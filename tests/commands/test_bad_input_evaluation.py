@@ -156,9 +156,10 @@ def test_without_ground_truth_there_is_nothing_to_score(bad_input: BadInput) -> 
 def test_a_folder_that_is_no_data_set(bad_input: BadInput) -> None:
     assert "does not exist" in bad_input.refused("datasets", "check", bad_input.folder / "none")
     assert "holds no split with scenes; expected for example" in bad_input.refused(
-        "datasets", "check", bad_input.made.scene
+        "datasets", "check", bad_input.made.scene / "rgb"
     )
     split = bad_input.made.scene.parent
+    (bad_input.made.scene / "scene_camera.json").unlink()
     assert f"a split itself: name the data set's folder, {bad_input.made.root.resolve()}" in bad_input.refused(
         "datasets", "check", split
     )

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 import trimesh
@@ -108,7 +109,7 @@ def of_trace(frame: Frame, root: Path) -> tuple[str, ...]:
 
 
 def opened(source: str, root: Path) -> tuple[str, ...]:
-    made = SceneSettings.model_validate({"source": source, "dataset": str(root)})
+    made = msgspec.convert({"source": source, "dataset": str(root)}, SceneSettings)
     found = open_scene(made, HypothesesSettings(source="recorded"))
     return data_doubts(found.problem(found.frames[0]))
 

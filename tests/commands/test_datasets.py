@@ -59,6 +59,32 @@ def test_a_good_folder_has_nothing_to_be_done(made: Made, capsys: pytest.Capture
     assert said.endswith("No part needs a look: exit code 0.\n")
 
 
+def test_a_split_and_a_scene_are_checked_in_their_data_set(made: Made, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copytree(made.root / "test", made.root / "val")
+    for folder in (made.scene, made.scene.parent):
+        assert Datasets("check", str(folder)).run([]) == 0
+        said = capsys.readouterr().out
+        assert f"{folder} lies in the data set {made.root}; its split test is checked" in said
+        assert f"{made.root.name} val" not in said
+
+
+def test_the_sensor_that_is_checked_is_named_or_chosen(made: Made, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("cam1", "cam2"):
+        for file in ("scene_camera", "scene_gt", "scene_gt_info"):
+            shutil.copy(made.scene / f"{file}.json", made.scene / f"{file}_{name}.json")
+        for kind in ("rgb", "depth", "mask_visib"):
+            shutil.copytree(made.scene / kind, made.scene / f"{kind}_{name}")
+    (made.scene / "scene_camera.json").unlink()
+    shutil.rmtree(made.scene / "depth_cam2")
+    shutil.rmtree(made.scene / "mask_visib_cam1")
+    findings = {f.name: f for f in check_split(made.root, "test").findings}
+    assert findings["sensor"].result == "sensor cam1 is read; also there (scene.sensor): cam2"
+    assert findings["masks"].advice
+    assert not findings["depth and colour"].advice
+    assert Datasets("check", str(made.root), sensor="cam2").run([]) == 1
+    assert capsys.readouterr().out.endswith("a look, hence exit code 1: depth and colour.\n")
+
+
 @pytest.mark.parametrize(("without", "said"), [((0, 1), "all of them"), ((1,), "7/1")])
 def test_frames_without_colour_are_a_note(made: Made, without: Sequence[int], said: str) -> None:
     for k in without:

@@ -134,8 +134,9 @@ def test_nothing_found_leaves_an_older_file_alone(tmp_path: Path, capsys: pytest
 
 
 def test_a_session_without_an_estimator_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    session, out = write_session(tmp_path, make_frames(tmp_path / "data", 1)), tmp_path / "pool.csv"
-    assert run(session, "--out", out) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "hypotheses.source is 'perturb', expected an estimator (ppf, pcs, densefusion)" in line
-    assert not out.exists()
+    made, out = make_frames(tmp_path / "data", 1), tmp_path / "pool.csv"
+    for what in (write_session(tmp_path, made), made.root, made.scene):  # Folders of data open as sessions do.
+        assert run(what, "--out", out) == 2
+        line = capsys.readouterr().err.splitlines()[-1]
+        assert "hypotheses.source is 'perturb', expected an estimator (ppf, pcs, densefusion)" in line
+        assert not out.exists()

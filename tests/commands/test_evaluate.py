@@ -91,6 +91,31 @@ def test_targets_of_bop24_ask_for_detection(bad_input: BadInput) -> None:
     assert "name a …_targets_bop19.json with --targets" in refusal
 
 
+def test_ground_truth_in_metres_is_named(bad_input: BadInput) -> None:
+    assert "inside the object" not in str(bad_input.json()["notes"])
+
+    def to_metres(content: dict[str, list[dict[str, list[float]]]]) -> None:
+        content["3"][1]["cam_t_m2c"] = [x / 1000 for x in content["3"][1]["cam_t_m2c"]]
+
+    bad_input.made.edit("scene_gt.json", to_metres)
+    (note,) = [note for note in bad_input.json()["notes"] if "inside the object by the ground truth of 1 inst" in note]
+    assert "image 3, entry 1: 0." in note
+
+
+def test_the_sensor_of_the_poses_is_chosen(bad_input: BadInput) -> None:
+    made = bad_input.made
+    for sensor in ("cam1", "cam2"):
+        for file in ("scene_camera", "scene_gt", "scene_gt_info"):
+            (made.scene / f"{file}_{sensor}.json").write_bytes((made.scene / f"{file}.json").read_bytes())
+        (made.scene / f"depth_{sensor}").symlink_to(made.scene / "depth")
+    (made.scene / "scene_camera.json").unlink()
+    made.edit("scene_gt_cam2.json", lambda c: c["3"][1].update(cam_t_m2c=[90, 0, 500]))
+    first, second = (bad_input.json(bad_input.results, *words) for words in ((), ("--sensor", "cam2")))
+    assert (first["results"][0]["AR"], second["results"][0]["AR"] < 1) == (1.0, True)
+    assert any("sensor cam1 is read" in note for note in first["notes"])
+    assert "unknown sensor 'cam3'; available: cam1, cam2" in bad_input.refused(bad_input.results, "--sensor", "cam3")
+
+
 def test_targets_may_be_few(bad_input: BadInput) -> None:
     entries = [{"scene_id": 7, "im_id": 3, "obj_id": 5, "inst_count": 1}]
     path = bad_input.file("mine.json", json.dumps(entries))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import msgspec
 import pytest
 
 from verefine_viz import cli
@@ -29,7 +30,7 @@ def test_help_is_about_the_command_and_names_the_sections(name: str, capsys: pyt
         if field.name not in ("settings", "sessions", "session", "other", "name"):
             assert f"--{field.name.replace('_', '-')}" in text
     assert "--score.tau-m FLOAT" not in text
-    for section, value in Session().model_dump().items():
+    for section, value in msgspec.to_builtins(Session()).items():
         assert section in text or not isinstance(value, dict)
     assert text == shown(capsys, name, "-h")
 

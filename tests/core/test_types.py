@@ -11,10 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
 from tests.fakes import box_model, box_problem
-from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.arrays import frozen
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, ShapeError, unknown
@@ -199,21 +197,3 @@ def test_two_writers_of_a_file_do_not_share_what_is_half_written(tmp_path: Path)
 def _written(path: Path, text: str) -> None:
     with atomic(path) as part:
         part.write_text(text)
-
-
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (["[[3, 99],[6]]"], ((3, 99), (6,))),
-        (["[3,99]", "[6]"], ((3, 99), (6,))),
-        (['[[1, "#2"]]'], ((1, "#2"),)),
-        (["[3]"], ((3,),)),
-    ],
-)
-def test_an_order_can_be_written_on_a_command_line(words: list[str], expected: tuple[object, ...]) -> None:
-    assert DependencySettings.model_validate({"order": [words]}).order == expected
-
-
-def test_an_order_that_is_cut_off_is_refused() -> None:
-    with pytest.raises(ValidationError, match="expected clusters of ids, as"):
-        DependencySettings.model_validate({"order": [["[3,99"]]})

@@ -7,6 +7,8 @@ import tomllib
 from itertools import pairwise
 from pathlib import Path
 
+import msgspec
+
 from verefine_viz.core.settings import PUBLISHED, Session
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -96,7 +98,7 @@ def test_every_paper_section_that_is_named_is_one_of_the_paper() -> None:
 
 def test_the_table_of_presets_is_what_the_code_has() -> None:
     rows = re.findall(r"^\| [^|]+ \| `(\w+)\.(\w+)` \| ([^|]+) \| ([^|]+) \|$", text(METHODS), re.MULTILINE)
-    defaults = Session().model_dump()
+    defaults = msgspec.to_builtins(Session())
     assert {(section, field): value for section, field, _, value in rows} == {
         (section, field): str(value) for section, fields in PUBLISHED.items() for field, value in fields.items()
     }
@@ -104,7 +106,9 @@ def test_the_table_of_presets_is_what_the_code_has() -> None:
 
 
 def test_settings_that_the_methods_name_exist() -> None:
-    fields = {f"{s}.{f}" for s, values in Session().model_dump().items() if isinstance(values, dict) for f in values}
+    fields = {
+        f"{s}.{f}" for s, values in msgspec.to_builtins(Session()).items() if isinstance(values, dict) for f in values
+    }
     sections = {name.split(".")[0] for name in fields}
     named = re.findall(r"`(\w+\.\w+)(?: = [^`]*)?`", text(METHODS))
     named = [name for name in named if name.split(".")[0] in sections]

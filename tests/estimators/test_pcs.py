@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -166,7 +167,7 @@ def test_found_by_its_name() -> None:
 def test_real_instances_have_a_pose_that_covers_them(shared_data: Path) -> None:
     """Three instances of a real key frame, masks as annotated."""
     scene = {"source": "bop", "dataset": str(shared_data / "ycbv"), "frames": ["50/1"], "objects": [2, 5, 10]}
-    session = Session.model_validate({"scene": scene, "hypotheses": {"source": "pcs", "max_per_object": 25}})
+    session = msgspec.convert({"scene": scene, "hypotheses": {"source": "pcs", "max_per_object": 25}}, Session)
     for target in Toolbox(session).problem("50/1").targets:
         T_gt = target.instance.T_cam_obj_gt
         errors = [pose_errors(target.model, h.T_cam_obj, T_gt) for h in target.instance.hypotheses]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tests.estimators.views import random_pose, view
 from tests.progress import asked, cancelled_everywhere, ending_after, hearing
@@ -122,10 +123,10 @@ def test_a_table_belongs_to_its_mesh_and_settings(tmp_path: Path) -> None:
     changed = {"step": 0.09, "distance_bin": 0.06, "angle_bin_deg": 11.0, "bin_limit": 50, "seed": 1}
     assert set(changed) == set(LEARNT_FROM)
     duck, bracket = demo_model("duck", 10, 0), demo_model("bracket", 10, 0)
-    others = [COARSE.model_copy(update={name: value}) for name, value in changed.items()]
+    others = [structs.replace(COARSE, **{name: value}) for name, value in changed.items()]
     files = [cache_file(duck, s, tmp_path) for s in (COARSE, *others)] + [cache_file(bracket, COARSE, tmp_path)]
     assert len(set(files)) == len(files)
-    assert cache_file(duck, COARSE.model_copy(update={"peaks": 9, "candidates": 7}), tmp_path) == files[0]
+    assert cache_file(duck, structs.replace(COARSE, peaks=9, candidates=7), tmp_path) == files[0]
 
 
 def test_without_a_place_to_write_it_only_takes_longer(tmp_path: Path) -> None:

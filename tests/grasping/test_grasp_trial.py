@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from verefine_viz.core.algorithm_settings import GraspSettings
 from verefine_viz.core.geometry import transform
@@ -55,10 +56,10 @@ def test_a_wrong_pose_ends_as_it_would(block: ObjectModel) -> None:
 def test_the_pads_hold_what_coulomb_allows(block: ObjectModel) -> None:
     needed = SETTINGS.mass_kg * 9.81 / (2 * SETTINGS.force_n)
     for share, verdict in ((0.0, "slipped"), (0.85, "slipped"), (1.5, "success")):
-        assert _tried(block, settings=SETTINGS.model_copy(update={"friction": share * needed})).verdict == verdict
+        assert _tried(block, settings=structs.replace(SETTINGS, friction=share * needed)).verdict == verdict
     most_kg = 2 * SETTINGS.friction * SETTINGS.force_n / 9.81
-    assert _tried(block, settings=SETTINGS.model_copy(update={"mass_kg": 0.6 * most_kg})).verdict == "success"
-    assert _tried(block, settings=SETTINGS.model_copy(update={"mass_kg": 1.2 * most_kg})).verdict == "slipped"
+    assert _tried(block, settings=structs.replace(SETTINGS, mass_kg=0.6 * most_kg)).verdict == "success"
+    assert _tried(block, settings=structs.replace(SETTINGS, mass_kg=1.2 * most_kg)).verdict == "slipped"
 
 
 def test_same_arguments_give_the_same_bits(block: ObjectModel) -> None:

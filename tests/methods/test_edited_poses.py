@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -26,7 +27,7 @@ def clustered(problem: Problem, *clusters: tuple[int, ...]) -> Problem:
 
 
 def method_of(name: str, **fields: object):  # type: ignore[no-untyped-def]
-    s = MethodSettings.model_validate({"name": name, "iterations": 3, "exploration": 0.0, **fields})
+    s = msgspec.convert({"name": name, "iterations": 3, "exploration": 0.0, **fields}, MethodSettings)
     return make_method(s, FakeSimulator(), FakeRefiner(), FakeVerifier(), 3)
 
 

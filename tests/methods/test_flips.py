@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -90,7 +91,7 @@ def run_of(
     refiner: object = None,
     simulator: object = None,
 ) -> Run:
-    s = MethodSettings.model_validate({"name": name, "iterations": 3})
+    s = msgspec.convert({"name": name, "iterations": 3}, MethodSettings)
     parts = simulator, refiner or ToTheShape(), Looks(weight=weight)
     return Run(make_method(s, *parts, 3, flips), problem)  # pyright: ignore[reportArgumentType]
 

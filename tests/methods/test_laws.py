@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -25,7 +26,7 @@ from verefine_viz.run.engine import Run
 
 
 def run_of(name: str, problem: Problem, **fields: object) -> Run:
-    settings = MethodSettings.model_validate({"name": name, "iterations": 3, **fields})
+    settings = msgspec.convert({"name": name, "iterations": 3, **fields}, MethodSettings)
     method = make_method(settings, FakeSimulator(), FakeRefiner(), FakeVerifier(), 3)
     run = Run(method, problem)
     run.finish()
@@ -45,7 +46,7 @@ def test_a_step_out_of_reach_is_not_taken_and_the_frame_goes_on(tmp_path: Path) 
     problem = box_problem(2, 2)
     simulator = BulletSimulator(PhysicsSettings(collider="hull"), tmp_path)
     for name in METHOD_NAMES:
-        settings = MethodSettings.model_validate({"name": name, "iterations": 2})
+        settings = msgspec.convert({"name": name, "iterations": 2}, MethodSettings)
         run = Run(make_method(settings, simulator, Throwing(), FakeVerifier(), 3), problem)
         run.finish()
         assert run.length == run.n_iterations, name
@@ -66,7 +67,7 @@ class Straying(FakeRefiner):
 
 def test_a_new_best_scores_more_than_every_pose_that_was_accepted_before() -> None:
     for name, seed in itertools.product(("refine", "pir", "sir", "rir", "phys_after"), range(4)):
-        settings = MethodSettings.model_validate({"name": name, "iterations": 6})
+        settings = msgspec.convert({"name": name, "iterations": 6}, MethodSettings)
         run = Run(make_method(settings, FakeSimulator(), Straying(), FakeVerifier(), 3), box_problem(2, 1, seed))
         run.finish()
         for k, it in enumerate(run.iterations):
@@ -151,7 +152,7 @@ class Drifting(FakeRefiner):
 
 def test_never_worse_never_goes_downhill() -> None:
     def scores(accept: str) -> list[tuple[float, float]]:
-        settings = MethodSettings.model_validate({"name": "sir", "iterations": 4, "accept": accept})
+        settings = msgspec.convert({"name": "sir", "iterations": 4, "accept": accept}, MethodSettings)
         run = Run(make_method(settings, FakeSimulator(), Drifting(), FakeVerifier(), 3), box_problem(1))
         run.finish()
         return [(it.stages[0].score.score, it.accepted_stage.score.score) for it in run.iterations]
@@ -300,7 +301,7 @@ class Foreseeing(FakeVerifier):
 @settings(max_examples=20, deadline=None)
 @given(problems, st.sampled_from(METHOD_NAMES), st.sampled_from(["full", "rotation_only"]))
 def test_scoring_beside_the_refiner_changes_nothing(problem: Problem, name: str, sim_candidate: str) -> None:
-    chosen = MethodSettings.model_validate({"name": name, "iterations": 3, "sim_candidate": sim_candidate})
+    chosen = msgspec.convert({"name": name, "iterations": 3, "sim_candidate": sim_candidate}, MethodSettings)
     runs = [
         Run(make_method(chosen, FakeSimulator(), FakeRefiner(), verifier, 3), problem)
         for verifier in (FakeVerifier(), Foreseeing())

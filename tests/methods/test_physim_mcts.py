@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -55,7 +56,7 @@ def clustered(problem: Problem, *clusters: tuple[int, ...]) -> Problem:
 
 
 def method_of(problem: Problem, expansions: int = 6, **fields: object) -> PhysimMcts:
-    s = MctsSettings.model_validate({"expansions": expansions, "exploration_px": 50.0, **fields})
+    s = msgspec.convert({"expansions": expansions, "exploration_px": 50.0, **fields}, MctsSettings)
     return make_physim_mcts(s, FakeSimulator(), FakeRefiner(), FakeVerifier(), GapRenderer(problem), 3)
 
 

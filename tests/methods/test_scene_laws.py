@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -22,7 +23,7 @@ def clustered(problem: Problem, *clusters: tuple[int, ...]) -> Problem:
 
 
 def started(name: str, problem: Problem, **fields: object) -> Run:
-    s = MethodSettings.model_validate({"name": name, "iterations": 3, **fields})
+    s = msgspec.convert({"name": name, "iterations": 3, **fields}, MethodSettings)
     return Run(make_method(s, FakeSimulator(), FakeRefiner(), FakeVerifier(), 3), problem)
 
 
@@ -181,7 +182,7 @@ def test_a_fork_may_go_on_with_another_method() -> None:
     problem = clustered(box_problem(2, 3), (2, 0), (1,))
     for first, then in itertools.product(("rir", "vf_breadth", "vf_depth"), repeat=2):
         run = run_of(first, problem)
-        s = MethodSettings.model_validate({"name": then, "iterations": 3})
+        s = msgspec.convert({"name": then, "iterations": 3}, MethodSettings)
         fork = run.fork(4, make_method(s, FakeSimulator(), FakeRefiner(), FakeVerifier(), 3))
         fork.finish()
         assert fork.length == fork.n_iterations == 18, (first, then)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from tests.page.fake_tools import FakeTools
@@ -13,7 +14,7 @@ from verefine_viz.page.app import App
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
 
-SESSION = Session.model_validate({"method": {"name": "rir", "refiner": "identity", "iterations": 3}})
+SESSION = msgspec.convert({"method": {"name": "rir", "refiner": "identity", "iterations": 3}}, Session)
 
 
 class Posted(list):

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from msgspec import structs
+
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem
@@ -46,7 +48,7 @@ class FakeTools:
 
     def restarted(self, settings: dict[str, dict[str, Any]]) -> FakeTools:
         session = changed(self.session, settings, AT_ITS_START)
-        return type(self)(session.model_copy(update={"edits": (), "changes": ()}))
+        return type(self)(structs.replace(session, edits=(), changes=()))
 
     def ordered(self, problem: Problem) -> Problem:
         return replace(problem, dependencies=dependency_graph(problem, self.session.dependency))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from tests.page.recorded import SESSION, Numbered, record
 from verefine_viz.core.errors import VerefineError
@@ -100,7 +101,7 @@ def test_a_run_that_ended_early_gets_no_verdict_and_goes_on(tmp_path: Path):
 
 
 def test_recordings_that_do_not_fit_are_refused_in_one_line(recordings: Recordings, tmp_path: Path):
-    tower = record(tmp_path / "tower.rrd", SESSION.model_copy(update={"scene": SceneSettings(demo="tower")}))
+    tower = record(tmp_path / "tower.rrd", structs.replace(SESSION, scene=SceneSettings(demo="tower")))
     (tmp_path / "damaged.rrd").write_bytes(recordings.rir.read_bytes()[:200])
     (tmp_path / "no.rrd").write_text("hello")
     d = opened(p.Open(recording=str(recordings.rir)))

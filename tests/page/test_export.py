@@ -9,6 +9,7 @@ from urllib.request import urlopen
 
 import numpy as np
 import pytest
+from msgspec import structs
 from PIL import Image
 
 from tests.page.conftest import SESSION, Posted
@@ -35,7 +36,7 @@ def debugger(tmp_path: Path, posted: Posted) -> Debugger:
     """Session "mine", opened from its file, beside a file that holds another session."""
     save_session(Session(title="other"), tmp_path / "theirs.toml")
     mine = tmp_path / "mine.toml"
-    save_session(SESSION.model_copy(update={"title": "mine"}), mine)
+    save_session(structs.replace(SESSION, title="mine"), mine)
     space = Workspace(load_session(mine), mine, FakeTools)
     return Debugger(space, posted, write=Exporter(tmp_path))
 

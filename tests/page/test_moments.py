@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tests.page.conftest import SESSION
 from tests.page.fake_tools import FakeTools
@@ -15,7 +16,7 @@ from verefine_viz.page.workspace import Workspace
 
 
 def opened(name: str = "rir", frame: str = "0/2") -> Debugger:
-    session = SESSION.model_copy(update={"method": MethodSettings(name=name, iterations=3)})
+    session = structs.replace(SESSION, method=MethodSettings(name=name, iterations=3))
     return Debugger(Workspace(session, None, FakeTools, frame=frame))
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tests.page.conftest import SESSION, Posted
 from tests.page.fake_tools import FakeTools
@@ -170,7 +171,7 @@ def test_the_gallery_gives_every_answer_once_in_every_order(gallery: Gallery, po
 
 
 def test_sessions_are_listed_by_their_titles(tmp_path: Path):
-    save_session(SESSION.model_copy(update={"title": "A carton"}), tmp_path / "failure_wrong_plane.toml")
+    save_session(structs.replace(SESSION, title="A carton"), tmp_path / "failure_wrong_plane.toml")
     save_session(SESSION, tmp_path / "failure_mask_leaks.toml")
     (tmp_path / "broken.toml").write_text("[")
     names = [one["title"] for one in titled(sorted(tmp_path.glob("*.toml")))]

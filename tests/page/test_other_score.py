@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import structs
 
 from tests.fakes import FakeVerifier
 from tests.page.conftest import Posted
@@ -71,7 +72,7 @@ def test_the_session_of_such_a_run_gives_it_again():
 def test_a_fork_at_the_start_is_judged_by_the_new_score_alone():
     posted = Posted()
     d = opened(posted=posted).carry_out([p.Run(), p.Fork(0, changes=STRICTER, run=True)])
-    alone = opened(SESSION.model_copy(update={"score": ScoreSettings(tau_m=0.005)})).carry_out([p.Run()])
+    alone = opened(structs.replace(SESSION, score=ScoreSettings(tau_m=0.005))).carry_out([p.Run()])
     branch = d.space.branch(1)
     assert first_difference(branch.run.iterations, alone.space.work.first.run.iterations) is None
     (start,) = [m["start"] for m in posted.of("run") if m["branch"] == 1 and m["from"] == 0 and m["start"]][:1]

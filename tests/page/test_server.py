@@ -87,6 +87,8 @@ def test_every_answer_has_a_policy_without_inline_scripts(server: PageServer):
         assert "default-src 'none'" in policy
         assert "unsafe" not in policy
     assert asked(server, "/web/../server.py")[0] == 404
+    for path in ("a", "web/a", "thumb/9", "written/a", "blob/a", "3d/a"):
+        assert asked(server, f"/{path * 1000}")[0] in (404, 502), path
 
 
 def test_malformed_messages_are_noted_and_the_tenth_closes_the_window(

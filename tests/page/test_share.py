@@ -159,7 +159,7 @@ def test_far_depth_is_held_with_fewer_digits_rather_than_cut():
 def test_a_session_is_run_to_its_end(tmp_path: Path):
     from verefine_viz.run.session_file import save_session
 
-    save_session(Session.model_validate({"method": {"name": "rir", "refiner": "identity", "iterations": 3}}),
+    save_session(msgspec.convert({"method": {"name": "rir", "refiner": "identity", "iterations": 3}}, Session),
                  tmp_path / "s.toml")  # fmt: skip
     branch = opened(tmp_path / "s.toml").space.work.first
     assert branch.is_over

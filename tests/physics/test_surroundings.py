@@ -13,6 +13,7 @@ import trimesh
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
+from msgspec import structs
 from scipy.ndimage import binary_erosion
 
 from tests.made_up_frames import Thing, frame_of
@@ -215,7 +216,7 @@ def test_what_stays_over_the_first_surface_is_on_a_plane(sinks_m: float, yaw_deg
 def test_what_slides_off_the_first_surface_falls() -> None:
     """At first it is over the board, as a shorter simulation shows."""
     support, start = board(35.0), Placed(0, box(*BRICK), at(0.0, 0.0, 1.06, 0))
-    slippery = BulletSimulator(HULLS.model_copy(update={"friction": 0.01}))
+    slippery = BulletSimulator(structs.replace(HULLS, friction=0.01))
     short, path = (slippery.settle(start, (), support, n) for n in (10, 70))
     first = support.surroundings.surfaces[0] if support.surroundings else None
     assert first.heights(short.Ts_cam_obj[:, :3, 3]).min() > 0.02

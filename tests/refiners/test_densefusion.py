@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 from scipy.spatial.transform import Rotation
 
 from tests.learned.test_densefusion_steps import OFFSET, QUAT, coloured_target
@@ -159,16 +160,14 @@ def test_pth_weights_name_the_extra_where_torch_is_missing(tmp_path: Path, monke
 
 
 def test_recordings_name_the_weights_by_their_hashes(tmp_path: Path) -> None:
-    of_refiner = session(tmp_path).model_copy(
-        update={"method": Session().method.model_copy(update={"refiner": "densefusion"})}
-    )
+    of_refiner = structs.replace(session(tmp_path), method=structs.replace(Session().method, refiner="densefusion"))
     (name,) = weights_of(of_refiner)
     assert name == "densefusion weights"
     assert weights_of(of_refiner)[name] == WEIGHTS["densefusion"](of_refiner)
     pose, refine = weights_of(of_refiner)[name].split()
     assert pose != refine
     of_pool = session(tmp_path)
-    of_pool = of_pool.model_copy(update={"hypotheses": of_pool.hypotheses.model_copy(update={"source": "densefusion"})})
+    of_pool = structs.replace(of_pool, hypotheses=structs.replace(of_pool.hypotheses, source="densefusion"))
     assert weights_of(of_pool) == {"densefusion estimator weights": pose}
 
 

@@ -2,11 +2,13 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import open3d as o3d
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from tests.fakes import box_model, box_problem
 from tests.refiners.alignment import Cloud, icp_align
@@ -125,7 +127,7 @@ def test_equals_open3d_iteration_by_iteration() -> None:
             *clouds, gate_m, np.eye(4), o3d.pipelines.registration.TransformationEstimationPointToPoint(),
             o3d.pipelines.registration.ICPConvergenceCriteria(0, 0, n),
         )  # fmt: skip
-        ours = icp_align(source, cloud, PLAIN.model_copy(update={"max_iterations": n}))
+        ours = icp_align(source, cloud, structs.replace(PLAIN, max_iterations=n))
         assert ours.n_iterations == n
         assert np.abs(ours.T_target_source - witness.transformation).max() < 1e-9
 
@@ -199,7 +201,7 @@ def test_stop_rules_differ_in_how_long_they_run() -> None:
     cloud = lumpy_cloud(rng, 800)
     source = apply(small_motion(rng, 6, 0.004), cloud[::2]) + rng.normal(0, 0.0003, (400, 3))
     ran = {
-        stop: icp_align(source, cloud, PLAIN.model_copy(update={"stop": stop, "max_iterations": 60})).n_iterations
+        stop: icp_align(source, cloud, structs.replace(PLAIN, stop=stop, max_iterations=60)).n_iterations
         for stop in ("published", "tolerance", "max_iterations")
     }
     assert ran["published"] == 2
@@ -211,7 +213,7 @@ def test_no_small_step_ends_the_loop_while_the_gate_still_shrinks() -> None:
     cloud = lumpy_cloud(np.random.default_rng(4), 300)
     shrinking = IcpSettings(stop="tolerance", max_iterations=30)
     assert icp_align(cloud, cloud, shrinking).n_iterations == 10
-    assert icp_align(cloud, cloud, shrinking.model_copy(update={"gate": "published"})).n_iterations == 1
+    assert icp_align(cloud, cloud, structs.replace(shrinking, gate="published")).n_iterations == 1
 
 
 def test_gate_starts_wide_and_ends_at_the_published_one() -> None:
@@ -229,7 +231,7 @@ def test_gate_starts_wide_and_ends_at_the_published_one() -> None:
 def test_published_gate_leaves_a_far_start_untouched_and_the_default_does_not() -> None:
     target = moved(box_problem().targets[0], transform(np.eye(3), [0, 0, 0.6]))
     far = transform(np.eye(3), [0.01, 0.02, 0.68])
-    published = Icp(IcpSettings.model_validate(PUBLISHED["icp"])).refine(target, far)
+    published = Icp(msgspec.convert(PUBLISHED["icp"], IcpSettings)).refine(target, far)
     assert np.array_equal(published, far)
     T = far
     for _ in range(5):
@@ -261,7 +263,7 @@ def test_same_as_moving_the_model_in_the_camera_frame() -> None:
     target = box_problem().targets[0]
     T = target.instance.hypotheses[1].T_cam_obj
     for stop in ("published", "tolerance", "max_iterations"):
-        setting = PLAIN.model_copy(update={"stop": stop, "max_iterations": 20})
+        setting = structs.replace(PLAIN, stop=stop, max_iterations=20)
         X = icp_align(target.instance.points_cam, apply(T, target.model.points), setting).T_target_source
         assert np.abs(Icp(setting).refine(target, T) - inverse(X) @ T).max() < 1e-9
 
@@ -313,4 +315,4 @@ def test_too_few_points_leave_the_pose_as_it_is() -> None:
 
 
 def test_published_preset_spells_out_every_choice_of_icp() -> None:
-    assert set(PUBLISHED["icp"]) == set(IcpSettings.model_fields)
+    assert set(PUBLISHED["icp"]) == set(IcpSettings.__struct_fields__)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 from scipy.spatial import cKDTree
 
 from tests.fakes import box_model, box_problem
@@ -24,7 +25,7 @@ FAR = np.array([1.0, 0.0, 0.0])
 
 
 def with_trim(trim: float) -> TricpSettings:
-    return MANY.model_copy(update={"trim": trim})
+    return structs.replace(MANY, trim=trim)
 
 
 # The clouds -----------------------------------------------------------------------------------------------------------
@@ -205,7 +206,7 @@ def test_what_placed_objects_explain_does_not_pull() -> None:
     start = T_true @ small_motion(rng, 3, 0.002)
     alone = TrimmedIcp(MANY).refine(target, start)
     beside = TrimmedIcp(MANY).refine(target, start, (neighbour,))
-    kept_all = TrimmedIcp(MANY.model_copy(update={"explained_m": 0.0})).refine(target, start, (neighbour,))
+    kept_all = TrimmedIcp(structs.replace(MANY, explained_m=0.0)).refine(target, start, (neighbour,))
     assert np.linalg.norm(alone[:3, 3] - T_true[:3, 3]) > 0.02
     assert np.linalg.norm(beside[:3, 3] - T_true[:3, 3]) < 5e-4
     assert np.array_equal(kept_all, alone)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+import msgspec
 import pytest
 
 from verefine_viz.core.settings import ScoreSettings
@@ -29,8 +30,8 @@ def make(request: pytest.FixtureRequest) -> Iterator[MakeVerifier]:
     made: dict[str, CpuVerifier | GlVerifier] = {}
 
     def verifier(**fields: object) -> CpuVerifier | GlVerifier:
-        settings = ScoreSettings.model_validate({"simplify_mm": 0.0, **fields})
-        key = settings.model_dump_json()
+        settings = msgspec.convert({"simplify_mm": 0.0, **fields}, ScoreSettings)
+        key = msgspec.json.encode(settings)
         if key not in made:
             made[key] = CpuVerifier(settings) if request.param == "cpu" else GlVerifier(settings)
         return made[key]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 import trimesh
@@ -223,7 +224,7 @@ def test_a_batch_has_the_bits_of_its_poses_one_by_one() -> None:
 
 
 def coloured(**fields: object) -> ScoreSettings:
-    return ScoreSettings.model_validate({"colour_weight": W, **fields})
+    return msgspec.convert({"colour_weight": W, **fields}, ScoreSettings)
 
 
 def test_both_verifiers_agree(needs_gl: None) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 import trimesh
@@ -58,7 +59,7 @@ def test_a_scan_scores_what_its_full_mesh_scores(make: MakeVerifier) -> None:
     poses = disturbed(6, seed=5, size=0.3)
     for pixels in PIXELS:
         verifier = make(pixels=pixels, simplify_mm=DEFAULT.simplify_mm)
-        settings = ScoreSettings.model_validate({"pixels": pixels})
+        settings = msgspec.convert({"pixels": pixels}, ScoreSettings)
         assert largest_difference(verifier, target, poses, settings) < 3e-3, pixels
 
 
@@ -68,7 +69,7 @@ def test_real_objects_score_what_their_full_meshes_score(make: MakeVerifier, sha
     problem = box.problem(box.frames[0])
     for pixels in PIXELS:
         verifier = make(pixels=pixels, simplify_mm=DEFAULT.simplify_mm)
-        settings = ScoreSettings.model_validate({"pixels": pixels})
+        settings = msgspec.convert({"pixels": pixels}, ScoreSettings)
         for target in problem.targets:
             T = target.instance.T_cam_obj_gt
             poses = np.stack([T, T @ transform(axis_angle([1.0, 2.0, 0.5], 0.1), [0.004, -0.003, 0.003])])

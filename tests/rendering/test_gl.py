@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import threading
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -25,7 +26,7 @@ def test_both_verifiers_agree() -> None:
     frame = target_of()
     placed = [Placed(7, box(), T_BOX), Placed(8, table(), T_TABLE)]
     for pixels in ("published", "observed", "classes"):
-        settings = ScoreSettings.model_validate({"pixels": pixels, "simplify_mm": 0})
+        settings = msgspec.convert({"pixels": pixels, "simplify_mm": 0}, ScoreSettings)
         cpu, gl = CpuVerifier(settings), GlVerifier(settings)
         for target in (frame, Target(frame.observation, frame.instance, shell())):
             Ts = disturbed(30, seed=11)
@@ -79,7 +80,9 @@ def test_forgotten_targets_are_released_and_answers_stay_the_same() -> None:
 
 @pytest.mark.usefixtures("needs_gl")
 def test_several_verifiers_may_live_in_one_thread() -> None:
-    a, b = (GlVerifier(ScoreSettings.model_validate({"simplify_mm": 0, "pixels": p})) for p in ("observed", "classes"))
+    a, b = (
+        GlVerifier(msgspec.convert({"simplify_mm": 0, "pixels": p}, ScoreSettings)) for p in ("observed", "classes")
+    )
     Ts = disturbed(3)
     before = a.score(target_of(), Ts).score, b.score(target_of(), Ts).score
     after = a.score(target_of(), Ts).score, b.score(target_of(), Ts).score
@@ -136,7 +139,7 @@ def test_software_gl_is_used_only_when_asked_for(monkeypatch: pytest.MonkeyPatch
     for is_software, expected in ((True, ["cpu", "gl", "cpu"]), (False, ["gl", "gl", "cpu"])):
         info = GlInfo("some renderer", "some vendor", "3.3", is_software)
         monkeypatch.setattr(gl_context, "probe", lambda info=info: info)
-        settings = [ScoreSettings.model_validate({"renderer": name}) for name in ("auto", "gl", "cpu")]
+        settings = [msgspec.convert({"renderer": name}, ScoreSettings) for name in ("auto", "gl", "cpu")]
         assert [make_verifier(s).name for s in settings] == expected
 
 

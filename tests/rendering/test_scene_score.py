@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Sequence
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -117,7 +118,7 @@ def test_scores_and_classes_are_the_formula_s(make: MakeVerifier) -> None:
     scenes = (3, []), (2, [Placed(6, shell(), T_SHELL)])
     for pixels, whole_frame, (m, placed) in itertools.product(MODES, (False, True), scenes):
         case = pixels, whole_frame, m
-        settings = ScoreSettings.model_validate({"pixels": pixels, "simplify_mm": 0})
+        settings = msgspec.convert({"pixels": pixels, "simplify_mm": 0}, ScoreSettings)
         got = make(pixels=pixels).score_scene(targets[:m], Ts[:, :m], placed, whole_frame)
         for i in range(len(Ts)):
             expected = plainly(targets[:m], Ts[i, :m], settings, placed, whole_frame)

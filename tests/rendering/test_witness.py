@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -55,7 +56,7 @@ def test_the_inside_of_an_open_shell_is_drawn(make: MakeVerifier) -> None:
 def test_scores_and_classes_are_the_formula_s(make: MakeVerifier) -> None:
     target, Ts = target_of(), disturbed(12)
     for alpha, pixels in itertools.product((0.707, 0.293), MODES):
-        settings = ScoreSettings.model_validate({"pixels": pixels, "alpha": alpha, "simplify_mm": 0})
+        settings = msgspec.convert({"pixels": pixels, "alpha": alpha, "simplify_mm": 0}, ScoreSettings)
         got = make(pixels=pixels, alpha=alpha).score(target, Ts)
         for i, T in enumerate(Ts):
             expected = reference(target, T, settings)
@@ -85,7 +86,7 @@ def test_placed_objects_hide_what_lies_behind_them(make: MakeVerifier) -> None:
     )
     neighbour = Placed(5, box(), T_BOX)
     for pixels in MODES:
-        settings = ScoreSettings.model_validate({"pixels": pixels, "simplify_mm": 0})
+        settings = msgspec.convert({"pixels": pixels, "simplify_mm": 0}, ScoreSettings)
         verifier = make(pixels=pixels)
         alone, among = verifier.score(spilled, Ts), verifier.score(spilled, Ts, [neighbour])
         for i, T in enumerate(Ts):

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+import msgspec
+
 from tests.changing import replace
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from verefine_viz.core.problem import Problem
@@ -21,7 +23,7 @@ METHODS = ("refine", "pir", "sir", "rir", "even", "expl")
 
 def run_of(name: str = "rir", n_instances: int = 1, problem: Problem | None = None, **fields: object) -> Run:
     """A run that is not yet stepped."""
-    settings = MethodSettings.model_validate({"name": name, "iterations": 2, **fields})
+    settings = msgspec.convert({"name": name, "iterations": 2, **fields}, MethodSettings)
     method = make_method(settings, FakeSimulator(), FakeRefiner(), FakeVerifier(), 3)
     return Run(method, problem or box_problem(n_hypotheses=3, n_instances=n_instances, seed=3))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tests.changing import replace
 from tests.fakes import FakeRefiner, FakeSimulator, FakeVerifier, box_problem
@@ -62,4 +63,4 @@ def test_what_is_no_breakpoint_or_neither_on_nor_off_is_refused() -> None:
 
 
 def test_every_threshold_has_a_unit() -> None:
-    assert set(UNITS) == {name for name, value in BreakpointSettings() if value is None}
+    assert set(UNITS) == {name for name, value in structs.asdict(BreakpointSettings()).items() if value is None}

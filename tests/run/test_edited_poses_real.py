@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tests.recording.runs import END
 from verefine_viz.core.arrays import Float
@@ -69,7 +70,7 @@ def test_stepped_headless_rewound_saved_and_recorded_are_the_same(name: str, tmp
     again.finish()
     assert first_difference(fork.iterations, again.iterations) is None
 
-    kept = session.model_copy(update={"edits": fork.edits})
+    kept = structs.replace(session, edits=fork.edits)
     save_session(kept, tmp_path / "kept.toml")
     box = Toolbox(load_session(tmp_path / "kept.toml"))
     problem = box.problem(box.frames[0])

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tests.fakes import box_problem
 from verefine_viz.batch.summary import run_end
@@ -91,7 +93,7 @@ def test_a_built_in_frame_says_all_of_it_headless() -> None:
             "method": {"name": "refine", "iterations": 1},
             "physics": {"enabled": False},
             "dependency": {"cut": [[0, 99]]},
-            "edits": [edit(after=999).model_dump(), edit(frame="0/5").model_dump()],
+            "edits": [msgspec.to_builtins(edit(after=999)), msgspec.to_builtins(edit(frame="0/5"))],
             "changes": [{"after_iteration": 10**9, "settings": {"method": {"exploration": 0.2}}}],
         }
     )
@@ -108,4 +110,4 @@ def test_a_built_in_frame_says_all_of_it_headless() -> None:
         "the run has 1 iterations: no setting changes after iteration 1000000000",
     ]
     with pytest.raises(InputError, match="edits: unknown instance 99; available: 0"):
-        Toolbox(session.model_copy(update={"edits": (edit(instance=99, after=5),)})).problem("0/0")
+        Toolbox(structs.replace(session, edits=(edit(instance=99, after=5),))).problem("0/0")

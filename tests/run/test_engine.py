@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -16,7 +17,7 @@ from verefine_viz.run.engine import Run
 
 
 def method_of(name: str = "rir", **fields: object):  # type: ignore[no-untyped-def]
-    settings = MethodSettings.model_validate({"name": name, "iterations": 3, **fields})
+    settings = msgspec.convert({"name": name, "iterations": 3, **fields}, MethodSettings)
     return make_method(settings, FakeSimulator(), FakeRefiner(), FakeVerifier(), 3)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
+import msgspec
 import numpy as np
 
 from tests.changing import replace
@@ -74,7 +75,7 @@ def run(
     name: str = "sir", *, problem: Problem = PROBLEM, refiner: object = None, verifier: object = None,
     simulator: object = None, physics: bool = True, **fields: object,
 ) -> Run:  # fmt: skip
-    s = MethodSettings.model_validate({"name": name, **fields})
+    s = msgspec.convert({"name": name, **fields}, MethodSettings)
     parts = (simulator or FakeSimulator()) if physics else None, refiner or FakeRefiner(), verifier or FakeVerifier()
     return Run(make_method(s, *parts, 3), problem)  # pyright: ignore[reportArgumentType]
 
@@ -174,10 +175,10 @@ def test_every_event_comes_from_an_iteration(tmp_path: Path) -> None:
 
 
 def test_every_breakpoint_is_hit_by_an_iteration(tmp_path: Path) -> None:
-    assert set(BREAKPOINTS) == set(BreakpointSettings.model_fields) - {"waiting"}
+    assert set(BREAKPOINTS) == set(BreakpointSettings.__struct_fields__) - {"waiting"}
     calm = UNEVENTFUL(tmp_path)
     for name, (value, made, why) in BREAKPOINTS.items():
-        stops, played = BreakpointSettings.model_validate({name: value}), made(tmp_path)
+        stops, played = msgspec.convert({name: value}, BreakpointSettings), made(tmp_path)
         reasons = [reason for it in played.iterations for reason in hits(stops, played.problem, it)]
         assert reasons, name
         assert all(why in reason for reason in reasons), reasons

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -32,7 +33,7 @@ class Strict(FakeVerifier):
 
 
 def method_of(name: str, verifier: FakeVerifier, **fields: object):  # type: ignore[no-untyped-def]
-    settings = MethodSettings.model_validate({"name": name, "iterations": 3, **fields})
+    settings = msgspec.convert({"name": name, "iterations": 3, **fields}, MethodSettings)
     return make_method(settings, FakeSimulator(), FakeRefiner(), verifier, 3)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tests.fakes import box_problem
 from tests.scenes.bop_folder import make
@@ -66,7 +67,7 @@ def test_a_session_repeats_a_fork_with_other_settings_and_a_moved_pose() -> None
     fork = run.fork(2, method=box.changed(settings).method, edit=(problem.instances[0].instance_id, 1, T))
     fork.finish()
     change = Change(after_iteration=2, settings=settings)
-    session = box.session.model_copy(update={"edits": fork.edits, "changes": (change,)})
+    session = structs.replace(box.session, edits=fork.edits, changes=(change,))
     reopened = Toolbox(session)
     again = reopened.run(problem)
     again.finish()

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 import trimesh
@@ -29,8 +30,8 @@ pytestmark = pytest.mark.usefixtures("long_run")
 
 
 def made(name: str, frame: str = "0/0", fields: dict | None = None, **hypotheses: object) -> Problem:
-    settings = SceneSettings.model_validate({"demo": name, **(fields or {})})
-    return demo_problem(name, settings, HypothesesSettings.model_validate(hypotheses), frame)
+    settings = msgspec.convert({"demo": name, **(fields or {})}, SceneSettings)
+    return demo_problem(name, settings, msgspec.convert(hypotheses, HypothesesSettings), frame)
 
 
 def digest(problem: Problem) -> str:

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 import trimesh
@@ -43,8 +44,8 @@ def models(tmp_path: Path) -> Path:
 
 
 def _opened(layout: Path, models: Path, **scene: object) -> LayoutSource:
-    settings = SceneSettings.model_validate(
-        {"source": "layout", "layout": str(layout), "dataset": str(models), **scene}
+    settings = msgspec.convert(
+        {"source": "layout", "layout": str(layout), "dataset": str(models), **scene}, SceneSettings
     )
     source = open_scene(settings, HypothesesSettings())
     assert isinstance(source, LayoutSource)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from tests.scenes.bop_folder import Made, make
 from verefine_viz.core.errors import InputError
@@ -216,16 +217,16 @@ def test_rows_of_objects_that_nobody_asked_for_are_refused(tmp_path: Path) -> No
 def test_a_file_that_covers_nothing_beside_one_that_does_is_named(tmp_path: Path) -> None:
     made = make(tmp_path)
     foreign, ours = results_file(tmp_path, "8,3,2", "other_x-test.csv"), results_file(tmp_path, "7,3,5")
-    both = ours.model_copy(update={"files": (*foreign.files, *ours.files)})
+    both = structs.replace(ours, files=(*foreign.files, *ours.files))
     (note,) = made.open(both).check_initial_poses()
     assert note == "other_x-test.csv has no row for an object of the chosen frames and gives no pose"
     assert made.open(ours).check_initial_poses() == ()
     with pytest.raises(InputError, match=r"other_x-test.csv, other_x-test.csv have no row"):
-        made.open(foreign.model_copy(update={"files": foreign.files * 2})).check_initial_poses()
+        made.open(structs.replace(foreign, files=foreign.files * 2)).check_initial_poses()
 
 
 def test_an_estimator_may_look_for_what_the_file_does_not_have(tmp_path: Path) -> None:
-    rows = results_file(tmp_path, "8,3,2").model_copy(update={"estimate": (("7/3", 1, "ppf"),)})
+    rows = structs.replace(results_file(tmp_path, "8,3,2"), estimate=(("7/3", 1, "ppf"),))
     assert make(tmp_path).open(rows).check_initial_poses() == ()
 
 

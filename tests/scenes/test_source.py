@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from tests.scenes.bop_folder import make
@@ -15,7 +16,7 @@ pytestmark = pytest.mark.usefixtures("long_run")
 
 
 def demo(**fields: object) -> SceneSettings:
-    return SceneSettings.model_validate({"source": "demo", "demo": "clutter", **fields})
+    return msgspec.convert({"source": "demo", "demo": "clutter", **fields}, SceneSettings)
 
 
 def test_a_demo_has_a_frame_per_viewpoint_and_each_is_made_once() -> None:

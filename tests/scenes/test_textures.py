@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from verefine_viz.scenes import meshes
+from verefine_viz.scenes import materials
 from verefine_viz.scenes.meshes import read_mesh
 from verefine_viz.scenes.models import model_of_mesh
 
@@ -170,7 +170,7 @@ def test_a_texture_of_any_kind_of_image_is_rgb(tmp_path: Path) -> None:
 
 def test_a_large_texture_is_made_smaller(tmp_path: Path) -> None:
     texture = read_mesh(checked(tmp_path, size=3000), 1e-3).texture
-    assert texture.image.shape == (meshes.LARGEST_TEXTURE_PX, meshes.LARGEST_TEXTURE_PX, 3)
+    assert texture.image.shape == (materials.LARGEST_TEXTURE_PX, materials.LARGEST_TEXTURE_PX, 3)
     points, _, colors = surface_colors(tmp_path / "box.ply")
     assert len(np.unique(colors.round(), axis=0)) < len(points) / 10
 

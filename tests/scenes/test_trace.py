@@ -289,8 +289,9 @@ def test_a_copy_of_the_file_needs_numpy_alone_and_an_old_python() -> None:
     at_run_time = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
     names = {alias.name for node in at_run_time if isinstance(node, ast.Import) for alias in node.names}
     names |= {f"{node.module}.{a.name}" for node in at_run_time if isinstance(node, ast.ImportFrom) for a in node.names}
-    stdlib = {"json", "logging", "math", "os", "shutil", "time", "pathlib.Path", "__future__.annotations"}
-    assert names == stdlib | {"numpy", "typing.TYPE_CHECKING", "typing.Any"}
+    stdlib = {"json", "logging", "math", "os", "re", "shutil", "time", "pathlib.Path", "__future__.annotations"}
+    typing = {"typing.TYPE_CHECKING", "typing.Any", "typing.BinaryIO"}
+    assert names == stdlib | typing | {"numpy", "urllib.parse.unquote"}
 
 
 def test_a_trace_without_images_or_of_another_version_says_so(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from tests.fakes import box_problem
 from verefine_viz.core.geometry import axis_angle, transform
@@ -71,8 +72,8 @@ def test_more_errors_and_seeds_of_the_same_objects_make_no_interval_narrower() -
     gains = np.random.default_rng(1).normal(0.02, 0.05, 8)
     once = [_outcome("A", 0.0, k, 0.5 + float(g)) for k, g in enumerate(gains)]
     once += [_outcome("B", 0.0, k, 0.5) for k in range(8)]
-    more_errors = [*once, *(o.model_copy(update={"x": 1.0}) for o in once)]
-    more_seeds = [o.model_copy(update={"seed": seed}) for o in once for seed in range(20)]
+    more_errors = [*once, *(structs.replace(o, x=1.0) for o in once)]
+    more_seeds = [structs.replace(o, seed=seed) for o in once for seed in range(20)]
     (alone,), *others = (verdicts(_panel(), points_of(found)) for found in (once, more_errors, more_seeds))
     for (repeated,) in others:
         assert (repeated.spread.low, repeated.spread.high) == pytest.approx((alone.spread.low, alone.spread.high))
@@ -100,7 +101,7 @@ def test_a_claim_about_low_errors_leaves_out_high_ones() -> None:
 
 def test_answers_that_are_missing_count_nowhere_and_have_their_reason() -> None:
     outcomes = [_outcome(c, 0.0, k, 0.5) for c in "AB" for k in range(3)]
-    outcomes = [o.model_copy(update={"missing": "no weights"}) if o.curve == "B" else o for o in outcomes]
+    outcomes = [structs.replace(o, missing="no weights") if o.curve == "B" else o for o in outcomes]
     points = points_of(outcomes)
     assert [r["curve"] for r in rows(Study("s", "t", (_panel(),)), points)] == ["A"]
     assert verdicts(_panel(), points) == []

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from verefine_viz.run.session_file import load_session
 from verefine_viz.studies.grasp_table import grasp_order, grasp_rows
@@ -49,7 +50,7 @@ def test_the_order_is_tested_on_the_trials_that_both_rows_have() -> None:
 def test_trials_are_of_the_objects_as_they_lie_and_turned() -> None:
     given, turned = scenes("grasping", None, {}, quick=True).values()
     assert (given.scene.turned, turned.scene.turned) == (False, True)
-    assert given.scene.model_copy(update={"turned": True}) == turned.scene
+    assert structs.replace(given.scene, turned=True) == turned.scene
 
 
 @pytest.mark.usefixtures("long_run", "processes")
@@ -59,6 +60,6 @@ def test_the_ground_truth_is_lifted_and_workers_do_not_matter(tmp_path: Path) ->
     request = StudyRequest("grasping", quick=True)
     one = run_study(request, sessions, 1, 1, tmp_path / "one", lambda done, total: None)
     two = run_study(request, sessions, 1, 2, tmp_path / "two", lambda done, total: None)
-    without_times = [[o.model_copy(update={"ms": 0.0}) for o in outcomes] for outcomes in (one, two)]
+    without_times = [[structs.replace(o, ms=0.0) for o in outcomes] for outcomes in (one, two)]
     assert without_times[0] == without_times[1]
     assert {o.grasp for o in one if o.curve == GIVEN and o.x == 0} == {"success"}

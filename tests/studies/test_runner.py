@@ -14,6 +14,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from msgspec import structs
 
 from verefine_viz import cli
 from verefine_viz.core.errors import InputError, UnavailableError
@@ -38,8 +39,8 @@ def _run(path: Path, workers: int = 1, seeds: int = 1) -> list[Outcome]:
     )
 
 
-def _facts(outcomes: list[Outcome]) -> list[dict[str, object]]:
-    return [o.model_dump(exclude={"ms"}) for o in outcomes]
+def _facts(outcomes: list[Outcome]) -> list[Outcome]:
+    return [structs.replace(o, ms=0.0) for o in outcomes]
 
 
 def _entries(folder: Path) -> dict[str, bytes]:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
@@ -18,6 +17,7 @@ from verefine_viz.batch.jobs import Job, check_jobs
 from verefine_viz.batch.motion_table import MOTION
 from verefine_viz.batch.progress import BatchProgress
 from verefine_viz.batch.run_batch import Backend, Outcome, run_batch
+from verefine_viz.batch.terminal import Terminal
 from verefine_viz.batch.totals import Notes
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.batch.worker_process import TaskName
@@ -47,7 +47,7 @@ def run_jobs(
         VerefineError: a session or a folder cannot be used, or the cluster does not answer.
     """
     if len(jobs) == 1:
-        with BatchProgress(Console(stderr=True)).shown() as progress:
+        with BatchProgress(Terminal(stderr=True)).shown() as progress:
             outcome = _run(jobs[0], jobs[0].folder.name, backend, retry_failed, task, None, progress)
         _print_summary(outcome)
         return 0 if outcome.is_whole else 1
@@ -57,7 +57,7 @@ def run_jobs(
         if not backend.cluster:
             pool = Pool(first.session, first.folder.absolute(), backend.n_workers, task, backend.limit_bytes)
             stack.enter_context(closing(pool))
-        progress = stack.enter_context(BatchProgress(Console(stderr=True), n_frames).shown())
+        progress = stack.enter_context(BatchProgress(Terminal(stderr=True), n_frames).shown())
         return _run_all(jobs, out, backend, retry_failed, task, pool, progress)
 
 
@@ -75,7 +75,7 @@ def _run_all(
         title = f"run {k + 1} of {len(jobs)}: {job.folder.name}"
         outcomes.append((job, _run(job, title, backend, retry_failed, task, pool, progress)))
         _print_line(outcomes[-1][1])
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(highlight=False, soft_wrap=True)
     console.print(sweep_table(outcomes))
     notes = Notes()
     for _, outcome in outcomes:
@@ -108,7 +108,7 @@ def _run(
 
 
 def _print_line(outcome: Outcome) -> None:
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(highlight=False, soft_wrap=True)
     took = "nothing was left to do" if outcome.was_finished else f"{outcome.seconds:.1f} s"
     console.print(escape(f"{outcome.folder.name}: {in_short(outcome)}; {took}"))
     _print_doubt(console, outcome)
@@ -117,7 +117,7 @@ def _print_line(outcome: Outcome) -> None:
 
 
 def _print_summary(outcome: Outcome) -> None:
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(highlight=False, soft_wrap=True)
     numbers = outcome.totals
     took = "nothing was left to do" if outcome.was_finished else f"{outcome.seconds:.1f} s, memory {outcome.memory}"
     console.print(escape(f"{in_short(outcome)}; {took}. Results in {outcome.folder}"))
@@ -149,7 +149,7 @@ def unreadable(n: int, which: str = "frames.csv says which") -> str:
     )
 
 
-def _print_doubt(console: Console, outcome: Outcome) -> None:
+def _print_doubt(console: Terminal, outcome: Outcome) -> None:
     if outcome.totals["data_in_doubt"]:
         console.print(f"[red]{escape(outcome.totals['data_in_doubt'])}[/]")
 
@@ -174,14 +174,14 @@ def in_short(outcome: Outcome) -> str:
     return ", ".join(parts)
 
 
-def _print_written(console: Console, outcome: Outcome) -> None:
+def _print_written(console: Terminal, outcome: Outcome) -> None:
     for note in outcome.notes:
         console.print(escape(f"note: {note}"))
     for fault in outcome.faults:
         console.print(f"[red]{escape(fault)}[/]")
 
 
-def _print_failures(console: Console, outcome: Outcome) -> None:
+def _print_failures(console: Terminal, outcome: Outcome) -> None:
     for frame, why in outcome.failures:
         console.print(escape(f"frame {frame} failed: {why}"))
     n_more = outcome.n_failed - len(outcome.failures)

@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numba
 from distributed import Worker, WorkerPlugin, get_worker
 
@@ -26,7 +27,7 @@ class WorkerTools(WorkerPlugin):
     ) -> None:
         self.name = name
         """Of the plugin and of the executor that its tasks ask for."""
-        self._session = session.model_dump_json()
+        self._session = msgspec.json.encode(session)
         self._out, self._must_see, self._version = str(out), must_see, version
         self._task: TaskName = task
 
@@ -55,7 +56,7 @@ class WorkerTools(WorkerPlugin):
 
     @cached_property
     def toolbox(self) -> Toolbox:
-        return Toolbox(Session.model_validate_json(self._session))
+        return Toolbox(msgspec.json.decode(self._session, type=Session))
 
     def solve(self, frame: str) -> RunRecord:
         """The record of a frame without its iterations; its files are written by path."""

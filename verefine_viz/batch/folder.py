@@ -20,6 +20,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 import verefine_viz
 from verefine_viz.batch.completeness import TABLES
 from verefine_viz.batch.motion_table import MOTION
@@ -128,7 +130,7 @@ class RunFolder:
 
 def first_change(before: Session, now: Session) -> str | None:
     """The first field in which two sessions differ: ``method.name is 'rir' there and 'sir' here``."""
-    there, here = _flat(before.model_dump(), ""), _flat(now.model_dump(), "")
+    there, here = _flat(msgspec.to_builtins(before), ""), _flat(msgspec.to_builtins(now), "")
     for field in {**there, **here}:
         before_it, now_it = there.get(field), here.get(field)
         if before_it != now_it:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from msgspec import structs
+
 from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.runs import RUN_FILE, BatchInfo, Runs, read_run
 from verefine_viz.core.arrays import Float
@@ -223,7 +225,7 @@ def _of_run_files(folder: Path) -> BatchIndex:
 
 
 def _on(frames: tuple[str, ...], session: Session) -> Session:
-    return session.model_copy(update={"scene": session.scene.model_copy(update={"frames": frames})})
+    return structs.replace(session, scene=structs.replace(session.scene, frames=frames))
 
 
 def _answers(record: RunRecord | None) -> tuple[Answer, ...]:

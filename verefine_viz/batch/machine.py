@@ -15,7 +15,7 @@ import verefine_viz
 
 PACKAGES = (
     "numpy", "scipy", "numba", "open3d", "trimesh", "pybullet", "coacd", "moderngl", "onnxruntime",
-    "viser", "rerun-sdk", "pydantic",
+    "viser", "rerun-sdk",
 )  # fmt: skip
 SHARE = 0.8
 """Of the machine's memory that all workers together may take, unless a limit is given."""

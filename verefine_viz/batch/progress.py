@@ -18,6 +18,7 @@ from rich.text import Text
 
 from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.run_batch import Progress
+from verefine_viz.batch.terminal import Terminal
 from verefine_viz.run.kernel_compilation import COMPILING
 
 EVERY_S = 20.0
@@ -126,7 +127,7 @@ def counted_bar(what: str) -> Iterator[Callable[[str, int, int], None]]:
     """A bar on stderr, in a log a line now and then; the callback takes what is being done, how many are done, of how
     many.
     """
-    console, pace, n_done, n_all = Console(stderr=True), Pace(), 0, 0
+    console, pace, n_done, n_all = Terminal(stderr=True), Pace(), 0, 0
 
     def left() -> str:
         left_s = pace.left_s(n_all - n_done, monotonic())

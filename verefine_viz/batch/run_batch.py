@@ -239,12 +239,13 @@ class _Batch:
                 if isinstance(result, RunRecord):
                     self._save(result)
                 report(self._progress(result if isinstance(result, str) else ""))
+            end = self._write_end("finished", spent_s)
         except BaseException:
             # Where the disk is the reason that it ends, the first error is the one to report.
             with suppress(InputError):
                 self._write_end("stopped", spent_s)
             raise
-        return self._outcome(self._write_end("finished", spent_s), rewritten)
+        return self._outcome(end, rewritten)
 
     def _check_files(self) -> BatchFiles:
         # Initial poses are not recorded.

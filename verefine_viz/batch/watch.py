@@ -16,6 +16,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from msgspec import structs
+
 from verefine_viz.batch.folder import SESSION_FILE, RunFolder
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.pace import Pace
@@ -250,8 +252,8 @@ class Watch:
         if own.is_file():
             session = load_session(own, self._overrides)
         elif base is not None and base.scene.source == "bop" and any(data.glob(f"{SCENES}/{CAMERAS}")):
-            scene = base.scene.model_copy(update={"dataset": str(data.resolve())})
-            session = base.model_copy(update={"title": title, "scene": scene})
+            scene = structs.replace(base.scene, dataset=str(data.resolve()))
+            session = structs.replace(base, title=title, scene=scene)
         else:
             known = data_at(data, self._overrides)
             if known is None:
@@ -259,9 +261,9 @@ class Watch:
             session = known.session
         if base is not None:
             data_of = {"title": session.title, "scene": session.scene, "hypotheses": session.hypotheses}
-            session = base.model_copy(update=data_of)
-        scene = session.scene.model_copy(update={"frames": ()})
-        return session.model_copy(update={"scene": scene, "edits": ()})
+            session = structs.replace(base, **data_of)
+        scene = structs.replace(session.scene, frames=())
+        return structs.replace(session, scene=scene, edits=())
 
     def _solve(self, data: Path, watched: Watched) -> None:
         """What is ready of a data set, and what arrives meanwhile; then its tables."""
@@ -383,12 +385,11 @@ def _accept_growth(watched: Watched) -> None:
     if not file.exists():
         return
     before, now = load_session(file), watched.session
-    hypotheses = {"files": now.hypotheses.files, "max_per_object": now.hypotheses.max_per_object}
-    grown = before.model_copy(
-        update={
-            "scene": before.scene.model_copy(update={"gravity": now.scene.gravity}),
-            "hypotheses": before.hypotheses.model_copy(update=hypotheses),
-        }
+    files, most = now.hypotheses.files, now.hypotheses.max_per_object
+    grown = structs.replace(
+        before,
+        scene=structs.replace(before.scene, gravity=now.scene.gravity),
+        hypotheses=structs.replace(before.hypotheses, files=files, max_per_object=most),
     )
     keeps_files = {*before.hypotheses.files} <= {*now.hypotheses.files}
     if before != now and grown == now and keeps_files:

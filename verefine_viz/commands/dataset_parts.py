@@ -7,7 +7,7 @@ from pathlib import Path
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.text_format import MOST_NAMED, first_of
-from verefine_viz.scenes.bop_files import datasets_below, splits_in
+from verefine_viz.scenes.bop_files import datasets_below, scenes_in, splits_in
 
 
 @dataclass
@@ -89,10 +89,10 @@ def splits_of(folder: Path) -> tuple[str, ...]:
         why = "is a file" if folder.exists() else "does not exist"
         raise InputError(f"{folder} {why}; give the folder that holds models/ and the splits (test/, …)")
     splits = splits_in(folder)
+    if scenes_in(folder):
+        raise InputError(f"{folder} is a split itself: name the data set's folder, {folder.resolve().parent}")
     if not splits:
         below = first_of(datasets_below(folder), MOST_NAMED, " or ")
-        expected = folder / "test" / "000001" / "scene_camera.json"
-        raise InputError(
-            f"{folder} holds no split with scenes; {f'did you mean {below}?' if below else f'expected {expected}'}"
-        )
+        expected = f"expected for example {folder / 'test' / '000001' / 'scene_camera.json'}"
+        raise InputError(f"{folder} holds no split with scenes; {f'did you mean {below}?' if below else expected}")
     return splits

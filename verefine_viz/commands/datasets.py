@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from verefine_viz.core.errors import SettingsError, UnavailableError, unknown
+from verefine_viz.core.errors import SettingsError, UnavailableError, in_one_line, unknown
 from verefine_viz.core.writing import check_folder
 
 HUB = "https://huggingface.co/datasets/bop-benchmark"
@@ -87,10 +87,11 @@ class Datasets:
 
 
 def _list(folder: Path) -> int:
-    from rich.console import Console
     from rich.markup import escape
 
-    console = Console(highlight=False, soft_wrap=True)
+    from verefine_viz.batch.terminal import Terminal
+
+    console = Terminal(highlight=False, soft_wrap=True)
     for entry in CATALOGUE:
         console.print(f"[bold]{entry.name}[/]  {escape(entry.title)}: {escape(entry.used_for)}")
         for line in (*_how_to_fetch(entry, folder), *([entry.note] if entry.note else [])):
@@ -156,18 +157,18 @@ def _download(entry: Entry, folder: Path) -> list[Path]:
 
 def _check(folder: Path, sensor: str) -> int:
     """0 where no part needs a look, else 1; the last line says so."""
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
+    from verefine_viz.batch.terminal import Terminal
     from verefine_viz.commands.dataset_check import check_split
     from verefine_viz.commands.dataset_parts import splits_of, what_can_be_run
     from verefine_viz.scenes.bop_files import inside_dataset
 
-    console = Console(highlight=False)
+    console = Terminal(highlight=False)
     faulty: list[str] = []
     if inside := inside_dataset(folder):
-        print(f"{folder} lies in the data set {inside.dataset}; its split {inside.split} is checked")
+        print(in_one_line(f"{folder} lies in the data set {inside.dataset}; its split {inside.split} is checked"))
     folder, splits = (inside.dataset, (inside.split,)) if inside else (folder, splits_of(folder))
     for split in splits:
         with console.status(f"checking {escape(split)}"):

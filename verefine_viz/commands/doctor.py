@@ -11,13 +11,13 @@ class Doctor:
     """Check this machine: versions, OpenGL, physics, browser, viewer, write access, and a short self-check."""
 
     def run(self, arguments: Sequence[str]) -> int:
-        from rich.console import Console
         from rich.markup import escape
         from rich.table import Table
 
+        from verefine_viz.batch.terminal import Terminal
         from verefine_viz.commands import doctor_checks as checks
 
-        console = Console(highlight=False)
+        console = Terminal(highlight=False)
         table = Table(title="verefine-viz doctor", show_lines=False)
         table.add_column("what", no_wrap=True)
         table.add_column("", no_wrap=True)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
+from msgspec import structs
 from rich.markup import escape
 
 from verefine_viz.batch.batch_command import unreadable
@@ -15,6 +15,7 @@ from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.jobs import check_outside
 from verefine_viz.batch.progress import BatchProgress
 from verefine_viz.batch.run_batch import Backend, Outcome, run_batch
+from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.settings import Session
@@ -51,7 +52,7 @@ def write_pools(
     check_outside(out, session)
     clear_parts(out.parent, out.name)
     journal = out.with_name(f"{out.name}.journal")
-    with BatchProgress(Console(stderr=True)).shown() as progress, progress.run(out.name) as report:
+    with BatchProgress(Terminal(stderr=True)).shown() as progress, progress.run(out.name) as report:
         outcome = run_batch(session, journal, Backend(n_workers), report, retry_failed, "estimate", pace=progress.pace)
     rows = read_batch(journal).rows
     n_hypotheses = sum(row.n_hypotheses for row in rows)
@@ -69,13 +70,13 @@ def write_pools(
 
 def _only_estimating(session: Session) -> Session:
     """The same without what estimators do not need, and what could only fail: simulator, order, tracking."""
-    physics = session.physics.model_copy(update={"enabled": False})
-    method = session.method.model_copy(update={"track": False})
-    return session.model_copy(update={"physics": physics, "dependency": DependencySettings(), "method": method})
+    physics = structs.replace(session.physics, enabled=False)
+    method = structs.replace(session.method, track=False)
+    return structs.replace(session, physics=physics, dependency=DependencySettings(), method=method)
 
 
 def _print_summary(outcome: Outcome, n_hypotheses: int, lacking: list[Answer], out: Path) -> None:
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(highlight=False, soft_wrap=True)
     numbers = outcome.totals
     before = f" ({outcome.n_resumed} done before)" if outcome.n_resumed else ""
     counts = f"{numbers['frames']} frames{before}, {numbers['objects']} objects, {n_hypotheses} hypotheses"

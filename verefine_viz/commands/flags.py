@@ -12,12 +12,13 @@ import os
 from collections.abc import Sequence
 from typing import Annotated, Any
 
+import msgspec
 import tyro
-from pydantic import BaseModel
-from pydantic.fields import FieldInfo
+from msgspec import Struct
+from msgspec.inspect import StructType
 
 from verefine_viz.core.errors import SettingsError, quoted, unknown
-from verefine_viz.core.setting_types import limits
+from verefine_viz.core.setting_types import descriptions, fields_of, kinds_of, limits
 from verefine_viz.core.settings import Session
 
 HELP_SETTINGS = "--help-settings"
@@ -31,27 +32,24 @@ NOT_OPTIONS = ("edits", "tracked", "changes", "waiting")
 """What the page saves: lists of tables, too long to type, and thresholds that are switched off."""
 
 
-def _flags_of(model: type[BaseModel]) -> Any:
+def _flags_of(model: type[Struct]) -> Any:
     """A plain dataclass with the fields, defaults and texts of a settings model, without its checks."""
     fields: list[tuple[str, Any, Any]] = []
-    for name, info in model.model_fields.items():
+    kinds, texts = kinds_of(model), descriptions(model)
+    for name, field in fields_of(model).items():
         if name in NOT_OPTIONS:
             continue
-        if isinstance(info.default, BaseModel):
-            group = _flags_of(type(info.default))
+        if isinstance(field.type, StructType):
+            group = _flags_of(field.type.cls)
             fields.append((name, group, dataclasses.field(default_factory=group)))
         else:
-            kind = Annotated[info.annotation, tyro.conf.arg(help=_help(info))]
-            fields.append((name, kind, dataclasses.field(default=info.default)))
+            bounds = limits(field.type)
+            text = f"{texts.get(name, '')}{f' {bounds[0].upper()}{bounds[1:]}.' if bounds else ''}"
+            kind = Annotated[kinds[name], tyro.conf.arg(help=text)]
+            fields.append((name, kind, dataclasses.field(default=field.default)))
     flags = dataclasses.make_dataclass(model.__name__, fields, frozen=True)
     flags.__doc__ = model.__doc__
     return flags
-
-
-def _help(info: FieldInfo) -> str:
-    """A field's text, and the numbers that it takes."""
-    bounds = limits(info)
-    return f"{info.description or ''}{f' {bounds[0].upper()}{bounds[1:]}.' if bounds else ''}"
 
 
 SessionFlags: Any = _flags_of(Session)
@@ -113,7 +111,23 @@ def given(flags: Any, arguments: Sequence[str]) -> dict[str, Any]:
             # A command may have a flag that is called as a section is: batch --grasp.
             if hasattr(group, name) and (section or name not in SECTIONS):
                 (settings.setdefault(section, {}) if section else settings)[name] = getattr(group, name)
+    if "order" in settings.get("dependency", ()):
+        settings["dependency"]["order"] = _clusters(settings["dependency"]["order"])
     return settings
+
+
+def _clusters(order: tuple[tuple[int | str, ...], ...]) -> Any:
+    """Clusters written as "[[8, 2], [3]]", or as "[8, 2]" "[3]", which come as one cluster of words."""
+    words = [word for cluster in order for word in cluster if isinstance(word, str) and word.lstrip().startswith("[")]
+    if not words or [words] != [[*cluster] for cluster in order]:
+        return order
+    try:
+        clusters = msgspec.json.decode(f"[{','.join(words)}]", type=list[list[Any]])
+    except (msgspec.MsgspecError, RecursionError):
+        wrong = quoted(" ".join(words))
+        raise SettingsError(f'--dependency.order is {wrong}, expected clusters of ids, as "[[8, 2], [3]]"') from None
+    is_nested = len(clusters) == 1 and all(isinstance(entry, list) for entry in clusters[0])
+    return clusters[0] if is_nested else clusters
 
 
 # Bounds of options that several commands have.

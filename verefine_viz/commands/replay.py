@@ -78,7 +78,7 @@ def _verify(recording: Path) -> int:
 
     _check_file(recording)
     verification = verify(recording, again)
-    print(f"{recording}: {verification.in_words}", flush=True)
+    print(in_one_line(f"{recording}: {verification.in_words}"), flush=True)
     if verification.ends_early:
         return ENDED_EARLY
     return DIFFERS if verification.difference else 0
@@ -90,7 +90,7 @@ def _open(recording: Path) -> int:
     viewer = open_viewer(recording)
     try:
         where = f"at {viewer.address}  (Ctrl-C" if viewer.address else "in its window  (closing it, or Ctrl-C,"
-        print(f"verefine-viz: {recording} in the rerun viewer, {where} ends it)", flush=True)
+        print(f"verefine-viz: {in_one_line(str(recording))} in the rerun viewer, {where} ends it)", flush=True)
         return viewer.process.wait()
     except KeyboardInterrupt:
         return 0

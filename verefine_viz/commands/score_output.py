@@ -14,7 +14,6 @@ from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.cells import cell_len
-from rich.console import Console
 from rich.markup import escape
 from rich.measure import Measurement
 from rich.table import Table
@@ -22,6 +21,7 @@ from rich.table import Table
 from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.index import is_batch_folder
 from verefine_viz.batch.progress import counted_bar
+from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.files import reading
 from verefine_viz.evaluation.averages import Precision, Recalls
@@ -71,7 +71,7 @@ def print_scores(
     if as_json:
         print(json.dumps(_evaluation_json(evaluation), indent=2, ensure_ascii=False, allow_nan=False))
         return
-    console = Console(highlight=False)
+    console = Terminal(highlight=False)
     for title, table in _overviews(evaluation):
         _print_uncut(title, table, "method")
     if per_object:
@@ -123,7 +123,7 @@ def _print_uncut(title: str, table: Table, cut: str) -> None:
 
     Where even that is not enough, lines are longer than the terminal is wide.
     """
-    console = Console(highlight=False)
+    console = Terminal(highlight=False)
     console.print(f"[italic]{escape(title)}[/]", soft_wrap=True)
     column = next(c for c in table.columns if c.header == cut)
     if cut == "method" and _width(console, table) > console.width:
@@ -132,7 +132,7 @@ def _print_uncut(title: str, table: Table, cut: str) -> None:
     if too_wide > 0:
         longest = max(cell_len(str(cell)) for cell in (column.header, *column.cells))
         column.max_width = max(longest - too_wide, min(longest, SHORTEST))
-    Console(highlight=False, width=max(console.width, _width(console, table))).print(table)
+    Terminal(highlight=False, width=max(console.width, _width(console, table))).print(table)
 
 
 def without_common_ends(names: Sequence[str]) -> list[str]:
@@ -146,7 +146,7 @@ def without_common_ends(names: Sequence[str]) -> list[str]:
     return [f"{'…' * bool(n_first)}{''.join(w[n_first : len(w) - n_last])}{'…' * bool(n_last)}" for w in words]
 
 
-def _width(console: Console, table: Table) -> int:
+def _width(console: Terminal, table: Table) -> int:
     return Measurement.get(console, console.options.update(max_width=10_000), table).maximum
 
 

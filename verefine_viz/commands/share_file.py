@@ -29,8 +29,7 @@ class Share:
     """Put the 3D view into the file, about 1 MB."""
 
     def run(self, arguments: Sequence[str]) -> int:
-        from rich.console import Console
-
+        from verefine_viz.batch.terminal import Terminal
         from verefine_viz.page.share import share
 
         if self.what is None:
@@ -39,7 +38,7 @@ class Share:
         batch = f"{what.parent.parent.name}_" if what.is_file() and what.parent.name == "runs" else ""
         frame = f"_{self.frame.replace('/', '_')}" if self.frame else ""
         out = self.out or Path(f"{batch}{what.stem}{frame}.html")
-        with Console(stderr=True).status("Working out what the file shows"):
+        with Terminal(stderr=True).status("Working out what the file shows"):
             note = share(self.what, out, self.frame, self.maps, with_scene=self.scene)
         print(f"{note}\n{out} ({out.stat().st_size / 1e6:.1f} MB)", flush=True)
         return 0

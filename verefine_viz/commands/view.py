@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
+from msgspec import structs
 
 from verefine_viz.commands.flags import AnySettings, SessionFlags, given
 from verefine_viz.core.errors import InputError
@@ -198,9 +199,9 @@ def _recorded_session(path: Path, other: Path | None) -> Session:
     if other is not None:  # Before the user is sent to a page that cannot open.
         theirs = read_recording(other).header
         check_same_frame(other, (session_of(theirs), theirs.frame), (session, header.frame))
-    scene = session.scene.model_copy(update={"frames": (header.frame,)})
+    scene = structs.replace(session.scene, frames=(header.frame,))
     method = MethodSettings(name="refine", refiner="identity")
-    return session.model_copy(update={"scene": scene, "method": method, "edits": (), "changes": ()})
+    return structs.replace(session, scene=scene, method=method, edits=(), changes=())
 
 
 def _has_desktop() -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from msgspec import Meta
 
 from verefine_viz.core.setting_types import (
     Count,
@@ -21,7 +21,7 @@ from verefine_viz.core.setting_types import (
 )
 
 
-class IcpSettings(Settings):
+class IcpSettings(Settings, frozen=True):
     """Point-to-point (or point-to-plane) ICP. docs/methods.md 4.1."""
 
     metric: Literal["point", "plane"] = "point"
@@ -39,10 +39,10 @@ class IcpSettings(Settings):
     model normals lie within 90° of each other, so that the seen front is not pulled to the model's back."""
 
 
-class TricpSettings(Settings):
+class TricpSettings(Settings, frozen=True):
     """Trimmed ICP. docs/methods.md 4.2."""
 
-    trim: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 1.0
+    trim: Annotated[float, Meta(gt=0, le=1)] = 1.0
     """Share of the observed points, the best matching ones, that the fit uses; 0.9-0.5 bears leaking masks better."""
     energy_ratio: Share = 0.99
     """A pass that leaves more than this share of the energy before is the last."""
@@ -52,16 +52,16 @@ class TricpSettings(Settings):
     """Observed points closer than this to an object already placed are left out [m]; 0 keeps all."""
 
 
-class DepthNetSettings(Settings):
+class DepthNetSettings(Settings, frozen=True):
     """The learned depth refiner. docs/methods.md 4.4."""
 
     weights: InputPath = ""
     """ONNX file of `verefine-viz train depth_net`, relative to the session file; "" = the weights of the package."""
-    iterations: Annotated[int, Field(ge=1, le=100)] = 4
+    iterations: Annotated[int, Meta(ge=1, le=100)] = 4
     """Steps of the network per refiner call."""
 
 
-class DenseFusionSettings(Settings):
+class DenseFusionSettings(Settings, frozen=True):
     """DenseFusion, estimator and refiner. docs/methods.md 4.3 and 5."""
 
     weights: InputPath = ""
@@ -72,55 +72,55 @@ class DenseFusionSettings(Settings):
     classes: tuple[Index, ...] = ()
     """Ids of the objects in the order of the network's classes; none = as the weights have it: of official ones the
     21 objects of YCB-Video or the 13 of LINEMOD, whose order and frames are known."""
-    points: Annotated[int, Field(ge=0, le=10_000)] = 0
+    points: Annotated[int, Meta(ge=0, le=10_000)] = 0
     """Points of the mask that the networks see; 0 = as in training, official: 1000 on YCB-Video, 500 on LINEMOD."""
-    iterations: Annotated[int, Field(ge=1, le=100)] = 1
+    iterations: Annotated[int, Meta(ge=1, le=100)] = 1
     """Steps of PoseRefineNet per refiner call. Paper Sec. V: 2 in all, shared out over 2 iterations
     (`method.iterations = 2`)."""
     seed: Seed = 0
     """Seeds the points, and which of their poses make up the pool."""
 
 
-class PpfSettings(Settings):
+class PpfSettings(Settings, frozen=True):
     """Point pair features. docs/methods.md 6; defaults as measured on real frames (bench/estimators.py)."""
 
-    step: Annotated[float, Field(ge=0.02, lt=0.5, allow_inf_nan=False)] = 0.05
+    step: Annotated[float, Meta(ge=0.02, lt=0.5)] = 0.05
     """Grid of model and scene points as a share of the diameter."""
-    distance_bin: Annotated[float, Field(ge=0.02, lt=0.5, allow_inf_nan=False)] = 0.05
+    distance_bin: Annotated[float, Meta(ge=0.02, lt=0.5)] = 0.05
     """Bin of distances as a share of the diameter."""
-    angle_bin_deg: Annotated[float, Field(ge=4, le=45, allow_inf_nan=False)] = 12.0
+    angle_bin_deg: Annotated[float, Meta(ge=4, le=45)] = 12.0
     """Bin of the three angles [deg]."""
     bin_limit: LargeCount = 1000
     """Most model pairs of a bin; each then stands for several. Flat faces fill few bins with very many pairs."""
     reference_every: Count = 5
     """Every n-th scene point is a reference."""
-    turn_bins: Annotated[int, Field(ge=12, le=360)] = 36
+    turn_bins: Annotated[int, Meta(ge=12, le=360)] = 36
     """Bins of the turn about the reference's normal, 360° together."""
-    peaks: Annotated[int, Field(ge=1, le=100)] = 4
+    peaks: Annotated[int, Meta(ge=1, le=100)] = 4
     """Most poses that a reference proposes."""
     cluster_share: Share = 0.1
     """Poses nearer than this share of the diameter, and …"""
-    cluster_deg: Annotated[float, Field(gt=0, lt=180, allow_inf_nan=False)] = 18.0
+    cluster_deg: Annotated[float, Meta(gt=0, lt=180)] = 18.0
     """… turned by less than this are one hypothesis [deg]."""
     candidates: Count = 60
     """Clusters with most votes that are ranked by their agreement with the depth image."""
-    tolerance: Annotated[float, Field(gt=0, lt=0.5, allow_inf_nan=False)] = 0.03
+    tolerance: Annotated[float, Meta(gt=0, lt=0.5)] = 0.03
     """Depths that differ by less than this share of the diameter agree."""
     seed: Seed = 0
     """Seeds the points drawn on the model."""
 
 
-class PcsSettings(Settings):
+class PcsSettings(Settings, frozen=True):
     """Congruent point sets (Super4PCS). docs/methods.md 3.2."""
 
-    delta_m: Annotated[float, Field(ge=5e-4, le=1, allow_inf_nan=False)] = 0.0035
+    delta_m: Annotated[float, Meta(ge=5e-4, le=1)] = 0.0035
     """δ, distance within which two points correspond [m]; pairs, quads and fits may differ by 2δ."""
-    grid_m: Annotated[float, Field(ge=5e-4, le=1, allow_inf_nan=False)] = 0.005
+    grid_m: Annotated[float, Meta(ge=5e-4, le=1)] = 0.005
     """Side of the grid that thins segment and model [m]."""
-    part_share: Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)] = 0.1
+    part_share: Annotated[float, Meta(ge=0, lt=1)] = 0.1
     """Parts of the segment that stand alone and hold less than this share of its points are left out: a mask that leaks
     leaves such. 0 keeps all (published code)."""
-    samples: Annotated[int, Field(ge=1, le=2000)] = 300
+    samples: Annotated[int, Meta(ge=1, le=2000)] = 300
     """Points of the model, spread evenly, of which those that lie on the segment are counted."""
     spacing_m: LengthOrNone = 0.014
     """Those of them that are at least so far apart make up the quads [m]; the number of quads grows with the fourth
@@ -129,7 +129,7 @@ class PcsSettings(Settings):
     """Bases tried; the published code goes on for 1 s, so that its results depend on the machine."""
     quads: LargeCount = 1000
     """Most quads of a base that are tried, a random choice."""
-    keep_share: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 0.7
+    keep_share: Annotated[float, Meta(gt=0, le=1)] = 0.7
     """Poses whose LCP is below this share of the best one are left out. Published code: 0.2, and then the middle of a
     cluster is often none of the good poses."""
     bins: Count = 2000
@@ -138,24 +138,24 @@ class PcsSettings(Settings):
     """Seeds bases, quads and clusters."""
 
 
-class MctsSettings(Settings):
+class MctsSettings(Settings, frozen=True):
     """PHYSIM-MCTS, the system that the paper compares with. docs/methods.md 3."""
 
     expansions: LargeCount = 50
     """Budget in expansions per object."""
-    seconds: Annotated[float, Field(gt=0, le=86_400, allow_inf_nan=False)] | None = None
+    seconds: Annotated[float, Meta(gt=0, le=86_400)] | None = None
     """Budget in computing time per cluster instead [s]; results then depend on the machine."""
     exploration_px: Weight = 5000.0
     """α, weight of the exploration term [px]."""
     explained_m: Length = 0.010
     """A pixel whose observed and rendered depth differ by more than this adds 1 to the cost [m]."""
-    trim: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 1.0
+    trim: Annotated[float, Meta(gt=0, le=1)] = 1.0
     """Trim of its trimmed ICP."""
     physics: Literal["published", "session"] = "published"
     """published: 60 steps, 10 kg, gravity 2 m/s², damping 0.99, friction 1, one hull each. session: [physics]."""
 
 
-class DependencySettings(Settings):
+class DependencySettings(Settings, frozen=True):
     """Which objects touch, hide or carry which, and hence in which order they are solved. docs/methods.md 2."""
 
     rule: Literal["recommended", "published"] = "recommended"
@@ -170,7 +170,7 @@ class DependencySettings(Settings):
     """Pairs of instances between which no edge is to count."""
     contact_m: Length = 0.015
     """Visible clouds nearer than this may touch [m]."""
-    border_px: Annotated[int, Field(ge=1, le=100)] = 3
+    border_px: Annotated[int, Meta(ge=1, le=100)] = 3
     """Width of the common border of two masks [px]."""
     occlusion_m: Length = 0.010
     """Along the common border the nearer object hides the other if it is nearer by more than this [m]."""
@@ -180,7 +180,7 @@ class DependencySettings(Settings):
     """An object whose lowest visible point is lower than this over the plane stands on it [m]."""
 
 
-class GraspSettings(Settings):
+class GraspSettings(Settings, frozen=True):
     """The simulated grasp: a parallel gripper as wide as the Toyota HSR's, in Bullet. docs/methods.md 8.4."""
 
     answers: bool = False
@@ -189,25 +189,25 @@ class GraspSettings(Settings):
     folder: InputPath = ""
     """Folder of annotated grasps, .npy files of 4×4 transforms [m] in the object's frame, one per object, named after
     it ("011_banana.npy", "obj_000010.npy"), relative to the session file; "" = grasps sampled on the mesh."""
-    samples: Annotated[int, Field(ge=1, le=1000)] = 64
+    samples: Annotated[int, Meta(ge=1, le=1000)] = 64
     """Grasps that are sampled on the mesh of an object without annotated ones."""
     seed: Seed = 0
     """Seeds the sampled grasps."""
-    opening_m: Annotated[float, Field(ge=0.01, le=0.5, allow_inf_nan=False)] = 0.135
+    opening_m: Annotated[float, Meta(ge=0.01, le=0.5)] = 0.135
     """Distance of the open fingers [m]; that of the Toyota HSR is 0.135."""
-    force_n: Annotated[float, Field(ge=0.1, le=1000, allow_inf_nan=False)] = 40.0
+    force_n: Annotated[float, Meta(ge=0.1, le=1000)] = 40.0
     """Force of each closing finger [N]."""
-    stop_n: Annotated[float, Field(ge=0.1, le=1000, allow_inf_nan=False)] = 10.0
+    stop_n: Annotated[float, Meta(ge=0.1, le=1000)] = 10.0
     """An approaching gripper that is pushed harder than this has collided [N]."""
-    mass_kg: Annotated[float, Field(ge=1e-3, le=100, allow_inf_nan=False)] = 0.5
+    mass_kg: Annotated[float, Meta(ge=1e-3, le=100)] = 0.5
     """Mass of every object [kg]."""
-    friction: Annotated[float, Field(ge=0, le=10, allow_inf_nan=False)] = 0.5
+    friction: Annotated[float, Meta(ge=0, le=10)] = 0.5
     """Coefficient of friction between finger and object [-]."""
-    approach_m: Annotated[float, Field(ge=0.01, le=1, allow_inf_nan=False)] = 0.10
+    approach_m: Annotated[float, Meta(ge=0.01, le=1)] = 0.10
     """Length of the straight approach along the grasp [m]."""
-    lift_m: Annotated[float, Field(ge=0.01, le=1, allow_inf_nan=False)] = 0.15
+    lift_m: Annotated[float, Meta(ge=0.01, le=1)] = 0.15
     """How far the object is lifted [m]."""
-    voxel_m: Annotated[float, Field(ge=0.001, le=0.1, allow_inf_nan=False)] = 0.005
+    voxel_m: Annotated[float, Meta(ge=0.001, le=0.1)] = 0.005
     """Side of the voxels of the observed depth that the gripper must not meet on its approach [m]."""
 
 
@@ -215,20 +215,20 @@ MOST = {"score_falls_by": 1, "jump_mm": 10_000, "jump_deg": 180, "error_grows_by
 """The largest threshold of each breakpoint that has one; no iteration exceeds it."""
 
 
-class ThresholdSettings(Settings):
+class ThresholdSettings(Settings, frozen=True):
     """Breakpoints with a threshold; unset = never."""
 
-    score_falls_by: Annotated[float, Field(ge=0, le=MOST["score_falls_by"])] | None = None
+    score_falls_by: Annotated[float, Meta(ge=0, le=MOST["score_falls_by"])] | None = None
     """The accepted score is lower than the arm's previous one by more than this [score]."""
-    jump_mm: Annotated[float, Field(ge=0, le=MOST["jump_mm"])] | None = None
+    jump_mm: Annotated[float, Meta(ge=0, le=MOST["jump_mm"])] | None = None
     """The accepted pose moved further than this [mm]."""
-    jump_deg: Annotated[float, Field(ge=0, le=MOST["jump_deg"])] | None = None
+    jump_deg: Annotated[float, Meta(ge=0, le=MOST["jump_deg"])] | None = None
     """The accepted pose turned further than this [deg]."""
-    error_grows_by_mm: Annotated[float, Field(ge=0, le=MOST["error_grows_by_mm"])] | None = None
+    error_grows_by_mm: Annotated[float, Meta(ge=0, le=MOST["error_grows_by_mm"])] | None = None
     """ADD(-S) of the accepted pose against ground truth grew by more than this [mm]."""
 
 
-class BreakpointSettings(ThresholdSettings):
+class BreakpointSettings(ThresholdSettings, frozen=True):
     """When a running method should stop and wait; unset = never."""
 
     simulated_rejected: bool = False

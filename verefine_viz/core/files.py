@@ -31,6 +31,10 @@ LONGEST = 300
 """What is shown of an error of a library [characters]."""
 LEVELS_BELOW = 3
 """How far below a folder, named by mistake, what was meant is searched for."""
+_CUT_OFF = re.compile(
+    r"truncated|ended before|\bEOF|No data left|read all data|expected length|to its end", re.IGNORECASE
+)
+"""What libraries say where a file ends too early."""
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a pipe"),
@@ -62,7 +66,10 @@ def reading(path: Path, what: str = "", most_bytes: int = MOST_BYTES) -> Iterato
     except Exception as error:
         if isinstance(error, VerefineError) and not isinstance(error, ShapeError):
             raise
-        raise InputError(f"{name}: {first_line(error)}") from None
+        line = first_line(error)
+        is_empty = path.is_file() and path.stat().st_size == 0
+        how = "empty" if is_empty else "cut off" if _CUT_OFF.search(line) else ""
+        raise InputError(f"{name}: {line}{f'; it is {how}, fetch it again' * bool(how)}") from None
 
 
 def read_file(path: Path, what: str = "", most_bytes: int = MOST_BYTES) -> bytes:
@@ -144,7 +151,7 @@ def read_yaml(path: Path, kind: type[T], what: str = "") -> T:
         raw = file.read()
         if b"*" in raw:  # A few lines of them stand for gigabytes.
             raise ValueError("aliases (*) are not read")
-        return msgspec.yaml.decode(raw, type=kind, strict=False, dec_hook=_array)
+        return msgspec.yaml.decode(raw, type=kind, strict=False, dec_hook=array_of)
 
 
 def decoded_json(raw: bytes, kind: type[T]) -> T:
@@ -181,10 +188,11 @@ _NOT_FINITE = re.compile(rb"(?<=[\[,:\s])(NaN|-?Infinity)(?=[\],}\s])")
 @cache
 def _decoder(kind: type[T]) -> msgspec.json.Decoder[T]:
     # Not strict: 5.0 is an id as well, as numpy and pandas write them.
-    return msgspec.json.Decoder(kind, strict=False, dec_hook=_array)
+    return msgspec.json.Decoder(kind, strict=False, dec_hook=array_of)
 
 
-def _array(kind: Any, value: Any) -> Float:
+def array_of(kind: Any, value: Any) -> Float:
+    """Return a decoded list as an array of ``kind``, such as :data:`Numbers3`; ValueError where it is none."""
     shape = tuple(get_args(length)[0] for length in get_args(get_args(kind)[0]))
     try:
         numbers = np.asarray(value, dtype=np.float64)

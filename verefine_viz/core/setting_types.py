@@ -1,98 +1,118 @@
-"""What settings are made of: their base, and the kinds of values that they have, as users write them."""
+"""What settings are made of: their base, the kinds of values that they have, and what is wrong with a value."""
 
 from __future__ import annotations
 
-import json
+import ast
+import inspect
 import sys
-from typing import Annotated, Any, Literal, get_args
+from functools import cache
+from itertools import pairwise
+from typing import Annotated, Any, Literal, get_type_hints
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
-from pydantic.fields import FieldInfo
+import msgspec.inspect as mi
+from msgspec import Meta, Struct
 
 
-class Settings(BaseModel):
-    """Base of all settings: immutable, unknown names refused, docstrings become descriptions."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+class Settings(Struct, frozen=True, forbid_unknown_fields=True):
+    """Base of all settings: immutable, unknown names refused; values are checked where they are read."""
 
 
 # Bounds are far beyond sense: they keep a slip of the keyboard from filling the memory or running for ever.
-Count = Annotated[int, Field(ge=1, le=10_000)]
+Count = Annotated[int, Meta(ge=1, le=10_000)]
 """How many of something: iterations, hypotheses, steps."""
-LargeCount = Annotated[int, Field(ge=1, le=1_000_000)]
+LargeCount = Annotated[int, Meta(ge=1, le=1_000_000)]
 """Of what there are thousands: points, bases, bins."""
-Index = Annotated[int, Field(ge=0, le=2**31 - 1)]
+Index = Annotated[int, Meta(ge=0, le=2**31 - 1)]
 """The number of an object, an instance, a hypothesis, an iteration."""
-Seed = Annotated[int, Field(ge=0, le=2**32 - 1)]
+Seed = Annotated[int, Meta(ge=0, le=2**32 - 1)]
 """Of a random generator."""
-Length = Annotated[float, Field(ge=1e-5, le=10, allow_inf_nan=False)]
+Length = Annotated[float, Meta(ge=1e-5, le=10)]
 """A distance that something is compared with or divided into [m]."""
-LengthOrNone = Annotated[float, Field(ge=0, le=10, allow_inf_nan=False)]
+LengthOrNone = Annotated[float, Meta(ge=0, le=10)]
 """The same where 0 switches something off [m]."""
-Share = Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)]
+Share = Annotated[float, Meta(gt=0, lt=1)]
 """A part of a whole, neither none nor all of it."""
-Weight = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
+Weight = Annotated[float, Meta(ge=0, le=1e6)]
 """What a term is multiplied by."""
-
-
-LARGEST = 1e6
-"""What no number of a vector of gravity exceeds; all of them together are not below its inverse."""
-
-
-def _gravity(value: Any) -> Any:
-    """The words and vectors that define "up", checked together: pydantic would report what is wrong with both kinds."""
-    if value in ("plane", "world"):
-        return value
-    if not isinstance(value, list | tuple) or len(value) != 3 or not all(map(_is_finite, value)):
-        raise ValueError('expected "plane", "world" or three numbers [x, y, z]')
-    if not any(value):
-        raise ValueError("a direction cannot be (0, 0, 0)")
-    if not 1 / LARGEST <= max(map(abs, value)) <= LARGEST:
-        raise ValueError(f"expected a vector of 1e-6 to {LARGEST:g} in length")
-    return value
-
-
-def _is_finite(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
-
-
-def _as_written(value: Any) -> Any:
-    """Clusters written on a command line, "[[8, 2], [3]]" or "[8, 2]" "[3]", which come as one cluster of words."""
-    if isinstance(value, list | tuple) and len(value) == 1 and isinstance(value[0], list | tuple):
-        words = value[0]
-        if words and all(isinstance(word, str) and word.lstrip().startswith("[") for word in words):
-            try:
-                clusters = json.loads(f"[{','.join(words)}]")
-            except (ValueError, RecursionError):  # No JSON, numbers of thousands of digits, thousands of brackets.
-                raise ValueError('expected clusters of ids, as "[[8, 2], [3]]"') from None
-            nested = len(clusters) == 1 and all(isinstance(entry, list) for entry in clusters[0])
-            return clusters[0] if nested else clusters
-    return value
-
-
-def _without_nul(text: str) -> str:
-    if "\0" in text:
-        raise ValueError(r"it holds \0, which no path can")
-    return text
-
-
-InputPath = Annotated[str, AfterValidator(_without_nul)]
+InputPath = Annotated[str, Meta(pattern=r"\A[^\0]*\Z")]
 """Where a file or folder lies."""
-Gravity = Annotated[Literal["plane", "world"] | tuple[float, float, float], BeforeValidator(_gravity)]
-Order = Annotated[tuple[tuple[Index | str, ...], ...], BeforeValidator(_as_written)]
+Component = Annotated[float, Meta(ge=-1e6, le=1e6)]
+Gravity = Literal["plane", "world"] | tuple[Component, Component, Component]
+Order = tuple[tuple[Index | str, ...], ...]
+Pose = Annotated[tuple[float, ...], Meta(min_length=16, max_length=16)]
+"""A transform, row by row [m]."""
 
 
-def limits(field: FieldInfo) -> str:
+@cache
+def fields_of(model: type[Struct]) -> dict[str, mi.Field]:
+    """The fields of some settings by name, with their types and defaults."""
+    info = mi.type_info(model)
+    assert isinstance(info, mi.StructType)
+    return {field.name: field for field in info.fields}
+
+
+@cache
+def kinds_of(model: type[Struct]) -> dict[str, Any]:
+    """The types of the fields as Python writes them, without bounds."""
+    return get_type_hints(model)
+
+
+@cache
+def descriptions(model: type[Struct]) -> dict[str, str]:
+    """The docstrings of the fields, which stand below them in the source."""
+    texts: dict[str, str] = {}
+    for cls in reversed(model.__mro__[: model.__mro__.index(Struct)]):
+        for field, text in pairwise(_classes(cls.__module__)[cls.__name__].body):
+            match field, text:
+                case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(words))):
+                    texts[name] = inspect.cleandoc(words)
+    return texts
+
+
+@cache
+def _classes(module: str) -> dict[str, ast.ClassDef]:
+    parts = ast.parse(inspect.getsource(sys.modules[module])).body
+    return {part.name: part for part in parts if isinstance(part, ast.ClassDef)}
+
+
+def expected(kind: mi.Type) -> str:
+    """What a field takes, as in "a number above 0 and below 1" or "'auto', 'cpu' or 'gl'"."""
+    *first, last = _ways(kind)
+    return f"{', '.join(first)} or {last}" if first else last
+
+
+def _ways(kind: mi.Type) -> list[str]:
+    match kind:
+        case mi.NoneType():
+            return []
+        case mi.IntType():
+            return [f"a whole number {limits(kind)}".rstrip()]
+        case mi.FloatType():
+            return [f"a number {limits(kind)}".rstrip()]
+        case mi.StrType():
+            return ["a text" if kind.pattern is None else r"a path, which holds no \0"]
+        case mi.BoolType():
+            return ["true or false"]
+        case mi.LiteralType():
+            return [repr(value) for value in kind.values]
+        case mi.UnionType():
+            return [way for part in kind.types for way in _ways(part)]
+        case mi.TupleType():
+            what = "numbers" if {*map(type, kind.item_types)} == {mi.FloatType} else "entries"
+            return [f"a list of {len(kind.item_types)} {what}"]
+        case mi.VarTupleType():
+            return [f"a list of {kind.min_length}" if kind.min_length else "a list"]
+    return ["a section"]
+
+
+def limits(kind: mi.Type) -> str:
     """The numbers that a field takes, as in "from 1 to 10000" or "above 0 and below 1"; empty without bounds."""
-    metadata = list(field.metadata)
-    for kind in get_args(field.annotation):  # Of a number or None the bounds are those of the number.
-        metadata += [bound for info in getattr(kind, "__metadata__", ()) for bound in getattr(info, "metadata", ())]
-    names = ("ge", "gt", "le", "lt")
-    bounds = {name: getattr(bound, name) for bound in metadata for name in names if hasattr(bound, name)}
-    if not {"le", "lt"} & bounds.keys():
+    if isinstance(kind, mi.UnionType):  # Of a number or None the bounds are those of the number.
+        return next(filter(None, map(limits, kind.types)), "")
+    if not isinstance(kind, mi.IntType | mi.FloatType) or (kind.le is None and kind.lt is None):
         return ""
-    if "ge" in bounds and "le" in bounds:
-        return f"from {bounds['ge']:g} to {bounds['le']:.10g}"
-    first = f"at least {bounds['ge']:g}" if "ge" in bounds else f"above {bounds['gt']:g}"
-    last = f"at most {bounds['le']:.10g}" if "le" in bounds else f"below {bounds['lt']:g}"
+    if kind.ge is not None and kind.le is not None:
+        return f"from {kind.ge:.10g} to {kind.le:.10g}"
+    first = f"above {kind.gt:g}" if kind.ge is None else f"at least {kind.ge:g}"
+    last = f"below {kind.lt:g}" if kind.le is None else f"at most {kind.le:.10g}"
     return f"{first} and {last}"

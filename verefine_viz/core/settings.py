@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from msgspec import Meta
 
 from verefine_viz.core.algorithm_settings import (
     BreakpointSettings,
@@ -23,10 +23,10 @@ from verefine_viz.core.algorithm_settings import (
     PpfSettings,
     TricpSettings,
 )
-from verefine_viz.core.setting_types import Count, Gravity, Index, InputPath, Seed, Settings, Weight
+from verefine_viz.core.setting_types import Count, Gravity, Index, InputPath, Pose, Seed, Settings, Weight
 
 
-class SceneSettings(Settings):
+class SceneSettings(Settings, frozen=True):
     """Which frames and which objects."""
 
     source: Literal["bop", "demo", "folder", "layout"] = "demo"
@@ -61,13 +61,13 @@ class SceneSettings(Settings):
     camera frame (an IMU's reading)."""
     seed: Seed = 0
     """Seeds sensor noise of demo scenes, cloud and mesh sampling, and plane search."""
-    cloud_points: Annotated[int, Field(ge=1, le=100_000)] = 1000
+    cloud_points: Annotated[int, Meta(ge=1, le=100_000)] = 1000
     """Observed points per object that the refiner sees."""
-    model_points: Annotated[int, Field(ge=1, le=100_000)] = 2000
+    model_points: Annotated[int, Meta(ge=1, le=100_000)] = 2000
     """Points sampled on each model."""
 
 
-class HypothesesSettings(Settings):
+class HypothesesSettings(Settings, frozen=True):
     """Where the initial poses come from."""
 
     source: Literal["results", "perturb", "ppf", "pcs", "densefusion", "recorded"] = "perturb"
@@ -79,9 +79,9 @@ class HypothesesSettings(Settings):
     row of each, then the second best, …"""
     max_per_object: Count = 5
     """H, hypotheses per object; further rows are left out, lowest score first."""
-    rotation_deg: Annotated[float, Field(ge=0, le=180, allow_inf_nan=False)] = 30.0
+    rotation_deg: Annotated[float, Meta(ge=0, le=180)] = 30.0
     """perturb: angle of the disturbance about a random axis [deg]. Paper Sec. V-A."""
-    translation_mm: Annotated[float, Field(ge=0, le=10_000, allow_inf_nan=False)] = 30.0
+    translation_mm: Annotated[float, Meta(ge=0, le=10_000)] = 30.0
     """perturb: length of the disturbance in a random direction [mm]. Paper Sec. V-A."""
     seed: Seed = 0
     """perturb: seed."""
@@ -93,7 +93,7 @@ class HypothesesSettings(Settings):
     """Instances whose initial poses come from an estimator instead, each with its frame, as [["50/1", 4, "ppf"]]."""
 
 
-class MethodSettings(Settings):
+class MethodSettings(Settings, frozen=True):
     """Which algorithm, and its budget."""
 
     name: str = "rir"
@@ -118,7 +118,7 @@ class MethodSettings(Settings):
     accept: Literal["latest", "never_worse"] = "latest"
     """SIR: the next iteration starts from this iteration's better candidate even if the score fell (authors' code), or
     only if it did not fall."""
-    discount: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.99
+    discount: Annotated[float, Meta(ge=0, le=1)] = 0.99
     """γ, vf_depth: what a play of the pass before still counts. The paper: "a small factor"; authors' code: 0.99."""
     scene_reward: Literal["current_pass", "best_known"] = "current_pass"
     """vf_depth: of which poses the scene score is that rewards the hypotheses: those of this pass (authors' code), or
@@ -139,56 +139,56 @@ class MethodSettings(Settings):
     them."""
 
 
-class ScoreSettings(Settings):
+class ScoreSettings(Settings, frozen=True):
     """The verification score (paper Sec. III-B, Eq. 1; docs/methods.md 1.7)."""
 
     pixels: Literal["classes", "published", "observed"] = "classes"
     """Which pixels count. published: rendered or observed depth of any object (authors' shader). observed: valid depth
     in the object's mask (the paper's text). classes: the object's own mask and rendering, with what something nearer
     hides and what was not measured left out: orders real poses best (bench/rank_real_poses.py)."""
-    tau_m: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 0.020
+    tau_m: Annotated[float, Meta(gt=0, le=1)] = 0.020
     """τ, depth tolerance [m]. Paper Sec. V: 20 mm."""
-    alpha: Annotated[float, Field(gt=0, le=1)] = 0.707
+    alpha: Annotated[float, Meta(gt=0, le=1)] = 0.707
     """α, tolerance of 1 − n·n̂ [-]. The authors' shader has 0.707, which cuts off at 73°; "45°" taken literally is
     0.293."""
     pixel_centre: Literal["integer", "half"] = "integer"
     """Where the centre of pixel (0, 0) lies in the camera matrix's image: at (0, 0), as the depth sensor has it, or
     half a pixel further, as the authors' projection has it."""
-    colour_weight: Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)] = 0.0
+    colour_weight: Annotated[float, Meta(ge=0, lt=1)] = 0.0
     """w, weight of colour: f̄ becomes (1 − w) f̄ + w max(f_c, 0), with f_c the correlation of rendered and observed
     colour (docs/methods.md 1.10). 0 = depth and normals alone, as in the paper. An object whose model, or whose part of
     the image, is of one colour has w = 0."""
     renderer: Literal["auto", "gl", "cpu"] = "auto"
     """auto: OpenGL on a real GPU, else the CPU rasteriser."""
-    simplify_mm: Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)] = 0.2
+    simplify_mm: Annotated[float, Meta(ge=0, le=100)] = 0.2
     """Largest deviation of the mesh that is scored from the model's mesh [mm]; 0 keeps every triangle. 0.2 moves the
     scores of real frames by up to 0.001, and takes two thirds of the time."""
 
 
-class PhysicsSettings(Settings):
+class PhysicsSettings(Settings, frozen=True):
     """The simulator. Paper Sec. V: Bullet, 1/60 s, 10 solver iterations, 4 sub-steps, 1 kg, 3 steps."""
 
     enabled: bool = True
     """Off: simulated pose = current pose."""
     steps: Count = 3
     """Steps per iteration; 60 for the Extended APC experiments."""
-    step_s: Annotated[float, Field(ge=1e-5, le=1, allow_inf_nan=False)] = 1 / 60
+    step_s: Annotated[float, Meta(ge=1e-5, le=1)] = 1 / 60
     """Duration of one step [s]."""
-    substeps: Annotated[int, Field(ge=1, le=1000)] = 4
+    substeps: Annotated[int, Meta(ge=1, le=1000)] = 4
     """Bullet sub-steps per step."""
-    solver_iterations: Annotated[int, Field(ge=1, le=1000)] = 10
+    solver_iterations: Annotated[int, Meta(ge=1, le=1000)] = 10
     """Bullet constraint solver iterations."""
-    mass_kg: Annotated[float, Field(ge=1e-6, le=1e6, allow_inf_nan=False)] = 1.0
+    mass_kg: Annotated[float, Meta(ge=1e-6, le=1e6)] = 1.0
     """Mass of every object [kg]."""
-    friction: Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)] = 0.5
+    friction: Annotated[float, Meta(ge=0, le=100)] = 0.5
     """Lateral friction of objects; the plane has 1.0."""
     collider: Literal["decomposition", "hull"] = "decomposition"
     """Convex decomposition keeps bowls and mugs hollow; the authors use one hull per object."""
-    margin_m: Annotated[float, Field(ge=0, le=0.1, allow_inf_nan=False)] = 1e-4
+    margin_m: Annotated[float, Meta(ge=0, le=0.1)] = 1e-4
     """Collision margin [m]; Bullet's default for meshes is 1e-3, which leaves objects 1 mm above the plane."""
-    gravity_m_s2: Annotated[float, Field(ge=0, le=1000, allow_inf_nan=False)] = 9.81
+    gravity_m_s2: Annotated[float, Meta(ge=0, le=1000)] = 9.81
     """Strength of gravity [m/s²]."""
-    damping: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.04
+    damping: Annotated[float, Meta(ge=0, le=1)] = 0.04
     """Linear and angular damping of objects, the share of speed lost in a second [-]; Bullet's default is 0.04."""
     placed: Literal["static", "dynamic"] = "static"
     """Objects already placed stay where they are, or are pushed (authors' code)."""
@@ -199,12 +199,12 @@ class PhysicsSettings(Settings):
     """observed: unknown objects that stop nothing, each with its frame, as [["50/1", 2]]."""
     mesh: InputPath = ""
     """mesh: the file of what stands around the objects (PLY, OBJ, STL, …), relative to the session file."""
-    mesh_unit_m: Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)] = 1.0
+    mesh_unit_m: Annotated[float, Meta(gt=0, le=1000)] = 1.0
     """mesh: one unit of the file [m]; 0.001 for millimetres."""
     mesh_frame: Literal["world", "camera"] = "world"
     """mesh: the frame that `mesh_pose` is given in: the data set's world (cam_R_w2c and cam_t_w2c of the frame), or the
     camera's."""
-    mesh_pose: Annotated[tuple[float, ...], Field(max_length=16)] = ()
+    mesh_pose: Annotated[tuple[float, ...], Meta(max_length=16)] = ()
     """mesh: where the file's frame is in that frame, 4×4 row by row, lengths in metres; none = the same frame."""
 
 
@@ -212,7 +212,7 @@ SURROUNDINGS = ("support", "dropped", "mesh", "mesh_unit_m", "mesh_frame", "mesh
 """Fields of [physics] that make another world: they hold from the start of a run."""
 
 
-class RecordingSettings(Settings):
+class RecordingSettings(Settings, frozen=True):
     """Rerun recordings."""
 
     keep: Literal["all", "failures", "none"] = "all"
@@ -221,7 +221,7 @@ class RecordingSettings(Settings):
     """Log depth and score maps of every iteration (about 0.05 MB each), else numbers and poses only."""
 
 
-class Edit(Settings):
+class Edit(Settings, frozen=True):
     """An edited pose."""
 
     after_iteration: Index
@@ -230,26 +230,26 @@ class Edit(Settings):
     """instance_id."""
     hypothesis: Index
     """Index of the hypothesis, from 0."""
-    T_cam_obj: Annotated[tuple[float, ...], Field(min_length=16, max_length=16)]
+    T_cam_obj: Pose
     """The new pose, row by row [m]."""
     frame: str = ""
     """The frame in which it was edited, as "scene/image"; "" = every frame that has the hypothesis."""
 
 
-class TrackedPose(Settings):
+class TrackedPose(Settings, frozen=True):
     """The answer of an earlier frame as an initial pose of a later one."""
 
     frame: str
     """The later frame, as "scene/image"."""
     instance: Index
     """instance_id there."""
-    T_cam_obj: Annotated[tuple[float, ...], Field(min_length=16, max_length=16)]
+    T_cam_obj: Pose
     """The pose in the later frame, row by row [m]."""
     answered_in: str
     """The earlier frame."""
 
 
-class Change(Settings):
+class Change(Settings, frozen=True):
     """Settings that were changed in the middle of a run."""
 
     after_iteration: Index
@@ -258,7 +258,7 @@ class Change(Settings):
     """Changed fields by section: {"method": {"exploration": 0.2}}; sections of `DURING_A_RUN`."""
 
 
-class Session(Settings):
+class Session(Settings, frozen=True):
     """Everything that defines a run."""
 
     title: str = ""

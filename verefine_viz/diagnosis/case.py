@@ -19,6 +19,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from msgspec import structs
 from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
@@ -153,7 +154,7 @@ class Lab:
         if self.traits.has_tree:
             self.physics = mcts_physics(session.mcts, session.physics)
             self.refiner = TrimmedIcp(mcts_tricp(session.mcts, session.tricp))
-            self.method_settings = session.method.model_copy(update={"name": "vf_breadth"})
+            self.method_settings = structs.replace(session.method, name="vf_breadth")
         else:
             self.refiner = toolbox.refiner
         self.verifier = toolbox.verifier

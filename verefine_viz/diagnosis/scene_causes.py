@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from msgspec import structs
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between, apply
@@ -105,7 +106,7 @@ def collider(case: Case) -> Finding | None:
     ]
     if not coarse:
         return None
-    finer = case.lab.simulator_with(case.lab.physics.model_copy(update={"collider": "decomposition"}))
+    finer = case.lab.simulator_with(structs.replace(case.lab.physics, collider="decomposition"))
     again = case.rerun("finer colliders", method=case.lab.method(finer))
     deviation_m, model = max(coarse, key=lambda pair: pair[0])
     return Finding(

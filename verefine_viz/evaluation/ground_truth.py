@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -132,6 +133,8 @@ class BopGroundTruth:
         self._dataset = dataset
         self._models = EvalModels(dataset.folder)
         self._without_info: set[int] = set()
+        self._at_camera: dict[str, str] = {}
+        """Instances within whose own size the camera would be, each with its distance."""
 
     def image(self, scene_id: int, im_id: int, with_depth: bool) -> GtImage:
         files = self._dataset.files(scene_id)
@@ -173,6 +176,13 @@ class BopGroundTruth:
         if self._without_info:
             scenes = ", ".join(map(str, sorted(self._without_info)))
             notes.append(f"scene {scenes} has no scene_gt_info.json; all its instances count as visible")
+        if self._at_camera:
+            where, distance = min(self._at_camera.items())
+            n = f"{len(self._at_camera)} instance{'s' * (len(self._at_camera) > 1)}"
+            notes.append(
+                f"the camera would be inside the object by the ground truth of {n}, as in {where}: {distance} away; "
+                "expected 'cam_t_m2c' in millimetres"
+            )
         return tuple(notes)
 
     def _instances(self, scene_id: int, im_id: int) -> tuple[GtInstance, ...]:
@@ -190,10 +200,16 @@ class BopGroundTruth:
                 f"{self._dataset.files(scene_id).json('scene_gt_info')}, image {im_id} does not describe the "
                 f"{len(entries)} instances of scene_gt.json one by one"
             )
-        return tuple(
+        instances = tuple(
             _instance(k, entry, visib_fract, f"{where}, entry {k}")
             for k, (entry, visib_fract) in enumerate(zip(entries, shares, strict=True))
         )
+        for gt in instances:
+            with suppress(InputError):  # Models are missing only where they are asked for.
+                distance_mm = float(np.linalg.norm(gt.t_mm))
+                if distance_mm < self._models.diameter_mm(gt.obj_id) / 2:
+                    self._at_camera[f"{where}, entry {gt.gt_id}"] = f"{distance_mm:.3g} mm"
+        return instances
 
 
 def _instance(k: int, entry: TruthEntry, visib_fract: float | None, where: str) -> GtInstance:

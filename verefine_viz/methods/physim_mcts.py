@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
+from msgspec import structs
 from scipy.spatial import KDTree
 
 from verefine_viz.core.algorithm_settings import MctsSettings, TricpSettings
@@ -55,12 +56,12 @@ PUBLISHED_PHYSICS = {
 
 def mcts_physics(settings: MctsSettings, session: PhysicsSettings) -> PhysicsSettings:
     """The simulator that the search uses, given the session's own."""
-    return session.model_copy(update=PUBLISHED_PHYSICS) if settings.physics == "published" else session
+    return structs.replace(session, **PUBLISHED_PHYSICS) if settings.physics == "published" else session
 
 
 def mcts_tricp(settings: MctsSettings, session: TricpSettings) -> TricpSettings:
     """The trimmed ICP that the search uses, given the session's own."""
-    return session.model_copy(update={"trim": settings.trim})
+    return structs.replace(session, trim=settings.trim)
 
 
 def overlaps(target: Target, Ts_cam_obj: Float) -> Float:

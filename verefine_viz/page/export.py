@@ -242,11 +242,11 @@ def titled(session: Session, path: Path, space: Workspace) -> Session:
     session: its title is the name of its new file.
     """
     files = {file: saved.session for file, saved in space.files.items()}
-    same = (there for there in files.values() if there == session.model_copy(update={"title": there.title}))
+    same = (there for there in files.values() if there == structs.replace(session, title=there.title))
     known = files.get(path.resolve()) or next(same, None)
     is_taken = any(there.title == session.title for there in files.values())
     title = known.title if known is not None else "" if is_taken else session.title
-    return session.model_copy(update={"title": title or path.stem})
+    return structs.replace(session, title=title or path.stem)
 
 
 # What a file would lose
@@ -281,6 +281,6 @@ def _lost(there: Session, saved: Saved | None, session: Session, branch: Branch,
     other, elsewhere = saved.branch, space.others_of(branch)
     if other is None or other is branch or not (other in elsewhere or other.index in space.branches):
         return what
-    if not what and other in elsewhere and there.model_copy(update={"edits": session.edits}) == session:
+    if not what and other in elsewhere and structs.replace(there, edits=session.edits) == session:
         return ""  # What it holds of another frame is written again.
     return f"another branch, “{other.name}”" + (f", with {what}" if what else "")

@@ -10,6 +10,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from msgspec import structs
+
 from verefine_viz.batch.answer_tags import TagFile, answer_key, checked_name, read_tags, save_tags
 from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.index import BatchIndex, Order, find_runs, has_finished_frame, read_batch, sort_key
@@ -191,8 +193,8 @@ class Gallery:
         if run not in self._sessions:
             index, overrides = self.runs[run], self._overrides
             session = load_session(index.folder / SESSION_FILE, overrides) if overrides else index.session
-            scene = session.scene.model_copy(update={"frames": index.frames})
-            self._sessions[run] = session.model_copy(update={"scene": scene})
+            scene = structs.replace(session.scene, frames=index.frames)
+            self._sessions[run] = structs.replace(session, scene=scene)
         return self._sessions[run]
 
 

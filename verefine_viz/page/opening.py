@@ -8,6 +8,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from msgspec import structs
+
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import at_home
@@ -134,10 +136,10 @@ def _demo_session(d: Debugger, name: str) -> tuple[Session, Path | None]:
     if session is not None and (session.scene.source, session.scene.demo) == ("demo", name):
         return session, own
     old = d.space.tools.session
-    scene = old.scene.model_copy(update={"source": "demo", "demo": name, "frames": (), "objects": ()})
-    hypotheses = old.hypotheses.model_copy(update={"source": "perturb", "files": (), "estimate": ()})
+    scene = structs.replace(old.scene, source="demo", demo=name, frames=(), objects=())
+    hypotheses = structs.replace(old.hypotheses, source="perturb", files=(), estimate=())
     update = {"scene": scene, "hypotheses": hypotheses, "title": name, "edits": (), "changes": ()}
-    return old.model_copy(update=update), None
+    return structs.replace(old, **update), None
 
 
 def titled(files: Sequence[Path]) -> list[dict[str, str]]:

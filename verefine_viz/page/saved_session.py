@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from msgspec import structs
+
 from verefine_viz.core.settings import Edit, Session
 from verefine_viz.core.text_format import listed
 from verefine_viz.page.branch import Branch
@@ -62,13 +64,13 @@ def savable(session: Session, shown: Branch, others: Sequence[Branch], n_frames:
     if n_frames > 1 and _goes_with(shown, shown):
         first = tuple(edit for edit in shown.start.edits if edit.frame in apart)
         edits = (*(edit for edit in session.edits if edit.frame not in apart), *first)
-        return session.model_copy(update={"edits": edits}), _lacks(apart)
+        return structs.replace(session, edits=edits), _lacks(apart)
     here = edits_of(session.edits, shown.run.problem, is_only_frame=n_frames == 1)
     if n_frames == 1 and not here and not session.changes:
         return session, ""
-    scene = session.scene.model_copy(update={"frames": (frame,)})
+    scene = structs.replace(session.scene, frames=(frame,))
     apart += [edit.frame for edit in session.edits if edit.frame not in ("", frame)]
-    alone = session.model_copy(update={"scene": scene, "edits": here})
+    alone = structs.replace(session, scene=scene, edits=here)
     if n_frames == 1:
         return alone, ""
     belongs = beside_the_method(alone) or "a pose that the session moves in every frame is not moved here, which"
@@ -91,7 +93,7 @@ def _lacks(frames: Sequence[str]) -> str:
 
 def _goes_with(branch: Branch, shown: Branch) -> bool:
     """Whether one session can say what was done in a branch and in the shown one: poses of named frames were moved."""
-    start, other = (b.start.model_copy(update={"edits": (), "tracked": ()}) for b in (branch, shown))
+    start, other = (structs.replace(b.start, edits=(), tracked=()) for b in (branch, shown))
     dropped = any(not edit.frame and edit not in edits_made(branch) for edit in _at_first(branch))
     return start == other and branch.changes == branch.start.changes and not dropped
 

@@ -8,8 +8,11 @@ from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import Future
 
+from msgspec import structs
+
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
+from verefine_viz.core.settings import SceneSettings
 from verefine_viz.page.gallery import Entry, Gallery
 from verefine_viz.page.live_gallery import LiveGallery
 from verefine_viz.pictures.answer_pictures import picture_source, thumbnail
@@ -89,8 +92,8 @@ class Painter:
 
     def __init__(self, gallery: Callable[[], Gallery]) -> None:
         self._gallery = gallery
-        self._sources: dict[str, SceneSource] = {}
-        self._problems: OrderedDict[tuple[str, str], Problem] = OrderedDict()
+        self._sources: dict[SceneSettings, SceneSource] = {}
+        self._problems: OrderedDict[tuple[SceneSettings, str], Problem] = OrderedDict()
 
     def __call__(self, entry: Entry) -> bytes:
         """Draw an answer, as WebP.
@@ -110,7 +113,7 @@ class Painter:
     def _problem(self, entry: Entry) -> Problem:
         index = self._gallery().runs[entry.run]
         # Runs on the same data share it.
-        data = index.session.scene.model_copy(update={"frames": ()}).model_dump_json()
+        data = structs.replace(index.session.scene, frames=())
         if data not in self._sources:
             is_fixed = index.session.scene.source != "demo" and not isinstance(self._gallery(), LiveGallery)
             frames = index.frames if is_fixed else ()

@@ -9,6 +9,7 @@ from pathlib import Path
 from time import monotonic, perf_counter
 from typing import Any
 
+import msgspec
 from msgspec.structs import replace
 
 from verefine_viz.core.arrays import Float
@@ -445,7 +446,7 @@ def _pause(d: Debugger, verb: p.Pause | p.Cancel, window: int | None) -> None:
 
 def _break(d: Debugger, verb: p.Break, window: int | None) -> None:
     d.space.breakpoints = with_changes(d.space.breakpoints, verb.changes.items())
-    d.post({"t": "breakpoints", "breakpoints": d.space.breakpoints.model_dump()}, None)
+    d.post({"t": "breakpoints", "breakpoints": msgspec.to_builtins(d.space.breakpoints)}, None)
 
 
 # Branches

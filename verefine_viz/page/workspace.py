@@ -9,6 +9,8 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from msgspec import structs
+
 from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
@@ -155,7 +157,7 @@ class Workspace:
         record = read_recording(path)
         self.progress.checkpoint("Reading the scene: models, pictures, initial poses.")
         session, frame = session_of(record.header), record.header.frame
-        session = session.model_copy(update={"scene": session.scene.model_copy(update={"frames": (frame,)})})
+        session = structs.replace(session, scene=structs.replace(session.scene, frames=(frame,)))
         tools = self.make_tools(session)
         branch = self._recorded(path, record, tools, _read(tools, frame))
         self.tools, self.path, self.frames, self.files, self.records = tools, None, (frame,), {}, no_records
@@ -226,9 +228,7 @@ class Workspace:
     def session_of(self, branch: Branch) -> Session:
         """Return what a session file has to say to repeat a branch, with the poses moved in other frames."""
         edits = edits_of_all(branch, self.others_of(branch), is_only_frame=len(self.frames) == 1)
-        return branch.start.model_copy(
-            update={"edits": edits, "changes": branch.changes, "breakpoints": self.breakpoints}
-        )
+        return structs.replace(branch.start, edits=edits, changes=branch.changes, breakpoints=self.breakpoints)
 
     # Branches
 
@@ -245,7 +245,7 @@ class Workspace:
             tools = old.restarted(merged((*ended, new)))
             session = changed(tools.session, {"hypotheses": pool}, ("hypotheses",))
             files = self.files
-            self.open(session.model_copy(update={"breakpoints": self.breakpoints}), self.path, self.frame)
+            self.open(structs.replace(session, breakpoints=self.breakpoints), self.path, self.frame)
             self.files = files
             return
         same = not new and not old.session.edits and not old.session.changes
@@ -350,7 +350,7 @@ class Workspace:
             if not record.is_complete or not record.iterations:
                 return None
             stated = session_of(record.header).tracked
-            own = self.make_tools(tools.session.model_copy(update={"tracked": stated})) if stated else tools
+            own = self.make_tools(structs.replace(tools.session, tracked=stated)) if stated else tools
             branch = self._recorded(path, record, own, _read(own, frame))
         except InputError:
             return None

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec import structs
 from PIL import Image as PilImage
 
 from verefine_viz.core.arrays import Float
@@ -107,8 +108,8 @@ def picture_source(session: Session, frames: Sequence[str]) -> SceneSource:
     Raises:
         VerefineError: the data cannot be read.
     """
-    hypotheses = session.hypotheses.model_copy(update={"source": "perturb", "estimate": ()})
-    return open_scene(session.scene.model_copy(update={"frames": tuple(frames)}), hypotheses)
+    hypotheses = structs.replace(session.hypotheses, source="perturb", estimate=())
+    return open_scene(structs.replace(session.scene, frames=tuple(frames)), hypotheses)
 
 
 def webp(image: Image) -> bytes:

@@ -13,6 +13,7 @@ from pathlib import Path
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
 
 from verefine_viz.core.algorithm_settings import DepthNetSettings, IcpSettings
@@ -157,7 +158,7 @@ class DepthNetIcp:
     """
 
     def __init__(self, net: DepthNet, icp: IcpSettings) -> None:
-        self._net, self._icp = net, Icp(icp.model_copy(update={"gate": "published"}))
+        self._net, self._icp = net, Icp(structs.replace(icp, gate="published"))
 
     @property
     def trained_range(self) -> TrainedRange | None:

@@ -7,6 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from msgspec import structs
+
 from verefine_viz.batch.completeness import result_rows
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.runs import Runs
@@ -90,7 +92,7 @@ def _asked(run: BatchIndex, frames: Sequence[str]) -> tuple[GtSource, Targets]:
     Raises:
         VerefineError: the data cannot be read.
     """
-    scene = run.session.scene.model_copy(update={"frames": tuple(frames)})
+    scene = structs.replace(run.session.scene, frames=tuple(frames))
     images = [parse_frame(frame) for frame in frames]
     if scene.source != "bop":
         source = open_scene(scene, run.session.hypotheses)

@@ -9,6 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from verefine_viz.batch.index import BatchIndex, read_batch, sort_key
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import Session
@@ -167,7 +169,8 @@ def data_set(run: BatchIndex) -> str:
     scene = run.session.scene
     if scene.source == "demo":
         return f"the built-in scene {scene.demo}"
-    return f"{Path(scene.dataset).name}/{scene.split}" if scene.source == "bop" else Path(scene.dataset).name
+    of_bop = (scene.split, scene.sensor) if scene.source == "bop" else ()
+    return "/".join(filter(None, (Path(scene.dataset).name, *of_bop)))
 
 
 def seeds_of(run: BatchIndex) -> Seeds:
@@ -221,7 +224,7 @@ def _grouped(runs: Sequence[BatchIndex]) -> tuple[Group, ...]:
 def _settings(session: Session) -> dict[str, Any]:
     """What makes a group: every setting that can change a result, but for the seeds."""
     out: dict[str, Any] = {}
-    for name, value in session.model_dump().items():
+    for name, value in msgspec.to_builtins(session).items():
         if name not in WITHOUT_EFFECT:
             out |= {f"{name}.{k}": v for k, v in value.items()} if isinstance(value, Mapping) else {name: value}
     return {field: value for field, value in out.items() if field not in SEEDS}

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.markup import escape
 
 from verefine_viz import __version__
 from verefine_viz.batch.index import batch_of, find_runs
 from verefine_viz.batch.progress import counted_bar
 from verefine_viz.batch.runs import Runs
+from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.writing import atomic, clear_parts
 from verefine_viz.page.bundle import bundle, part, picture
@@ -61,7 +61,7 @@ def print_report(
     runs = [run for selection in selections for run in selection.runs]
     with counted_bar("reading") as progress:
         written = write_report(runs, path, len(runs) == len(selections), embed, beside, pictures, workers, progress)
-    console = Console(highlight=False, soft_wrap=True)
+    console = Terminal(highlight=False, soft_wrap=True)
     for line in (*written.headlines, *(s.note for s in selections if s.note), *written.notes):
         console.print(escape(line))
     console.print(escape(f"Report in {path} ({path.stat().st_size / 1e6:.1f} MB)"))

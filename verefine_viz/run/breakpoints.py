@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import Any
 
+import msgspec
 import numpy as np
-from pydantic import ValidationError
 
 from verefine_viz.core.algorithm_settings import MOST, BreakpointSettings
 from verefine_viz.core.errors import SettingsError, unknown
@@ -38,7 +39,8 @@ def with_changes(settings: BreakpointSettings, changes: Iterable[tuple[str, Any]
     Raises:
         SettingsError: there is no such breakpoint, or its value is none.
     """
-    wanted, waiting = settings.model_dump(exclude={"waiting"}), settings.waiting.model_dump()
+    wanted = msgspec.to_builtins(settings)
+    waiting = wanted.pop("waiting")
     for name, value in changes:
         own = name.removeprefix(_WAITING)
         if own not in (waiting if own != name else wanted):
@@ -50,10 +52,10 @@ def with_changes(settings: BreakpointSettings, changes: Iterable[tuple[str, Any]
             waiting[own] = None if value is not None else number_of(settings, own)
         wanted[own] = value
     try:
-        return BreakpointSettings.model_validate({**wanted, "waiting": waiting})
-    except ValidationError as error:
-        name = str(error.errors()[0]["loc"][-1])
-        raise SettingsError(_refusal(name, error.errors()[0]["input"])) from None
+        return msgspec.convert({**wanted, "waiting": waiting}, BreakpointSettings, strict=False)
+    except msgspec.ValidationError as error:
+        *_, group, name = re.findall(r"\w+", str(error))  # The message ends in the field's place.
+        raise SettingsError(_refusal(name, (waiting if group == "waiting" else wanted)[name])) from None
 
 
 def _refusal(name: str, value: Any) -> str:

@@ -80,7 +80,7 @@ def _bop(folder: Path, splits: Sequence[str], overrides: Mapping[str, Any]) -> K
     }
     others = ", ".join(name for name in splits if name != split)
     what = f"a data set in BOP layout, split {split}{f' (also: {others})' if others else ''}"
-    return KnownData(what, _session(folder, sections, overrides))
+    return KnownData(in_one_line(what), _session(folder, sections, overrides))
 
 
 def _part_of_bop(inside: Inside, overrides: Mapping[str, Any]) -> KnownData | None:
@@ -91,7 +91,7 @@ def _part_of_bop(inside: Inside, overrides: Mapping[str, Any]) -> KnownData | No
         scene["frames"] = tuple(map(frame_name, frames_of_scene(dataset, inside.scene_id)))
     known = data_at(inside.dataset, {**overrides, "scene": scene})
     part = f"split {inside.split}" if inside.scene_id is None else f"scene {inside.scene_id} of split {inside.split}"
-    return known and KnownData(f"{part} of the data set {inside.dataset}", known.session)
+    return known and KnownData(in_one_line(f"{part} of the data set {inside.dataset}"), known.session)
 
 
 def _recorded(folder: Path, recording: Recording, overrides: Mapping[str, Any]) -> KnownData:
@@ -122,7 +122,7 @@ def open_session(path: Path, overrides: Mapping[str, Any]) -> Session:
     """
     known = data_at(path, overrides)
     if known is not None:
-        print(f"{path}: {known.what}", file=sys.stderr)
+        print(f"{in_one_line(str(path))}: {known.what}", file=sys.stderr)
         return known.session
     if lacking(path) or (path.is_dir() and _meant(path)):
         raise InputError(f"{path} {why_unknown(path)}")

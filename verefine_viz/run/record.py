@@ -6,7 +6,6 @@ Everything that draws, compares, explains or tabulates a run reads this; ``run/r
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct, field
@@ -261,7 +260,7 @@ def failed_run(session: Session, frame: str, message: str, objects: Sequence[Lef
     answers = tuple(unsolved(frame, one, "failed", message, method, seed) for one in objects)
     if not answers:
         answers = (Answer(frame=frame, method=method, seed=seed, status="failed", message=message),)
-    header = RunHeader(FORMAT, _toml(session.model_dump_json()), frame, session.title, versions(session), ())
+    header = RunHeader(FORMAT, session_toml(session), frame, session.title, versions(session), ())
     return RunRecord(header, (), RunEnd(answers=answers))
 
 
@@ -283,7 +282,7 @@ def header_of(problem: Problem, state: RunState | None, session: Session) -> Run
     )
     return RunHeader(
         FORMAT,
-        _toml(session.model_dump_json()),
+        session_toml(session),
         problem.frame,
         session.title or problem.title,
         versions(session),
@@ -301,9 +300,3 @@ def session_of(header: RunHeader) -> Session:
         SettingsError: this version cannot run it.
     """
     return resolve(parsed_toml(header.session), "the session of the run")
-
-
-@lru_cache(maxsize=8)
-def _toml(settings: str) -> str:
-    """A session as a file; made once for all frames of a batch."""
-    return session_toml(Session.model_validate_json(settings))

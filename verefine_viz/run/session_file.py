@@ -8,13 +8,15 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_origin
+from typing import Any
 
+import msgspec
 import tomli_w
-from pydantic import ValidationError
+from msgspec.inspect import FloatType, IntType, StrType, StructType, TupleType, Type, UnionType, VarTupleType, type_info
 
 from verefine_viz.core.errors import InputError, SettingsError, meant, quoted, unknown
 from verefine_viz.core.files import read_file
+from verefine_viz.core.setting_types import expected
 from verefine_viz.core.settings import PUBLISHED, SURROUNDINGS, Session
 from verefine_viz.core.writing import at_home, atomic
 
@@ -51,10 +53,13 @@ _OPEN_QUOTE = ("character '\\n'", """Expected "'" (""")
 """The parser's message on a text that does not end in its line, or at all."""
 LARGEST_BYTES = 10_000_000
 """No session file is larger; another file that was named by mistake may fill the memory."""
+LEAST_GRAVITY = 1e-6
+"""The largest number of a vector of gravity is not below it."""
 DEEPEST = 20
 """Levels of lists and tables. Those of settings are six; what checks and writes them calls itself for each."""
-_KIND = re.compile(r"[\[(]|^(constrained-int|int|str)$")
-"""One of the kinds that a field may be of; pydantic appends it to the field."""
+_PLACE = re.compile(r" - at `\$([^`]*)`$")
+"""The end of a message of msgspec."""
+_WRITTEN_AS: dict[type[Type], type] = {IntType: int, FloatType: float, StrType: str}
 _UNITS = {"m": "metres", "mm": "millimetres", "deg": "degrees"}
 CAPTURE_HEAD = (
     "# Frames kept by keep_frame. This file is written anew with every frame: copy it before you change it.\n"
@@ -109,16 +114,12 @@ def changed(
         raise SettingsError(
             f"physics.{fixed[0]} makes another world and cannot change during a run; restart the run with it"
         )
-    raw = _merged(session.model_dump(exclude={"changes"}), settings)
-    try:
-        return Session.model_validate(raw).model_copy(update={"changes": session.changes})
-    except ValidationError as error:
-        raise SettingsError(f"changed settings: {_first_mistake(error)}") from None
+    return _converted(_merged(msgspec.to_builtins(session), settings), [("changed settings", settings)])
 
 
 def session_toml(session: Session) -> str:
     """The session as TOML with every field explicit; loading it gives the same session."""
-    return tomli_w.dumps(_without_none(session.model_dump(mode="json")))
+    return tomli_w.dumps(_without_none(msgspec.to_builtins(session)))
 
 
 def save_session(session: Session, path: Path) -> None:
@@ -157,10 +158,7 @@ def _of_layers(layers: Sequence[Layer]) -> Session:
     for _, fields in layers:
         raw = _merged(raw, fields)
     base = PUBLISHED if raw.get("preset") == "published" else {}
-    try:
-        session = Session.model_validate(_merged(base, raw))
-    except ValidationError as error:
-        raise SettingsError(f"{_written_in(layers, error)}: {_first_mistake(error)}") from None
+    session = _converted(_merged(base, raw), layers)
     _check_sources(session, layers)
     for k, change in enumerate(session.changes):
         try:
@@ -269,6 +267,10 @@ def _check_sources(session: Session, layers: Sequence[Layer]) -> None:
         SettingsError: a field is set that its section's source does not read, and the source was not chosen with it;
             or a results file is named twice.
     """
+    gravity = session.scene.gravity
+    if isinstance(gravity, tuple) and max(map(abs, gravity)) < LEAST_GRAVITY:
+        where = layers[_last(layers, "scene", "gravity")][0]
+        raise SettingsError(f"{where}: scene.gravity = {[*gravity]}: expected a vector that is not zero")
     for (section, field), readers in _READ_BY.items():
         chosen = getattr(session, section)
         at = _last(layers, section, field)
@@ -325,13 +327,29 @@ def _last(layers: Sequence[Layer], section: str, field: str) -> int:
     return max((k for k, fields in enumerate(written) if isinstance(fields, Mapping) and field in fields), default=-1)
 
 
-def _written_in(layers: Sequence[Layer], error: ValidationError) -> str:
-    """Where what is wrong was written: the last layer that has the field."""
-    location = error.errors()[0]["loc"]
-    return max(reversed(layers), key=lambda layer: _depth(layer[1], location))[0]
+def _converted(raw: Raw, layers: Sequence[Layer]) -> Session:
+    """The session of all fields of some layers.
+
+    Raises:
+        SettingsError: a field is unknown or out of range; the text names it and the last layer that has it.
+    """
+    try:
+        # Not strict: 5.0 and "5" are whole numbers as well.
+        session = msgspec.convert(raw, Session, strict=False)
+        msgspec.json.encode(session)
+    except UnicodeEncodeError as error:
+        wrong = quoted(error.object)
+        raise SettingsError(f"{layers[-1][0]}: {wrong} is no UTF-8, in which session files are written") from None
+    except msgspec.ValidationError as error:
+        # Without a place it is about a name of the first level, which may hold anything.
+        place = None if raw.keys() - {*Session.__struct_fields__} else _PLACE.search(str(error))
+        location, mistake = _mistake(raw, re.findall(r"\w+", place[1]) if place else [])
+        origin = max(reversed(layers), key=lambda layer: _depth(layer[1], location))[0]
+        raise SettingsError(f"{origin}: {mistake}") from None
+    return session
 
 
-def _depth(raw: Any, location: tuple[int | str, ...]) -> int:
+def _depth(raw: Any, location: Sequence[str]) -> int:
     """How many steps towards a field the settings have."""
     for k, part in enumerate(location):
         if not isinstance(raw, Mapping) or part not in raw:
@@ -340,51 +358,41 @@ def _depth(raw: Any, location: tuple[int | str, ...]) -> int:
     return len(location)
 
 
-def _first_mistake(error: ValidationError) -> str:
-    detail = error.errors()[0]
-    field = _field(detail["loc"])
-    if detail["type"] == "extra_forbidden":
-        names = _siblings(detail["loc"])
-        return f"unknown field {field!r}; {meant(detail['loc'][-1], names)}available: {', '.join(names)}"
-    if detail["type"] == "tuple_type":
-        return f"{field} = {quoted(detail['input'])}: expected a list{_example(detail['loc'], detail['input'])}"
-    if detail["type"] == "model_type":
-        return f"{field} = {quoted(detail['input'])}: expected a section, [{field}]"
-    # A field of several kinds (a word or a vector) fails once for each of them.
-    ways = [d["msg"].lower().removeprefix("value error, ") for d in error.errors() if _field(d["loc"]) == field]
-    if detail["loc"][:2] == ("scene", "objects"):
-        ways = ["expected the id of an object, as 5 for obj_000005.ply"]
-    return f"{field} = {quoted(detail['input'])}: {', or '.join(dict.fromkeys(ways))}{_unit(field)}"
-
-
-def _field(location: tuple[int | str, ...]) -> str:
-    """``scene.gravity`` of ("scene", "gravity", "literal['plane','world']")."""
-    return ".".join(str(part) for part in location if not (isinstance(part, str) and _KIND.search(part)))
-
-
-def _unit(field: str) -> str:
-    unit = _UNITS.get(field.rpartition("_")[2])
-    return f", in {unit}" if unit else ""
-
-
-def _example(location: tuple[int | str, ...], value: Any) -> str:
-    """The list that was meant where its only entry was written, or nothing."""
-    if value == "":
-        return ", []"
-    model: Any = Session
+def _mistake(raw: Any, location: Sequence[str]) -> tuple[Sequence[str], str]:
+    """What is wrong at a place of a session, as ["scene", "objects", "0"], and the field that it is about."""
+    kind = type_info(Session)
     for part in location:
-        model = getattr(getattr(model, "model_fields", {}).get(part), "annotation", None)
-    kind = next(iter(get_args(model)), None)
-    if get_origin(kind) is Annotated:
-        kind = get_args(kind)[0]
-    is_only_entry = get_origin(model) is tuple and kind is type(value)
-    return f", {json.dumps([value], ensure_ascii=False)}" if is_only_entry else ""
+        kind, raw = _inner(kind, part), raw[int(part) if isinstance(raw, list | tuple) else part]
+    field = ".".join(location)
+    if isinstance(kind, StructType) and isinstance(raw, Mapping):
+        names = sorted(known.name for known in kind.fields)
+        for name in (name for name in raw if name not in names):
+            whole = ".".join((*location, name))
+            return (*location, name), f"unknown field {whole!r}; {meant(name, names)}available: {', '.join(names)}"
+        missing = next(known.name for known in kind.fields if known.required and known.name not in raw)
+        return location, f"{field}.{missing} is missing"
+    what = expected(kind)
+    if isinstance(kind, VarTupleType) and not isinstance(raw, list | tuple):
+        # The list that was meant where its only entry was written.
+        is_entry = type(raw) is _WRITTEN_AS.get(type(kind.item_type)) or raw == ""
+        what += f", {json.dumps([raw] if raw != '' else [], ensure_ascii=False)}" if is_entry else ""
+    elif isinstance(kind, StructType):
+        what += f", [{field}]"
+    elif field.startswith("scene.objects."):
+        what = "the id of an object, as 5 for obj_000005.ply"
+    unit = _UNITS.get(field.rpartition("_")[2])
+    return location, f"{field} = {quoted(raw)}: expected {what}{f', in {unit}' if unit else ''}"
 
 
-def _siblings(location: tuple[int | str, ...]) -> list[str]:
-    model: Any = Session
-    for part in location[:-1]:
-        model = getattr(model.model_fields.get(part), "annotation", None)
-        if not hasattr(model, "model_fields"):
-            return []
-    return sorted(model.model_fields)
+def _inner(kind: Type, part: str) -> Type:
+    """The type of a field or an entry of what has one."""
+    match kind:
+        case StructType():
+            return next(field.type for field in kind.fields if field.name == part)
+        case VarTupleType():
+            return kind.item_type
+        case TupleType():
+            return kind.item_types[int(part)]
+        case UnionType():  # A word or a vector.
+            return _inner(next(way for way in kind.types if isinstance(way, TupleType)), part)
+    raise AssertionError(f"settings of type {kind} have no parts")

@@ -8,6 +8,8 @@ from dataclasses import replace
 from functools import cache, cached_property, partial
 from typing import Any
 
+from msgspec import structs
+
 from verefine_viz.core.errors import InputError, ShapeError, VerefineError, unknown
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
@@ -266,7 +268,7 @@ class Toolbox:
     def restarted(self, settings: dict[str, dict[str, Any]]) -> Toolbox:
         """The same for what can change at the start of a run: without edited poses and settings changed during it."""
         session = changed(self.session, settings, AT_ITS_START)
-        return self._sharing(session.model_copy(update={"edits": (), "changes": (), "tracked": ()}))
+        return self._sharing(structs.replace(session, edits=(), changes=(), tracked=()))
 
     def _sharing(self, session: Session) -> Toolbox:
         other = Toolbox(session, self._progress)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import structs
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import VerefineError
@@ -154,4 +155,4 @@ def with_its_tracked(session: Session, problem: Problem) -> Session:
         if h.tracked_from
     )
     others = tuple(pose for pose in session.tracked if pose.frame != problem.frame)
-    return session.model_copy(update={"tracked": (*others, *stated)}) if stated or session.tracked else session
+    return structs.replace(session, tracked=(*others, *stated)) if stated or session.tracked else session

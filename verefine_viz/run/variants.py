@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import msgspec
+from msgspec import structs
+
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.settings import PUBLISHED, Session
 from verefine_viz.run.session_file import resolve
@@ -25,7 +28,7 @@ def variant(session: Session, changes: Changes) -> Session:
     Raises:
         SettingsError: an unknown field, a value out of range, or a setting that makes it another frame.
     """
-    raw = session.model_dump(exclude={"edits", "changes"})
+    raw = msgspec.to_builtins(structs.replace(session, edits=(), changes=()))
     for name, value in sorted(changes, key=lambda change: change[0] != "preset"):
         if name == "preset":
             _set_preset(raw, value)
@@ -42,7 +45,7 @@ def variant(session: Session, changes: Changes) -> Session:
 def _set_preset(raw: dict[str, Any], preset: Any) -> None:
     if preset not in ("recommended", "published"):
         raise SettingsError(unknown("preset", preset, ("recommended", "published")))
-    defaults = Session().model_dump()
+    defaults = msgspec.to_builtins(Session())
     for section, fields in PUBLISHED.items():
         values = fields if preset == "published" else {name: defaults[section][name] for name in fields}
         raw[section] = {**raw[section], **values}
@@ -52,7 +55,7 @@ def _set_preset(raw: dict[str, Any], preset: Any) -> None:
 def settings_between(a: Session, b: Session) -> tuple[tuple[str, Any, Any], ...]:
     """What differs: (dotted name, value of A, value of B), in the order of a session file."""
     differing: list[tuple[str, Any, Any]] = []
-    ours, theirs = a.model_dump(), b.model_dump()
+    ours, theirs = msgspec.to_builtins(a), msgspec.to_builtins(b)
     for section, value in ours.items():
         if section in SAME_FRAME:
             continue
@@ -68,6 +71,6 @@ def scores_alike(a: Session, b: Session) -> bool:
 
     # Two renderers of one rule agree to the last digits that matter.
     def rule(s: Session) -> Any:
-        return s.score.model_copy(update={"renderer": "auto"})
+        return structs.replace(s.score, renderer="auto")
 
     return rule(a) == rule(b)

@@ -5,32 +5,32 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError
-from verefine_viz.core.files import Id, Numbers3, Numbers3x3, Real, decoded_json, first_line, read_json
+from verefine_viz.core.files import Id, Numbers3, Numbers3x3, Real, array_of, first_line, read_json
 from verefine_viz.core.geometry import as_rigid, check_reach, transform
 
 Task = Literal["localization", "detection"]
 """localization: BOP'18 to '23, how many instances there are is known. detection: BOP'24, it is not."""
 _YEARS: dict[Task | None, tuple[str, ...]] = {
     "localization": ("19", "18"),
-    "detection": ("24", "19", "18"),
+    "detection": ("24", "19"),
     None: ("19", "24", "18"),
 }
 """Of targets files, the preferred one first."""
 
 
 class TruthEntry(msgspec.Struct, frozen=True):
-    """An instance's entry in scene_gt.json; its numbers are decoded apart, as those of one entry may be damaged."""
+    """An instance's entry in scene_gt.json; its numbers are checked by :func:`pose_of`, as one entry may be damaged."""
 
     obj_id: Id
-    cam_R_m2c: msgspec.Raw = msgspec.Raw(b"null")
-    cam_t_m2c: msgspec.Raw = msgspec.Raw(b"null")
+    cam_R_m2c: Any = None
+    cam_t_m2c: Any = None
     """[mm]."""
 
 
@@ -79,7 +79,7 @@ def pose_of(entry: TruthEntry, where: str) -> tuple[Float, Float]:
     Raises:
         InputError: one of them is missing, has other numbers than it should, or t is out of reach.
     """
-    if bytes(entry.cam_R_m2c) == b"null" or bytes(entry.cam_t_m2c) == b"null":
+    if entry.cam_R_m2c is None or entry.cam_t_m2c is None:
         raise InputError(f"{where} has no 'cam_R_m2c' or no 'cam_t_m2c'")
     R_cam_obj = _numbers(entry.cam_R_m2c, Numbers3x3, f"{where}: 'cam_R_m2c'")
     t_cam_obj_mm = _numbers(entry.cam_t_m2c, Numbers3, f"{where}: 'cam_t_m2c'")
@@ -90,10 +90,10 @@ def pose_of(entry: TruthEntry, where: str) -> tuple[Float, Float]:
     return R_cam_obj, t_cam_obj_mm
 
 
-def _numbers(raw: msgspec.Raw, kind: type[Float], where: str) -> Float:
+def _numbers(value: Any, kind: Any, where: str) -> Float:
     try:
-        return decoded_json(bytes(raw), kind)
-    except (ValueError, RecursionError) as error:
+        return array_of(kind, value)
+    except ValueError as error:
         raise InputError(f"{where}: {first_line(error)}") from None
 
 

@@ -140,7 +140,7 @@ class BopDataset:
         for files in map(self.files, () if self.sensor else scene_ids):
             others = [name for name in sensors_of(files.folder) if name != files.sensor]
             if files.sensor and others:
-                return (f"sensor {files.sensor} is read; the others are chosen by scene.sensor: {listed(others)}",)
+                return (f"sensor {files.sensor} is read; also there (scene.sensor): {listed(others)}",)
         return ()
 
     def mask_notes(self, scene_ids: Iterable[int]) -> tuple[str, ...]:

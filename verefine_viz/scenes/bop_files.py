@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.errors import InputError, in_one_line, unknown
 from verefine_viz.core.files import id_of
 from verefine_viz.core.text_format import first_of, listed
 from verefine_viz.scenes.image_files import find_image
@@ -18,7 +18,7 @@ LIKE = 0.8
 """Likeness of two names, by their letters alone, from which one may be meant by the other."""
 MOST_LIKE = 3
 """Names beside a missing file that are shown."""
-_CAMERAS = re.compile(r"scene_camera(?:_(.+))?\.json")
+_CAMERAS = re.compile(r"scene_camera(?:_([\w.-]+))?\.json")
 _ORDER = ("test", "train", "val")
 """Splits in the order in which they are opened; others come after them."""
 
@@ -76,7 +76,7 @@ def files_of_scene(folder: Path, sensor: str = "") -> SceneFiles:
     if sensor and sensor not in there:
         if not any(there):
             raise InputError(f"{folder} has no sensor {sensor!r}, only files of plain names; leave scene.sensor empty")
-        raise InputError(f"{unknown('sensor', sensor, filter(None, there))} in {folder}; set scene.sensor")
+        raise InputError(f"{unknown('sensor', sensor, filter(None, there))} in {folder}")
     if sensor or not there or "" in there:
         return SceneFiles(folder, sensor)
     files = [SceneFiles(folder, name) for name in there]
@@ -92,16 +92,15 @@ def sensors_of(scene: Path) -> tuple[str, ...]:
 def scenes_in(split: Path) -> dict[int, list[Path]]:
     """The folders of each scene by number: one each, unless two differ by the zeros in front."""
     scenes: dict[int, list[Path]] = {}
-    for path in sorted(split.iterdir()) if split.is_dir() else ():
-        scene_id = id_of(path.name)
-        if scene_id is not None and path.is_dir():
+    for path in _folders_in(split):
+        if (scene_id := id_of(path.name)) is not None:
             scenes.setdefault(scene_id, []).append(path)
     return dict(sorted(scenes.items()))
 
 
 def splits_in(folder: Path) -> tuple[str, ...]:
     """The folders of a data set that hold scenes, by name."""
-    return tuple(path.name for path in sorted(folder.iterdir()) if path.is_dir() and scenes_in(path))
+    return tuple(path.name for path in _folders_in(folder) if scenes_in(path))
 
 
 def splits_to_open(folder: Path) -> tuple[str, ...]:
@@ -132,25 +131,32 @@ class Inside:
 
 def inside_dataset(folder: Path) -> Inside | None:
     """What a folder is within a data set; None where it is none of a split or a scene with images."""
-    found: list[Inside] = []
+    places: list[Inside] = []
     for path in (folder.absolute(), folder.resolve()):  # A link may lead out of the data set, or into it.
         if sensors_of(path) and (scene_id := id_of(path.name)) is not None:
-            found.append(Inside(path.parent.parent, path.parent.name, scene_id))
+            places.append(Inside(path.parent.parent, path.parent.name, scene_id))
         elif any(map(sensors_of, path.glob("[0-9]*"))):
-            found.append(Inside(path.parent, path.name, None))
-    with_models = [one for one in found if any(one.dataset.glob("models*"))]
-    return next(iter((*with_models, *found)), None)
+            places.append(Inside(path.parent, path.name, None))
+    with_models = [one for one in places if any(one.dataset.glob("models*"))]
+    return next(iter((*with_models, *places)), None)
 
 
 def datasets_below(folder: Path) -> tuple[Path, ...]:
     """The data sets that lie directly in a folder."""
-    return tuple(path for path in sorted(folder.iterdir()) if path.is_dir() and splits_in(path))
+    return tuple(path for path in _folders_in(folder) if splits_in(path))
+
+
+def _folders_in(folder: Path) -> list[Path]:
+    """The folders in a folder; none where it is none, or cannot be read."""
+    try:
+        return sorted(path for path in folder.iterdir() if path.is_dir())
+    except OSError:
+        return []
 
 
 def meant_dataset(folder: Path, split: str) -> str:
     """A hint where a folder without a split lies in the data set, or holds it; empty where neither is so."""
-    below = [path for path in folder.iterdir() if path.is_dir()]
-    near = [place for place in (*folder.resolve().parents[:2], *sorted(below)) if scenes_in(place / split)]
+    near = [place for place in (*folder.resolve().parents[:2], *_folders_in(folder)) if scenes_in(place / split)]
     if len(near) > 1:
         return f"; data sets that have it: {listed(near)}; set scene.dataset to one of them"
     return f"; the data set is {near[0]}: set scene.dataset to it" if near else ""
@@ -160,9 +166,12 @@ def beside(path: Path) -> str:
     """A hint at what lies beside a missing file, or beside its missing folder, and may be meant by it; else empty."""
     if not path.parent.is_dir():
         return "" if path.parent == path else beside(path.parent)
-    names = sorted(other.name for other in path.parent.iterdir() if not other.name.startswith("."))
-    like = [name for name in names if _is_like(name, path.name)]
-    return f"; in {path.parent.name}/ there is {first_of(like, MOST_LIKE)}" if like else ""
+    try:
+        names = sorted(other.name for other in path.parent.iterdir() if not other.name.startswith("."))
+    except OSError:
+        return ""
+    like = [in_one_line(name) for name in names if _is_like(name, path.name)]
+    return f"; in {in_one_line(path.parent.name)}/ there is {first_of(like, MOST_LIKE)}" if like else ""
 
 
 def _is_like(name: str, wanted: str) -> bool:

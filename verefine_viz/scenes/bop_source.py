@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
+from msgspec import structs
+
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, SettingsError, VerefineError
 from verefine_viz.core.model import ObjectModel
@@ -104,7 +106,7 @@ class BopSource:
         masks = [segment.mask for segment in segments]
         scene, up_notes = self._scene, ()
         if scene.gravity == "world" and image.R_world_cam is None and self._dataset.knows_up(ids[0]):
-            scene, up_notes = scene.model_copy(update={"gravity": "plane"}), (WITHOUT_UP,)
+            scene, up_notes = structs.replace(scene, gravity="plane"), (WITHOUT_UP,)
         R_world_cam, T_map_cam = image.R_world_cam, image.T_map_cam
         observation = observe(image.camera, image.depth_m, image.rgb, masks, scene, R_world_cam, T_map_cam)
         wanted = self._wanted(segments, frame)

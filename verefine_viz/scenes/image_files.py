@@ -38,8 +38,9 @@ def find_image(folder: Path, stem: str) -> Path | None:
 
 @contextmanager
 def open_image(file: BinaryIO) -> Iterator[Image.Image]:
-    """An image of at most 89 million pixels; above, Pillow only warns."""
+    """An image of at most 89 million pixels; above, Pillow only warns, as it does about EXIF data that are damaged."""
     with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
         warnings.simplefilter("error", Image.DecompressionBombWarning)
         with Image.open(file) as image:
             yield image
@@ -53,7 +54,7 @@ def read_color(path: Path) -> NDArray[np.uint8]:
     """
     image = _read(path)
     if image.mode.startswith("I") or image.mode == "F":
-        values = np.asarray(image, dtype=np.float64)
+        values = np.nan_to_num(np.asarray(image, dtype=np.float64))
         full = 255.0 if values.max(initial=0.0) <= 255 else 65535.0
         grey = np.clip(values / full * 255.0, 0, 255).round().astype(np.uint8)
         return np.repeat(grey[..., None], 3, axis=2)
@@ -136,7 +137,8 @@ def image_width(path: Path) -> int:
 def _read(path: Path) -> Image.Image:
     with reading(path, "image") as file, open_image(file) as image:
         image.load()
-        return image.copy()
+        has_alphas = image.mode == "P" and isinstance(image.info.get("transparency"), bytes)
+        return image.convert("RGBA") if has_alphas else image.copy()
 
 
 # Numbers of scene_camera.json.

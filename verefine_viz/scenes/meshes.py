@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import io
 import logging
-import os
 import re
+import warnings
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
-from trimesh.resolvers import FilePathResolver
-from trimesh.visual import TextureVisuals
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, in_one_line
-from verefine_viz.core.files import first_line, id_of, read_file, reading
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.files import id_of, reading
 from verefine_viz.core.model import Texture
-from verefine_viz.scenes.image_files import SUFFIXES, open_image
+from verefine_viz.scenes.materials import Beside, Look, check_gltf, look_of
 from verefine_viz.scenes.mesh_surface import edges, merged, turned_outward
 
 FORMATS = (".ply", ".obj", ".glb", ".gltf", ".stl")
@@ -41,13 +39,6 @@ EXTREMES_AT_ONCE = 4000
 
 LARGEST_COORDINATE = 1e9
 """Of a vertex, in the unit of its file."""
-LONGEST_SHOWN = 80
-"""Of a texture's name, in a note [characters]."""
-LARGEST_READ_PX = 4096
-"""A texture is made smaller before anything is done with it until no side is longer."""
-LARGEST_TEXTURE_PX = 1024
-"""A texture is made smaller until no side is longer: a camera sees fewer pixels of an object."""
-
 
 # It logs what it cannot read, with a traceback; the notes of a mesh say it.
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
@@ -114,10 +105,9 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
         InputError: missing, damaged, no triangles, or coordinates that are not finite.
     """
     with reading(_mesh_file(path)) as file:
-        beside = _Beside(path)
-        loaded = _loaded(file, path, beside)
-        vertices, faces = np.asarray(loaded.vertices, dtype=np.float64), np.asarray(loaded.faces)
-        colors, image, uv = (None, None, None) if beside.faults else _colours(loaded, path, beside)
+        beside = Beside(path)
+        vertices, faces, look = _loaded(file, path, beside)
+        colors, image, uv = (None, None, None) if look is None else (look.vertices, look.image, look.uv)
         if not (np.unique(edges(faces), return_counts=True)[1] == 2).all():
             vertices, faces, colors, is_whole = merged(vertices, faces, colors)
             uv = None if uv is None else uv[is_whole]
@@ -126,7 +116,9 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
         turned = turned_outward(vertices, faces)
         faces = np.where(turned[:, None], faces[:, ::-1], faces)
         skin = None if image is None or uv is None else Texture(image, np.where(turned[:, None, None], uv[:, ::-1], uv))
-        notes = tuple(f"{fault}; the model is drawn in one colour" for fault in beside.faults[:1])
+        notes = tuple(f"{fault}; the model is drawn in one colour" for fault in beside.faults[:1]) or tuple(
+            beside.notes
+        )
         return Mesh(vertices * unit_m, faces.astype(np.int32), colors, notes, skin)
 
 
@@ -137,13 +129,12 @@ def read_geometry(path: Path) -> tuple[Float, NDArray[np.int32]]:
         InputError: as :func:`read_mesh`.
     """
     with reading(_mesh_file(path)) as file:
-        loaded = _loaded(file, path, _Beside(path), skip_materials=True)
-        vertices = np.asarray(loaded.vertices, dtype=np.float64)
+        vertices, faces, _ = _loaded(file, path)
         file.seek(0)
         exact = _ascii_vertices(file)
         if exact is not None and exact.shape == vertices.shape:
             vertices = exact
-        return vertices, np.asarray(loaded.faces).astype(np.int32)
+        return vertices, faces.astype(np.int32)
 
 
 def _ascii_vertices(file: BinaryIO) -> Float | None:
@@ -208,91 +199,42 @@ def _mesh_file(path: Path) -> Path:
     return path
 
 
-def _loaded(file: BinaryIO, path: Path, beside: _Beside, skip_materials: bool = False) -> trimesh.Trimesh:
-    """The mesh as trimesh reads it, which checks neither that it is whole nor its numbers."""
-    header = file.read(65536).split(b"end_header")[0] if path.suffix.lower() == ".ply" else b""
+def _loaded(file: BinaryIO, path: Path, beside: Beside | None = None) -> tuple[Float, NDArray[np.integer], Look | None]:
+    """Vertices, faces and, with ``beside``, colours as trimesh reads them, which checks neither that they are whole."""
+    kind = path.suffix.lower()
+    header = file.read(MOST_HEAD_BYTES).split(b"end_header")[0] if kind == ".ply" else b""
     file.seek(0)
-    loaded = trimesh.load_mesh(file, path.suffix[1:], resolver=beside, process=False, skip_materials=skip_materials)
-    if not isinstance(loaded, trimesh.Trimesh) or len(loaded.faces) == 0:
+    source = io.BytesIO(beside.with_materials(file.read())) if kind == ".obj" and beside is not None else file
+    with warnings.catch_warnings(), np.errstate(all="ignore"):  # Its numbers are checked below.
+        warnings.simplefilter("error", Image.DecompressionBombWarning)
+        scene = trimesh.load_scene(
+            source, kind[1:], resolver=beside or Beside(path), process=False, skip_materials=beside is None
+        )
+    parts: list[tuple[trimesh.Trimesh, Any]] = []
+    for node in scene.graph.nodes_geometry:
+        T, name = scene.graph[node]
+        if isinstance(scene.geometry[name], trimesh.Trimesh):
+            parts.append((scene.geometry[name].copy().apply_transform(T), scene.geometry[name].visual))
+    if sum(len(mesh.faces) for mesh, _ in parts) == 0:
         raise ValueError("no triangles; a triangle mesh is expected, not a point cloud")
+    before = np.cumsum([0] + [len(mesh.vertices) for mesh, _ in parts])
+    vertices = np.concatenate([np.asarray(mesh.vertices, dtype=np.float64) for mesh, _ in parts])
+    faces = np.concatenate([np.asarray(mesh.faces) + start for (mesh, _), start in zip(parts, before, strict=False)])
     promised = re.search(rb"^element\s+face\s+(\d+)", header, re.MULTILINE)
-    if promised and len(loaded.faces) < int(promised[1]):
-        raise ValueError(f"it ends after {len(loaded.faces)} of {int(promised[1])} faces; fetch it again")
-    if not np.abs(loaded.vertices).max() < LARGEST_COORDINATE:
+    if promised and len(faces) < int(promised[1]):
+        raise ValueError(f"it ends after {len(faces)} of {int(promised[1])} faces; fetch it again")
+    if not np.abs(vertices).max() < LARGEST_COORDINATE:
         raise ValueError(f"vertices that are NaN or beyond ±{LARGEST_COORDINATE:g}")
-    if loaded.faces.min() < 0 or loaded.faces.max() >= len(loaded.vertices):
+    if faces.min() < 0 or faces.max() >= len(vertices):
         raise ValueError("faces that name vertices that do not exist; fetch it again")
+    if beside is None:
+        return vertices, faces, None
     if header.count(b"TextureFile") > 1:
         beside.faults.append(f"{path.name} names several textures, of which one is read")
-    return loaded
-
-
-class _Beside(FilePathResolver):
-    """The files that a mesh file names (materials, textures, buffers), opened like every other input."""
-
-    def __init__(self, mesh: Path) -> None:
-        super().__init__(str(mesh))
-        self._mesh = mesh
-        self.n_given = 0
-        self.faults: list[str] = []
-        """What of them cannot be used."""
-
-    def get(self, name: str) -> bytes:
-        """The content of a file; what fails is a fault, of which trimesh makes a grey texture."""
-        shown = in_one_line(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}…")
-        try:
-            path = Path(self.absolute(name))
-            if not os.path.lexists(path):
-                raise FileNotFoundError("it does not exist")
-            content = read_file(path)
-            content = content if path.suffix.lower() not in SUFFIXES else _texture_file(content)
-        except Exception as error:
-            self.faults.append(f"{shown}, which {self._mesh.name} names, cannot be used: {first_line(error)}")
-            raise
-        self.n_given += 1
-        return content
-
-
-def _texture_file(content: bytes) -> bytes:
-    """A texture, made smaller where it would fill the memory."""
-    with open_image(io.BytesIO(content)) as image:
-        image.load()
-        if max(image.size) <= LARGEST_READ_PX:
-            return content
-        image.thumbnail((LARGEST_READ_PX, LARGEST_READ_PX))
-        smaller = io.BytesIO()
-        image.convert("RGB").save(smaller, "PNG")
-        return smaller.getvalue()
-
-
-def _colours(
-    mesh: trimesh.Trimesh, path: Path, beside: _Beside
-) -> tuple[NDArray[np.uint8] | None, NDArray[np.uint8] | None, NDArray[np.float32] | None]:
-    """The colours at the vertices (V, 3), the texture (h, w, 3), and where faces lie in it (F, 3, 2)."""
-    visual: Any = mesh.visual
-    if not isinstance(visual, TextureVisuals):
-        return _vertex_colors(visual, mesh), None, None
-    if path.suffix.lower() in (".ply", ".obj") and not beside.n_given:
-        return None, None, None  # Coordinates of a texture that the file does not name.
-    if visual.uv is not None and not np.isfinite(visual.uv).all():
-        beside.faults.append(f"texture coordinates of {path.name} are NaN or infinite")
-        return None, None, None
-    colors = _vertex_colors(visual.to_color(), mesh)
-    material: Any = visual.material
-    image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
-    if visual.uv is None or len(visual.uv) != len(mesh.vertices) or not isinstance(image, Image.Image):
-        return colors, None, None
-    image = image.convert("RGB")
-    if max(image.size) > LARGEST_TEXTURE_PX:
-        image.thumbnail((LARGEST_TEXTURE_PX, LARGEST_TEXTURE_PX))
-    return colors, np.asarray(image), np.asarray(visual.uv, dtype=np.float32)[np.asarray(mesh.faces)]
-
-
-def _vertex_colors(visual: Any, mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
-    if visual.kind not in ("vertex", "face"):
-        return None
-    colors = np.asarray(visual.vertex_colors, dtype=np.uint8)
-    return colors[:, :3] if len(colors) == len(mesh.vertices) else None
+    if kind in (".gltf", ".glb"):
+        file.seek(0)
+        check_gltf(file, scene, beside)
+    return vertices, faces, look_of(parts, beside)
 
 
 # Models as BOP has them: binary PLY files in millimetres, and their entries in models_info.json.

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+from msgspec import structs
+
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, SettingsError, ShapeError, VerefineError, unknown
@@ -159,7 +161,7 @@ class RecordedSource:
         scene = self._scene
         if recorded.down_cam is not None and scene.gravity == "plane":
             x, y, z = recorded.down_cam.tolist()
-            scene = scene.model_copy(update={"gravity": (x, y, z)})
+            scene = structs.replace(scene, gravity=(x, y, z))
         masks = [segment.mask for segment, _ in segments]
         return Problem(
             *ids,

@@ -7,17 +7,17 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+import msgspec
 
 from verefine_viz.batch.folder import LOCK_FILE
 from verefine_viz.batch.runs import file_stem
 from verefine_viz.batch.worker_pool import interrupts_ignored
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError, unknown
-from verefine_viz.core.files import read_file, read_json
+from verefine_viz.core.files import read_json
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import atomic, check_folder, clear_parts, try_lock, write_json
 from verefine_viz.run.toolbox import Toolbox
@@ -59,7 +59,7 @@ class StudyRequest:
         raise SettingsError(unknown("study", self.name, STUDIES))
 
 
-class UnitResult(BaseModel):
+class UnitResult(msgspec.Struct, frozen=True):
     """An entry of a study's journal."""
 
     unit: Unit
@@ -98,8 +98,8 @@ class StudyJournal:
     def read(self, unit: Unit) -> tuple[Outcome, ...] | None:
         """What a unit came to; None where it is not finished, or its entry is damaged."""
         file = self._file(unit)
-        with suppress(InputError, ValidationError):
-            entry = UnitResult.model_validate_json(read_file(file)) if file.exists() else None
+        with suppress(InputError):
+            entry = read_json(file, UnitResult) if file.exists() else None
             if entry is not None and entry.unit == unit:
                 return entry.outcomes
         return None
@@ -111,7 +111,7 @@ class StudyJournal:
             InputError: the disk refuses.
         """
         with atomic(self._file(unit)) as part:
-            part.write_text(UnitResult(unit=unit, outcomes=tuple(outcomes)).model_dump_json(), encoding="utf-8")
+            part.write_bytes(msgspec.json.encode(UnitResult(unit, tuple(outcomes))))
 
     def close(self) -> None:
         """Lets others write to the folder."""
@@ -205,12 +205,9 @@ def _units(request: StudyRequest, sessions: Mapping[str, Session], seeds: int) -
 
 
 def _about(request: StudyRequest, sessions: Mapping[str, Session]) -> Mapping[str, object]:
-    return {
-        "study": asdict(request),
-        # Budgets of another version are another study.
-        "curves": {p.name: {c.label: c.settings for c in p.curves} for p in request.study().panels},
-        "sessions": {name: session.model_dump(mode="json") for name, session in sessions.items()},
-    }
+    # Budgets of another version are another study.
+    curves = {p.name: {c.label: c.settings for c in p.curves} for p in request.study().panels}
+    return msgspec.json.decode(msgspec.json.encode({"study": request, "curves": curves, "sessions": sessions}))
 
 
 def _solved(

@@ -9,8 +9,9 @@ from dataclasses import replace
 from functools import lru_cache
 from time import perf_counter
 
+import msgspec
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from msgspec import Struct, structs
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, UnavailableError
@@ -31,10 +32,8 @@ from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.studies.study_plan import Curve, Panel, Unit
 
 
-class Quality(BaseModel):
+class Quality(Struct, frozen=True):
     """How good an answer is: the shares of BOP's thresholds that it passes, and its errors. No answer passes none."""
-
-    model_config = ConfigDict(frozen=True)
 
     ar_vsd: float = 0.0
     ar_mssd: float = 0.0
@@ -83,10 +82,8 @@ def _model(model: ObjectModel) -> EvalModel:
     return eval_model(model)
 
 
-class Outcome(BaseModel):
+class Outcome(Struct, frozen=True, kw_only=True):
     """The answer of one curve for one object."""
-
-    model_config = ConfigDict(frozen=True)
 
     panel: str
     x: float
@@ -115,7 +112,7 @@ class Solver:
     def __init__(self, sessions: Mapping[str, Session], panels: Sequence[Panel]) -> None:
         self._toolboxes = {name: Toolbox(session) for name, session in sessions.items()}
         self._panels = {panel.name: panel for panel in panels}
-        self._refiners: dict[tuple[str, str], Refiner] = {}
+        self._refiners: dict[tuple[str, bytes], Refiner] = {}
         self._grasp_scene: tuple[Problem, GraspScene] | None = None
         self._last: tuple[tuple[str, str], Problem] | None = None
 
@@ -174,8 +171,10 @@ class Solver:
     def _refiner(self, toolbox: Toolbox) -> Refiner:
         """The toolbox's, shared by all curves with the same settings: its index of each model takes long to build."""
         # A refiner reads the section of its own, whatever that is called; curves differ in these three besides.
-        settings = toolbox.session.model_dump_json(exclude={"method", "score", "physics"})
-        return self._refiners.setdefault((toolbox.session.method.refiner, settings), toolbox.refiner)
+        own = Session()
+        shared = structs.replace(toolbox.session, method=own.method, score=own.score, physics=own.physics)
+        key = toolbox.session.method.refiner, msgspec.json.encode(shared)
+        return self._refiners.setdefault(key, toolbox.refiner)
 
     def _frame(self, scene: str, frame: str) -> Problem:
         if self._last is None or self._last[0] != (scene, frame):

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
+import msgspec
+from msgspec import structs
 
 from verefine_viz.batch.progress import counted_bar
+from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.settings import Session
-from verefine_viz.core.writing import atomic, clear_parts
+from verefine_viz.core.writing import clear_parts
 from verefine_viz.run.session_file import load_session
 from verefine_viz.studies.grasp_table import report_grasps
 from verefine_viz.studies.paper_tables import MOST_HYPOTHESES
 from verefine_viz.studies.run_study import StudyRequest, run_study, saved_outcomes
 from verefine_viz.studies.solve_unit import Outcome
 from verefine_viz.studies.study_plan import Study
-from verefine_viz.studies.study_report import About, report_curves, report_tables
+from verefine_viz.studies.study_report import About, report_curves, report_tables, write_rows
 
 SCENES = ("mug", "duck", "bracket", "bowl", "clutter")
 """Built-in scenes that are used where no session is given."""
@@ -79,7 +80,7 @@ def run_one(
     except KeyboardInterrupt:
         if n_done:
             part = f"stopped after {n_done} of {n_all} runs"
-            stderr = Console(stderr=True, highlight=False, soft_wrap=True)
+            stderr = Terminal(stderr=True, highlight=False, soft_wrap=True)
             stderr.print(f"study {name}: {part}; writing them, the same command goes on")
             _write_results(request, sessions, n_seeds, saved_outcomes(request, sessions, n_seeds, journal), out, part)
         raise
@@ -146,22 +147,18 @@ def _with_turned(name: str, session: Session) -> dict[str, Session]:
     """The scene as it is and with its objects turned; objects of a photo lie as they lie."""
     if session.scene.source not in RENDERED or session.scene.turned:
         return {name: session}
-    scene = session.scene.model_copy(update={"turned": True})
-    return {name: session, f"{name} {TURNED}": session.model_copy(update={"scene": scene})}
+    scene = structs.replace(session.scene, turned=True)
+    return {name: session, f"{name} {TURNED}": structs.replace(session, scene=scene)}
 
 
 def write_objects(outcomes: Sequence[Outcome], path: Path) -> None:
     """Everything: a row per curve, x, seed, frame and object."""
-    _write(
-        path, [{**o.model_dump(exclude={"quality"}), **o.quality.model_dump(), "ar": o.quality.ar} for o in outcomes]
-    )
+    write_rows(path, [_row(outcome) for outcome in outcomes])
 
 
-def _write(path: Path, table: Sequence[Mapping[str, object]]) -> None:
-    with atomic(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, fieldnames=list(table[0]) if table else [])
-        writer.writeheader()
-        writer.writerows(table)
+def _row(outcome: Outcome) -> dict[str, object]:
+    row = msgspec.to_builtins(outcome)
+    return {**row, **row.pop("quality"), "ar": outcome.quality.ar}
 
 
 def _about(sessions: Mapping[str, Session], outcomes: Sequence[Outcome], seeds: int) -> str:

@@ -7,9 +7,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
 from rich.markup import escape
 
+from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import atomic
 from verefine_viz.studies.claims import Points, Verdict, lines, missing_curves, points_of, rows, verdicts
@@ -212,7 +212,7 @@ def _claimed(verdict: Verdict) -> str:
     return f"{verdict.about} ({verdict.claim.reading})" if verdict.claim.reading else verdict.about
 
 
-def _print_claims(console: Console, study: Study, points: Points) -> None:
+def _print_claims(console: Terminal, study: Study, points: Points) -> None:
     for panel in study.panels:
         tested = verdicts(panel, points)
         if tested:
@@ -221,10 +221,10 @@ def _print_claims(console: Console, study: Study, points: Points) -> None:
             console.print(escape(f"  {verdict}"))
 
 
-def printing_console() -> Console:
+def printing_console() -> Terminal:
     """For results; a file has long lines."""
-    console = Console(highlight=False, soft_wrap=True)
-    return console if console.is_terminal else Console(highlight=False, soft_wrap=True, width=FILE_COLUMNS)
+    console = Terminal(highlight=False, soft_wrap=True)
+    return console if console.is_terminal else Terminal(highlight=False, soft_wrap=True, width=FILE_COLUMNS)
 
 
 def names_of(files: Sequence[Path]) -> str:

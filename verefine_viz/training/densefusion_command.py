@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 from rich.markup import escape
 
+from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.algorithm_settings import DenseFusionSettings
 from verefine_viz.core.geometry import nearest_rotation
 from verefine_viz.evaluation.pose_errors import pose_errors
@@ -55,7 +55,7 @@ def train_both(
     Raises:
         VerefineError: something cannot be read or written, or the checkpoint is of another training.
     """
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console = Terminal(stderr=True, highlight=False, soft_wrap=True)
     checkpoint = out.with_name(f"{out.name}.checkpoint")
     size = SLIM if slim else OFFICIAL
     scenes = coloured_scenes(dataset, split, seed, size.is_halved)

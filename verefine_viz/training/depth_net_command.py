@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from rich.console import Console
 from rich.markup import escape
 
+from verefine_viz.batch.terminal import Terminal
 from verefine_viz.learned.depth_crops import CHANNELS, FORMAT, SIDE_PX
 from verefine_viz.learned.onnx_network import OnnxNetwork
 from verefine_viz.networks.onnx_export import onnx_bytes, with_card, write_network
@@ -29,7 +29,7 @@ def train_depth_net(out: Path, seed: int, n_steps: int | None, minutes: float) -
     Raises:
         InputError: something cannot be written, or the checkpoint is of another training.
     """
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console = Terminal(stderr=True, highlight=False, soft_wrap=True)
     checkpoint = out.with_name(f"{out.name}.checkpoint")
     with shown_progress(console, NETWORK, n_steps, in_words) as report:
         trained = train(seed, n_steps, minutes, checkpoint, report)

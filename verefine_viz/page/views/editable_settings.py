@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal, get_args, get_origin
 
-from pydantic.fields import FieldInfo
-
+from verefine_viz.core.setting_types import descriptions, kinds_of
 from verefine_viz.core.settings import SURROUNDINGS, Session
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.refiners.registry import REFINERS
@@ -25,28 +24,29 @@ def editable_settings(session: Session) -> list[dict[str, Any]]:
     rows = []
     for section in SECTIONS:
         settings = getattr(session, section)
-        for name, field in type(settings).model_fields.items():
-            row = _row(f"{section}.{name}", field, getattr(settings, name))
+        texts = descriptions(type(settings))
+        for name, kind in kinds_of(type(settings)).items():
+            row = _row(f"{section}.{name}", kind, getattr(settings, name))
             if row is not None:
-                rows.append(row)
+                rows.append({**row, "help": " ".join(texts[name].split())})
     order = {name: k for k, name in enumerate(_COMMON)}
     return sorted(rows, key=lambda row: order.get(row["name"], len(order)))
 
 
-def _row(name: str, field: FieldInfo, value: Any) -> dict[str, Any] | None:
+def _row(name: str, of: Any, value: Any) -> dict[str, Any] | None:
     choices: list[Any] | None = None
     if name == "method.name":
         choices = list(ALL_METHOD_NAMES)
     elif name == "method.refiner":
         choices = list(REFINERS)
-    elif get_origin(field.annotation) is Literal:
-        choices = list(get_args(field.annotation))
+    elif get_origin(of) is Literal:
+        choices = list(get_args(of))
     if isinstance(value, bool):
         kind = "bool"
     elif choices is not None:
         kind = "choice"
     elif isinstance(value, int | float):
-        kind = "int" if field.annotation is int else "float"
+        kind = "int" if of is int else "float"
     elif isinstance(value, str):
         kind = "text"
     else:
@@ -58,5 +58,4 @@ def _row(name: str, field: FieldInfo, value: Any) -> dict[str, Any] | None:
         "choices": choices,
         "common": name in _COMMON,
         "can_fork": name.partition(".")[0] in DURING_A_RUN and name.rpartition(".")[2] not in SURROUNDINGS,
-        "help": " ".join((field.description or "").split()),
     }

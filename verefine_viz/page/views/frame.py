@@ -6,6 +6,7 @@ import io
 from collections.abc import Sequence
 from typing import Any
 
+import msgspec
 import numpy as np
 from PIL import Image
 
@@ -57,7 +58,7 @@ def frame_message(space: Workspace, blobs: Blobs, demos: Sequence[str], sessions
         "recording": str(branch.recording) if branch.recording else None,
         "demos": demos,
         "sessions": sessions,
-        "breakpoints": space.breakpoints.model_dump(),
+        "breakpoints": msgspec.to_builtins(space.breakpoints),
         "choices": {
             "methods": [
                 {"name": name, "label": method_of(name).label, "verifies": method_of(name).verifies}

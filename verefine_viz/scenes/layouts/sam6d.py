@@ -13,7 +13,7 @@ import msgspec
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, in_one_line
-from verefine_viz.core.files import Numbers3, Numbers3x3, Real, read_json
+from verefine_viz.core.files import Numbers3, Numbers3x3, Real, read_json, reading
 from verefine_viz.core.geometry import as_rigid, transform
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.scenes.detections import RunLengths, decode_rle
@@ -67,7 +67,10 @@ class Reader:
         rgb = color_of(find_image(self._folder, "rgb"), depth_m.shape)
         detections = [] if self._results is None else [*read_json(self._results, tuple[Detection, ...])]
         detections.sort(key=lambda one: -one.score)
-        mask = decode_rle(detections[0].segmentation, depth_m.shape) if detections else None
+        mask = None
+        if detections and self._results is not None:
+            with reading(self._results):
+                mask = decode_rle(detections[0].segmentation, depth_m.shape)
         posed = [one for one in detections[:MOST_POSES] if one.R is not None]
         hypotheses = tuple(Hypothesis(_pose(one), one.score, f"SAM-6D {k}") for k, one in enumerate(posed, 1))
         scores = tuple(one.score for one in posed)
