@@ -91,7 +91,7 @@ def _row(curve: str, n_refined: float) -> dict[str, str | float]:
 
 
 def test_the_papers_number_stands_beside_its_own_budget_and_data_only(tmp_path: Path) -> None:
-    numbers = [_row("ICP, 50", 50), _row("RIR, 150", 100)]
+    numbers = [_row("ICP, 50", 50), _row("RIR, 150", 100), _row("VF_b, 150", 150)]
     theirs = paper_table("ICP", [_session(tmp_path, "lm", "ppf")], 2219)
     for paper, expected in ((theirs, ("88.7", "other budget")), (None, ("other data", "other data"))):
         cells = {row[0]: row[-1] for row in printed(_panel("ICP"), numbers, paper).rows}
@@ -106,6 +106,7 @@ def test_a_row_without_numbers_is_left_open_and_table_ii_has_mean_errors() -> No
     cells = {row[0]: row[1:] for row in table.rows}
     assert cells["RIR, 50"] == ("80.0", "80.0", "80.0", "80.0", "5.0", "1.2", "0.0", "50", "other data")
     assert set(cells["VF_d, 50"][:-1]) == {"–"}
+    assert cells["VF_d, 50"][-1] == "see below"
 
 
 def test_a_session_s_own_refiner_is_a_panel_of_its_own() -> None:

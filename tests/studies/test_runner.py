@@ -172,7 +172,7 @@ def test_tables_of_a_session_with_equal_calls_and_a_refiner_without_weights(
     assert calls["TrICP", "PHYSIM-MCTS"] == calls["TrICP", "PHYSIM-MCTS, 50"] == 27
     assert not any(panel == "DF-R" for panel, _ in rows)
     markdown = (out / "tables.md").read_text()
-    assert "| DF-R, 2 | – | – | – | – | – | – | other data |" in markdown
+    assert "| DF-R, 2 | – | – | – | – | – | – | see below |" in markdown
     assert "- DF-R: " in markdown
     assert r"\bottomrule" in (out / "tables.tex").read_text()
     assert "PHYSIM-MCTS, 50" in capsys.readouterr().out

@@ -147,13 +147,15 @@ def _number(row: Mapping[str, str | float] | None, name: str) -> str:
 
 
 def _papers(panel: Panel, label: str, row: Mapping[str, str | float] | None, paper: PaperTable | None) -> str:
-    """The paper's AR; why there is none; "" where the paper has no such row."""
+    """The paper's AR, or why there is none; "" where the paper has no such row. Why a row is empty is said below."""
+    if row is None:
+        return "see below"
     if not any(r.label == label for table in PAPER if table.panel == panel.name for r in table.rows):
         return ""
     if paper is None:
         return "other data"
     of_label = next((r for r in paper.rows if r.label == label), None)
-    if of_label is None or row is None:
+    if of_label is None:
         return ""
     # A pool of fewer hypotheses has a smaller budget; the paper does not count roll-outs.
     is_same = label == MCTS or abs(float(row["refiner_calls_per_object"]) - of_label.n_refined) < 0.5
