@@ -192,7 +192,7 @@ def test_a_study_goes_on_when_there_is_room(session: Path, tmp_path: Path, capsy
     assert refused.endswith(": File too large")
     assert [p.name for p in out.iterdir()] == ["robustness.journal"]
     assert [p.name for p in (out / "robustness.journal").iterdir()] == [".lock"]
-    with file_limit(100_000):  # The numbers fit, the figure does not.
+    with file_limit(40_000):  # The numbers fit, the figure does not.
         assert cli.main([*words, str(out)]) == 2
     assert f"cannot write {out / 'robustness.png'}: " in capsys.readouterr().err.splitlines()[-1]
     assert not list(out.glob("*.part"))

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from tests.fakes import box_problem
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.geometry import angle_between, apply
+from verefine_viz.core.geometry import angle_between, apply, axis_angle, transform
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.demo import demo_problem
-from verefine_viz.studies.disturbance import disturbed, occluded, without_top
+from verefine_viz.studies.disturbance import disturbed, occluded, on_true_plane, without_top
 from verefine_viz.studies.paper_tables import tables
 
 PROBLEM = box_problem(n_instances=3)
@@ -74,6 +74,22 @@ def test_what_is_taken_from_the_top_lies_above_what_stays() -> None:
         assert abs(int(gone.sum()) - round(0.4 * n)) <= 0.02 * n  # masks of neighbours may overlap
         assert height_m[gone].min() >= height_m[measured & ~gone].max() - 1e-9
         assert len(left.instances[k].points_cam) <= n - int(gone.sum())
+
+
+@pytest.mark.usefixtures("processes")
+def test_the_true_plane_is_that_of_the_ground_truth_whatever_was_detected() -> None:
+    scene = _scene()
+    true = scene.observation.support
+    tilted = transform(axis_angle(np.array([1.0, 0, 0]), np.radians(8)), np.array([0.0, 0.02, 0.05])) @ true.T_world_cam
+    wrong = replace(scene, observation=replace(scene.observation, support=replace(true, T_world_cam=tilted)))
+    for problem in (scene, wrong):
+        support = on_true_plane(problem).observation.support
+        to_world = true.T_world_cam @ np.linalg.inv(support.T_world_cam)
+        assert np.degrees(np.arccos(to_world[2, 2])) < 0.2
+        assert abs(to_world[2, 3]) < 0.001
+    unseen = replace(scene, observation=replace(scene.observation, depth_m=np.zeros_like(scene.observation.depth_m)))
+    with pytest.raises(InputError, match="the ground-truth poses rest on no plane that is seen"):
+        on_true_plane(unseen)
 
 
 def test_frames_that_cannot_be_used_say_why() -> None:

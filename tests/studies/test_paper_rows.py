@@ -1,62 +1,140 @@
-"""What the paper's tables have that the frames at hand do not allow."""
+"""Tables I to III: budgets, what of the paper stands beside which row, and how a table is printed."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+import pytest
+
+from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import load_session
-from verefine_viz.studies.paper_tables import PAPER_AR, ROWS, missing_rows, tables
+from verefine_viz.studies.paper_tables import PAPER, missing_rows, paper_table, tables
+from verefine_viz.studies.printed_table import PrintedTable
+from verefine_viz.studies.study_plan import Curve, Panel
+from verefine_viz.studies.study_report import of_paper, printed
+
+PAPER_TEX = Path(__file__).parents[3] / "shared" / "paper.tex"
 
 
-def test_built_in_scenes_make_none_of_the_papers_rows_and_each_reason_names_the_data_set() -> None:
-    found = missing_rows([load_session(None, {"scene": {"demo": "mug"}})])
-    assert len(found) == len(ROWS)
-    for rows, sentence in zip(ROWS, found, strict=True):
-        assert sentence.startswith(f"Table {rows.table}, {rows.data}, ")
-        assert f"needs the data set {rows.dataset}, these are built-in scenes" in sentence
+def _session(tmp_path: Path, dataset: str, source: str) -> Session:
+    scene = {"source": "bop", "dataset": str(tmp_path / dataset)}
+    return load_session(None, {"scene": scene, "hypotheses": {"source": source}})
 
 
-def test_rows_are_there_with_their_data_set_and_initial_poses(tmp_path: Path) -> None:
-    scene = {"source": "bop", "dataset": str(tmp_path / "lm")}
-    session = load_session(None, {"scene": scene, "hypotheses": {"source": "ppf"}})
-    assert not any("PPF with ICP" in sentence for sentence in missing_rows([session]))
-    disturbed = load_session(None, {"scene": scene})
-    (sentence,) = (s for s in missing_rows([disturbed]) if "PPF with ICP" in s)
+def _panel(name: str, own: bool = False) -> Panel:
+    return next(panel for panel in tables(own).panels if panel.name == name)
+
+
+def _curve(panel: str, label: str) -> Curve:
+    return next(curve for curve in _panel(panel).curves if curve.label == label)
+
+
+def test_every_refiner_has_the_papers_budget() -> None:
+    sir, alone = _curve("ICP", "SIR, 50").settings, _curve("ICP", "ICP, 150").settings
+    assert (sir["method"]["iterations"], sir["icp"]["max_iterations"], sir["icp"]["stop"]) == (5, 10, "max_iterations")
+    assert (alone["method"]["iterations"], alone["icp"]["max_iterations"]) == (1, 150)
+    df_r = _curve("DF-R", "PIR, 2").settings
+    assert (df_r["method"]["iterations"], df_r["densefusion"]["iterations"], df_r["physics"]["steps"]) == (2, 1, 3)
+    vf_d = _curve("TrICP", "VF_d, 50").settings
+    assert (vf_d["method"]["iterations"], vf_d["method"]["exploration"], vf_d["physics"]["steps"]) == (2, 0.2, 60)
+    assert _curve("TrICP", "PHYSIM-MCTS, 50").most_calls == 50
+
+
+def test_every_row_of_the_paper_has_a_row_of_its_own_budget() -> None:
+    for table in PAPER:
+        labels = [curve.label for curve in _panel(table.panel).curves]
+        assert {row.label for row in table.rows} <= set(labels), table.number
+
+
+@pytest.mark.skipif(not PAPER_TEX.exists(), reason="the paper is not at hand")
+def test_the_papers_numbers_are_those_of_its_text() -> None:
+    cells = re.sub(r"\\textbf\{([\d.]+)\}", r"\1", PAPER_TEX.read_text(encoding="utf-8"))
+    lines = [re.findall(r"[\d.]+", line.partition("&")[2]) for line in cells.splitlines() if "&" in line]
+    for table in PAPER:
+        for row in table.rows:
+            numbers = [f"{v:.1f}" for v in (row.vsd, row.mspd, row.mssd, row.ar)]
+            assert any(line[:4] == numbers and f"{row.time:g}" in line for line in lines), (table.number, row.label)
+
+
+def test_built_in_scenes_make_none_of_the_papers_tables_and_each_reason_names_the_data_set() -> None:
+    found = missing_rows([load_session(None, {"scene": {"demo": "mug"}})], 1)
+    assert len(found) == len(PAPER)
+    for table, sentence in zip(PAPER, found, strict=True):
+        assert sentence.startswith(f"Table {table.number}, {table.data}, ")
+        assert f"needs the data set {table.dataset}, these are built-in scenes" in sentence
+
+
+def test_a_table_is_the_papers_with_its_data_set_and_initial_poses_only(tmp_path: Path) -> None:
+    for dataset, source, panel, n_frames, number in (
+        ("lm", "ppf", "ICP", 2219, "I"),
+        ("lm", "densefusion", "DF-R", 2219, "I"),
+        ("ycbv", "densefusion", "DF-R", 900, "III"),
+        ("xapc", "pcs", "TrICP", 5, "II"),
+    ):
+        table = paper_table(panel, [_session(tmp_path, dataset, source)], n_frames)
+        assert table is not None
+        assert table.number == number
+    for dataset, source, panel in (("lm", "perturb", "ICP"), ("ycbv", "ppf", "ICP"), ("lm", "pcs", "TrICP")):
+        assert paper_table(panel, [_session(tmp_path, dataset, source)], 2219) is None, (dataset, source)
+    assert paper_table("ICP", [_session(tmp_path, "lm", "ppf")], 2) is None
+    sentences = missing_rows([_session(tmp_path, "lm", "ppf")], 2)
+    assert "Table I, LINEMOD, ICP: needs its 2219 frames, these are 2" in sentences
+    (sentence,) = (s for s in missing_rows([_session(tmp_path, "lm", "perturb")], 2219) if "LINEMOD, ICP" in s)
     assert 'needs initial poses by point pair features (source = "ppf"), these are disturbed ground truth' in sentence
     assert "needs the data set" not in sentence
 
 
-def test_rows_with_densefusion_need_its_initial_poses(tmp_path: Path) -> None:
-    scene = {"source": "bop", "dataset": str(tmp_path / "ycbv")}
-    (sentence,) = (s for s in missing_rows([load_session(None, {"scene": scene})]) if "YCB-Video" in s)
-    assert 'needs initial poses by DenseFusion (source = "densefusion")' in sentence
-    assert "needs the data set" not in sentence
-    theirs = load_session(None, {"scene": scene, "hypotheses": {"source": "densefusion"}})
-    assert not any("YCB-Video" in s for s in missing_rows([theirs]))
+def _row(curve: str, n_refined: float) -> dict[str, str | float]:
+    of_pose = {"ar_vsd": 0.8, "ar_mssd": 0.8, "ar_mspd": 0.8, "ar": 0.8, "rotation_deg": 5.0, "translation_cm": 1.25}
+    return {"panel": "ICP", "curve": curve, **of_pose, "ms_per_object": 9.0, "refiner_calls_per_object": n_refined}
 
 
-def test_a_sessions_own_refiner_gets_rows_as_well() -> None:
-    labels = {
-        refiner: [c.label for c in tables(refiner=refiner).panels[0].curves] for refiner in ("icp", "densefusion")
-    }
-    assert not any("DF-R" in label for label in labels["icp"])
-    more = [label for label in labels["densefusion"] if label not in labels["icp"]]
-    assert [label for label in more if label.endswith(", 2")] == [
-        "DF-R, 2", "DF-R + PIR, 2", "DF-R + SIR, 2", "DF-R + RIR, 2", "DF-R + VF_b, 2", "DF-R + VF_d, 2",
-    ]  # fmt: skip
-    assert len(more) == 12
+def test_the_papers_number_stands_beside_its_own_budget_and_data_only(tmp_path: Path) -> None:
+    numbers = [_row("ICP, 50", 50), _row("RIR, 150", 100), _row("VF_b, 150", 150)]
+    theirs = paper_table("ICP", [_session(tmp_path, "lm", "ppf")], 2219)
+    for paper, expected in ((theirs, ("88.7", "other budget")), (None, ("other data", "other data"))):
+        cells = {row[0]: row[-1] for row in printed(_panel("ICP"), numbers, paper).rows}
+        assert (cells["ICP, 50"], cells["RIR, 150"]) == expected
+        assert cells["VF_b, 150"] == ""  # the paper has none with ICP
 
 
-def test_the_papers_numbers_stand_beside_rows_that_there_are() -> None:
-    labels = {curve.label for curve in tables(refiner="densefusion").panels[0].curves}
-    assert labels >= PAPER_AR.keys()
-    methods = Path(__file__).parents[2] / "docs" / "methods.md"
-    numbers = methods.read_text(encoding="utf-8").partition("### 8.3")[2].partition("### 8.4")[0]
-    for text in PAPER_AR.values():
-        assert all(number == "-" or number in numbers for number in text.split(" / "))
+def test_a_row_without_numbers_is_left_open_and_table_ii_has_mean_errors() -> None:
+    row = {**_row("RIR, 50", 50), "panel": "TrICP"}
+    table = printed(_panel("TrICP"), [row], None)
+    assert table.headings == ("", "VSD", "MSPD", "MSSD", "AR", "r̄ [°]", "t̄ [cm]", "T [s]", "#ref", "paper")
+    cells = {row[0]: row[1:] for row in table.rows}
+    assert cells["RIR, 50"] == ("80.0", "80.0", "80.0", "80.0", "5.0", "1.2", "0.0", "50", "other data")
+    assert set(cells["VF_d, 50"][:-1]) == {"–"}
+    assert cells["VF_d, 50"][-1] == "see below"
+
+
+def test_a_session_s_own_refiner_is_a_panel_of_its_own() -> None:
+    assert [panel.name for panel in tables().panels] == ["DF-R", "ICP", "TrICP"]
+    assert [panel.name for panel in tables(refiner="depth_net").panels][-1] == "depth_net"
 
 
 def test_an_estimators_first_pose_is_a_row_of_its_own() -> None:
     for own in (False, True):
-        labels = [curve.label for curve in tables(own_initial_poses=own).panels[0].curves]
-        assert ("first initial pose" in labels) == own
+        for panel in tables(own).panels:
+            assert any(curve.label == "first initial pose" for curve in panel.curves) == own
+
+
+def test_a_table_is_printed_in_markdown_and_latex() -> None:
+    table = PrintedTable(
+        "T & co", ("", "AR", "r̄ [°]"), (("VF_b, 2", "1.0", "2"), ("a_b", "–", "3")), frozenset({(0, 1)}), (1,)
+    )
+    assert table.markdown().splitlines()[2:] == [
+        "|  | AR | r̄ [°] |", "| --- | ---: | ---: |", "| VF_b, 2 | **1.0** | 2 |", "| a_b | – | 3 |",
+    ]  # fmt: skip
+    latex = table.latex()
+    assert r" & AR & $\bar{r}$ [$^\circ$] \\" in latex
+    assert r"VF$_b$, 2 & \textbf{1.0} & 2 \\" in latex
+    assert r"a\_b & -- & 3 \\" in latex
+    assert r"T \& co" in latex
+    assert latex.count(r"\midrule") == 2
+
+
+def test_the_papers_tables_are_printed_as_they_are() -> None:
+    table = of_paper(PAPER[2])
+    assert table.rows[0] == ("PHYSIM-MCTS", "48.5", "51.6", "68.3", "56.2", "5.7", "1.3", "29.9", "50")

@@ -70,6 +70,11 @@ def test_any_number_of_workers_gives_the_same_and_a_damaged_journal_goes_on(
     assert {name: again[name] for name in others} == {name: entries[name] for name in others}
 
 
+def test_every_curve_of_the_robustness_study_has_as_many_calls(alone: tuple[Path, list[Outcome]]) -> None:
+    assert {o.curve for o in alone[1]} >= {"ICP", "SIR", "RIR, 5 hypotheses"}
+    assert {o.refiner_calls for o in alone[1]} == {50.0}
+
+
 def test_ctrl_c_ends_workers_in_the_middle_of_a_unit_and_keeps_what_is_done(
     alone: tuple[Path, list[Outcome]], tmp_path: Path
 ) -> None:
@@ -145,20 +150,55 @@ def test_a_journal_that_the_disk_refuses_is_closed_and_empty(tmp_path: Path, mon
 
 
 @pytest.mark.usefixtures("processes")
-def test_a_study_of_a_session_leaves_figure_and_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tables_of_a_session_with_equal_calls_and_a_refiner_without_weights(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     session = tmp_path / "duck.toml"
-    session.write_text('[scene]\ndemo = "duck"\nmodel_points = 200\n[mcts]\nexpansions = 2\n')
+    scene = 'demo = "duck"\nmodel_points = 200\ncloud_points = 200\n'
+    session.write_text(f"[scene]\n{scene}[densefusion]\nclasses = [99]\n[mcts]\nexpansions = 2\n")
     assert run_one("tables", session, tmp_path / "out", {}, quick=True, seeds=1) == 0
     out = tmp_path / "out"
-    assert (out / "tables.png").read_bytes().startswith(b"\x89PNG")
-    assert "<svg" in (out / "tables.svg").read_text()
-    rows = list(csv.DictReader((out / "tables.csv").read_text().splitlines()))
-    assert [r["curve"] for r in rows][:4] == ["ICP, 2", "ICP + PIR, 2", "ICP + SIR, 2", "ICP + RIR, 2"]
-    assert all(0 <= float(r["ar"]) <= 1 for r in rows)
-    objects = list(csv.DictReader((out / "tables_objects.csv").read_text().splitlines()))
-    assert len(objects) == len(rows)
-    assert "PHYSIM-MCTS, 2" in capsys.readouterr().out
+    for suffix, head in ((".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")):
+        assert (out / f"tables{suffix}").read_bytes().startswith(head)
+    assert "quick run" in (out / "tables.svg").read_text()
+    rows = {(r["panel"], r["curve"]): r for r in csv.DictReader((out / "tables.csv").read_text().splitlines())}
+    assert [curve for panel, curve in rows if panel == "ICP"][:3] == ["ICP, 50", "PIR, 50", "SIR, 50"]
+    assert all(0 <= float(r["ar"]) <= 1 for r in rows.values())
+    calls = {key: float(r["refiner_calls_per_object"]) for key, r in rows.items()}
+    assert calls["ICP", "ICP, 50"] == calls["ICP", "SIR, 50"] == 50
+    assert calls["ICP", "RIR, 150"] == calls["ICP", "ICP, 150"] == 150
+    assert calls["TrICP", "VF_d, 50"] == 50
+    # The tree of one object has no more than its 25 hypotheses and one that is refined before.
+    assert calls["TrICP", "PHYSIM-MCTS"] == calls["TrICP", "PHYSIM-MCTS, 50"] == 27
+    assert not any(panel == "DF-R" for panel, _ in rows)
+    markdown = (out / "tables.md").read_text()
+    assert "| DF-R, 2 | – | – | – | – | – | – | see below |" in markdown
+    assert "- DF-R: " in markdown
+    assert r"\bottomrule" in (out / "tables.tex").read_text()
+    assert "PHYSIM-MCTS, 50" in capsys.readouterr().out
     assert not list(out.glob("*.part"))
+
+
+@pytest.mark.parametrize(
+    ("name", "option", "value"),
+    [
+        ("ablation", "method.iterations", "2"),
+        ("ablation", "hypotheses.source", "ppf"),
+        ("ablation", "physics.support", "observed"),
+        ("robustness", "icp.max-iterations", "3"),
+        ("tables", "physics.steps", "7"),
+        ("tables", "mcts.seconds", "1"),
+        ("grasping", "hypotheses.rotation-deg", "10"),
+    ],
+)
+def test_an_option_that_a_study_sets_itself_is_refused_by_name(
+    name: str, option: str, value: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["study", name, "--out", str(tmp_path / "out"), "--method.refiner", "icp", f"--{option}", value]
+    assert cli.main(words) == 2
+    expected = f"study {name} sets {option.replace('-', '_')} itself"
+    assert expected in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 class StoppedSolver(Solver):
@@ -206,7 +246,7 @@ def test_a_stopped_study_writes_what_it_has(
         f"study {name}: stopped after 3 of {n_all} runs; writing them, the same command goes on", "stopped",
     ]  # fmt: skip
     assert f"stopped after 3 of {n_all} runs" in (out / f"{name}.svg").read_text()
-    assert f"{name}.csv beside them" in said.out
+    assert f"{name}.csv" in said.out
 
 
 def n_points(name: str) -> int:

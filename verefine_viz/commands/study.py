@@ -16,17 +16,21 @@ from verefine_viz.core.writing import check_folder
 
 @dataclass(frozen=True)
 class Study:
-    """Run a study of the paper: every method under growing error, or with missing depth, or with every budget."""
+    """Run a study of the paper with its budgets: every method under growing error, with missing depth, or as it is.
+
+    Methods, calls and initial poses are the study's, whatever the session has; as options they are refused.
+    """
 
     name: Annotated[Literal["ablation", "robustness", "tables", "grasping"], tyro.conf.Positional]
-    """ablation: error of the initial pose (Fig. 4). robustness: missing depth (Fig. 5). tables: refiner, method, budget
-    (Tables I-III). grasping: objects lifted by a simulated gripper (Table IV)."""
+    """ablation: error of the initial pose (Fig. 4). robustness: missing depth (Fig. 5). tables: DF-R, ICP and TrICP at
+    the paper's budgets (Tables I-III). grasping: objects lifted by a simulated gripper (Table IV)."""
     out: Path
-    """Folder for the figure (PNG, SVG) and the numbers (CSV). Stopped or killed, the same command goes on."""
+    """Folder for figures (PNG, SVG, PDF), tables (Markdown, LaTeX), claims and numbers (CSV). Stopped or killed, the
+    same command goes on."""
     session: Path | None = None
     """Session file (.toml) whose frames are used, ground truth needed; none = built-in scenes, preset published."""
     quick: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Fewer scenes, errors and seeds."""
+    """Fewer scenes, errors and seeds, same budgets; figures say so."""
     seeds: int | None = None
     """How many times each frame is disturbed, at most 1000; more later add to what is there."""
     workers: int = max(os.cpu_count() or 1, 1)

@@ -7,92 +7,108 @@ be missing (Sec. V-B, Fig. 5).
 from __future__ import annotations
 
 from verefine_viz.core.problem import Problem
-from verefine_viz.studies.disturbance import disturbed, occluded, without_top
+from verefine_viz.studies.budgets import Budget, budget_of
+from verefine_viz.studies.disturbance import disturbed, occluded, on_true_plane, without_top
 from verefine_viz.studies.study_plan import Claim, Curve, Panel, Prepare, Study
 
-ITERATIONS = 5
-"""K, refiner calls per hypothesis."""
 HYPOTHESES = 5
+"""Of Fig. 4, bottom."""
 STEP, LARGEST = 5, 30
 """Errors from 0 to the largest [°, mm]."""
-SINGLE = (("refiner alone", "refine"), ("PhysBefore", "phys_before"), ("PhysAfter", "phys_after"))
-SINGLE += (("PIR", "pir"), ("SIR", "sir"))
+LOW, HIGH = 10.0, 20.0
+"""Errors up to the first are low, from the second on high [°, mm]."""
+SIMULATING = (("PhysBefore", "phys_before"), ("PhysAfter", "phys_after"), ("PIR", "pir"), ("SIR", "sir"))
 SEVERAL = (("EVEN", "even"), ("EXPL", "expl"), ("RIR", "rir"))
 ROTATION_DEG, TRANSLATION_MM = 5.0, 5.0
 """Error of the initial poses where depth is missing."""
-ROBUSTNESS_TREND = "the refiner alone loses most as depth goes; what physics adds (SIR, RIR) lasts longest"
+LIMITED = "PIR is limited under translation: it keeps only the rotation that physics finds"
+POSES = ("hypotheses", "scene.gravity", "physics.support", "physics.mesh", "physics.dropped")
+"""What the ablation makes itself: initial poses, and the support plane."""
 
 
-def ablation(quick: bool = False) -> Study:
+def ablation(quick: bool = False, refiner: str = "densefusion") -> Study:
     """Four diagrams: rotation or translation error, one hypothesis or five.
 
-    ``quick``: three errors instead of seven.
+    Args:
+        quick: three errors instead of seven.
+        refiner: of all curves, with the paper's budget.
     """
+    budget, about = budget_of(refiner), budget_of(refiner).about
     xs = tuple(float(x) for x in range(0, LARGEST + 1, 3 * STEP if quick else STEP))
-    one = tuple(Curve(label, {"method": {"name": name, "iterations": ITERATIONS}}) for label, name in SINGLE)
+    alone = budget.name
+    five = tuple(budget.curve(label, name) for label, name in SEVERAL)
     # SIR has one hypothesis only; it gets the refiner calls that the others share among five.
-    sir = Curve("SIR, first hypothesis", {"method": {"name": "sir", "iterations": ITERATIONS * HYPOTHESES}})
-    five = tuple(Curve(label, {"method": {"name": name, "iterations": ITERATIONS}}) for label, name in SEVERAL)
-    panels = []
+    sir = budget.curve("SIR, first hypothesis", "sir", budget.calls * HYPOTHESES)
+    several = (
+        Claim("RIR", "EVEN"),
+        Claim("RIR", "EXPL"),
+        Claim("RIR", sir.label),
+        Claim("EVEN", "EXPL", to_x=LOW, reading="EVEN performs well for low error"),
+        Claim("EXPL", "EVEN", from_x=HIGH, reading="EXPL is robust to high error"),
+    )
+    of_error = {
+        "rotation": (
+            Claim("PIR", "PhysBefore"),
+            Claim("PIR", "PhysAfter"),
+            Claim(alone, "PhysAfter", reading="PhysAfter is worse than the refiner alone"),
+        ),
+        "translation": (Claim("PhysBefore", "PIR", reading=LIMITED), Claim("PhysAfter", "PIR", reading=LIMITED)),
+    }
+    top: list[Panel] = []
+    bottom: list[Panel] = []
     for error, unit in (("rotation", "°"), ("translation", "mm")):
-        label = f"{error} error of the initial pose [{unit}]"
-        physics = (Claim("PIR", "PhysBefore"), Claim("PIR", "PhysAfter")) if error == "rotation" else ()
-        panels.append(
-            Panel(
-                f"{error}, one hypothesis",
-                label,
-                xs,
-                one,
-                _initial_poses(error, 1),
-                (*physics, Claim("SIR", "PIR"), Claim("SIR", "refiner alone")),
-                "physics between the refiner's calls beats physics before or after them; supervision (SIR) beats both",
-            )
-        )
-        panels.append(
-            Panel(
-                f"{error}, five hypotheses",
-                label,
-                xs,
-                (*five, sir),
-                _initial_poses(error, HYPOTHESES),
-                (Claim("RIR", "EVEN"), Claim("RIR", "EXPL"), Claim("RIR", "SIR, first hypothesis")),
-                "choosing by the bandit (RIR) beats an even share and all on the best first score",
-            )
-        )
-    return Study("ablation", "Ablation: error of the initial poses (paper, Fig. 4)", tuple(panels))
+        label = f"{error} error [{unit}]"
+        one = (*of_error[error], Claim("SIR", "PIR"), Claim("SIR", alone))
+        name = f"{error}, {HYPOTHESES} hypotheses"
+        top.append(Panel(f"{error}, 1 hypothesis", label, xs, _single(budget), _initial_poses(error, 1), one, about))
+        bottom.append(Panel(name, label, xs, (*five, sir), _initial_poses(error, HYPOTHESES), several, about))
+    return Study("ablation", "Ablation (Fig. 4)", (*top, *bottom), POSES)
+
+
+def _single(budget: Budget) -> tuple[Curve, ...]:
+    """The refiner alone, and every way to add physics."""
+    alone = budget.alone(budget.name, budget.short)
+    return alone, *(budget.curve(label, name) for label, name in SIMULATING)
 
 
 def _initial_poses(error: str, n: int) -> Prepare:
     def prepare(problem: Problem, x: float, seed: int) -> Problem:
         rotation_deg, translation_mm = (x, 0.0) if error == "rotation" else (0.0, x)
-        return disturbed(problem, n, rotation_deg, translation_mm, seed)
+        return disturbed(on_true_plane(problem), n, rotation_deg, translation_mm, seed)
 
     return prepare
 
 
-def robustness(quick: bool = False) -> Study:
+def robustness(quick: bool = False, refiner: str = "densefusion") -> Study:
     """Two diagrams: depth lost behind rectangles, or above a height.
 
-    ``quick``: four shares instead of ten.
+    Args:
+        quick: four shares instead of ten.
+        refiner: of all curves, with the paper's budget.
     """
+    budget = budget_of(refiner)
     xs = tuple(x / 100 for x in range(0, 91, 30 if quick else 10))
-    curves = tuple(
-        Curve(label, {"method": {"name": name, "iterations": ITERATIONS}})
-        for label, name in (*SINGLE, *SEVERAL)
-        if name not in ("even", "expl")
-    )
-    claims = (Claim("SIR", "refiner alone"), Claim("RIR", "refiner alone"), Claim("RIR", "SIR"))
-    label = "share of the object's depth that is missing"
+    # As many calls as each of the others, one for each hypothesis.
+    rir = budget.curve(f"RIR, {budget.calls} hypotheses", "rir", 1)
+    curves = (*_single(budget), rir)
+    claims = (Claim("SIR", budget.name), Claim(rir.label, budget.name))
+    label = "missing share of depth"
+
+    def prepared(problem: Problem, seed: int) -> Problem:
+        return disturbed(problem, budget.calls, ROTATION_DEG, TRANSLATION_MM, seed)
+
     panels = (
-        Panel("occlusion", label, xs, curves, _rectangles_lost, claims, ROBUSTNESS_TREND),
-        Panel("material", label, xs, curves, _top_lost, claims, ROBUSTNESS_TREND),
+        Panel(
+            "occlusion",
+            label,
+            xs,
+            curves,
+            lambda p, x, seed: occluded(prepared(p, seed), x, seed),
+            claims,
+            budget.about,
+        ),
+        Panel(
+            "material", label, xs, curves, lambda p, x, seed: without_top(prepared(p, seed), x), claims, budget.about
+        ),
     )
-    return Study("robustness", "Robustness: missing depth (paper, Fig. 5)", panels)
-
-
-def _rectangles_lost(problem: Problem, x: float, seed: int) -> Problem:
-    return occluded(disturbed(problem, HYPOTHESES, ROTATION_DEG, TRANSLATION_MM, seed), x, seed)
-
-
-def _top_lost(problem: Problem, x: float, seed: int) -> Problem:
-    return without_top(disturbed(problem, HYPOTHESES, ROTATION_DEG, TRANSLATION_MM, seed), x)
+    return Study("robustness", "Robustness (Fig. 5)", panels, ("hypotheses",))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from verefine_viz.core.arrays import Mask
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.problem import Instance, Problem
+from verefine_viz.diagnosis.frame_ground_truth import FrameGroundTruth
 from verefine_viz.observation.normals import estimate_normals
 from verefine_viz.observation.observed_frame import segment_cloud
 from verefine_viz.scenes.hypothesis_pool import perturbed
@@ -40,6 +42,27 @@ def with_ground_truth(problem: Problem) -> Problem:
     if not known:
         raise InputError(f"frame {problem.frame} has no ground truth, expected scene_gt.json; a study compares with it")
     return problem.only(known)
+
+
+def first_poses(problem: Problem, n: int) -> Problem:
+    """The frame with at most ``n`` initial poses of each object."""
+    return replace(problem, instances=tuple(replace(i, hypotheses=i.hypotheses[:n]) for i in problem.instances))
+
+
+@lru_cache(maxsize=1)
+def on_true_plane(problem: Problem) -> Problem:
+    """The frame with the plane on which the objects really stand, by their ground-truth poses, as its support.
+
+    Raises:
+        InputError: no object has a ground-truth pose, or they rest on no plane that is seen.
+    """
+    known = with_ground_truth(problem)
+    support = FrameGroundTruth(known).support
+    if support is None:
+        raise InputError(
+            f"frame {problem.frame}: the ground-truth poses rest on no plane that is seen; an ablation needs it"
+        )
+    return replace(known, observation=replace(known.observation, support=support, support_note=""))
 
 
 def _disturbed(

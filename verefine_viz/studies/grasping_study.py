@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from verefine_viz.core.problem import Problem
-from verefine_viz.studies.disturbance import disturbed, with_ground_truth
-from verefine_viz.studies.paper_tables import DF_R, HYPOTHESES, LONG, REFINERS, ROTATION_DEG, SHORT, TRANSLATION_MM
+from verefine_viz.studies.budgets import budget_of
+from verefine_viz.studies.disturbance import disturbed, first_poses, with_ground_truth
+from verefine_viz.studies.paper_tables import MCTS, POOL, ROTATION_DEG, TRANSLATION_MM
 from verefine_viz.studies.study_plan import Claim, Curve, Panel, Prepare, Study
 
 TABLE = "table"
@@ -19,18 +20,16 @@ TABLE = "table"
 GIVEN = "pose with this error"
 ERRORS_MM = (0.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0)
 ERRORS_DEG = (0.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0)
-PAPER = {"alone, 2": (42, 46), "+ SIR, 2": (50, 70), "alone, 10": (62, 70), "PHYSIM-MCTS, 10": (54, 78)}
-PAPER |= {"+ RIR, 10": (86, 90)}
-"""Success and found [%] of Table IV, whose refiner is DenseFusion's, by the end of the row's name."""
+HYPOTHESES, SHORT, LONG = 5, 2, 10
+"""H, and #ref/obj of Table IV: refiner calls per object."""
 ORDER = (
     ("+ RIR, 10", "+ SIR, 2"),
     ("+ RIR, 10", "alone, 10"),
-    ("+ RIR, 10", "PHYSIM-MCTS, 10"),
-    ("PHYSIM-MCTS, 10", "+ SIR, 2"),
+    ("+ RIR, 10", f"{MCTS}, 10"),
+    (f"{MCTS}, 10", "+ SIR, 2"),
     ("+ SIR, 2", "alone, 2"),
 )
 """Which row of Table IV lifts more than which, by the ends of their names."""
-TREND = "RIR lifts most; supervision (SIR) helps at the same number of refiner calls"
 
 
 def grasping(quick: bool = False, own_initial_poses: bool = False, refiner: str = "icp") -> Study:
@@ -41,7 +40,7 @@ def grasping(quick: bool = False, own_initial_poses: bool = False, refiner: str 
         own_initial_poses: the session's own initial poses instead of disturbed ground truth.
         refiner: the session's.
     """
-    name = (REFINERS | DF_R).get(refiner, refiner)
+    name = budget_of(refiner).name
     rows = [("alone", "refine", SHORT, 1), ("+ SIR", "sir", SHORT, 1)]
     rows += [("alone", "refine", LONG, 1), ("+ RIR", "rir", LONG, HYPOTHESES)]
     if not quick:
@@ -53,20 +52,21 @@ def grasping(quick: bool = False, own_initial_poses: bool = False, refiner: str 
         )
         for suffix, method, calls, arms in rows
     ]
-    mcts = {"method": {"name": "physim_mcts"}, "mcts": {"expansions": LONG}}
-    curves.insert(3, Curve(f"PHYSIM-MCTS, {LONG}", mcts))
+    mcts = {"method": {"name": "physim_mcts", "refiner": refiner}, "mcts": {"expansions": LONG, "seconds": None}}
+    curves.insert(3, Curve(f"{MCTS}, {LONG}", mcts, most_calls=LONG))
     claims = tuple(Claim(_ending(curves, better), _ending(curves, worse)) for better, worse in ORDER)
     prepare = _as_it_is if own_initial_poses else _far
     given = (Curve(GIVEN, None),)
     every = 2 if quick else 1
     return Study(
         "grasping",
-        "Grasping (paper, Table IV)",
+        "Grasping, as in Table IV",
         (
-            Panel(TABLE, "", (0.0,), tuple(curves), prepare, claims, TREND, True),
-            Panel("translation", "error of the pose [mm]", ERRORS_MM[::every], given, _off(0.0, 1.0), (), "", True),
-            Panel("rotation", "error of the pose [°]", ERRORS_DEG[::every], given, _off(1.0, 0.0), (), "", True),
+            Panel(TABLE, "", (0.0,), tuple(curves), prepare, claims, is_grasped=True),
+            Panel("translation", "error of the pose [mm]", ERRORS_MM[::every], given, _off(0.0, 1.0), is_grasped=True),
+            Panel("rotation", "error of the pose [°]", ERRORS_DEG[::every], given, _off(1.0, 0.0), is_grasped=True),
         ),
+        own=(*POOL, "mcts.trim"),
     )
 
 
@@ -75,7 +75,7 @@ def _ending(curves: Sequence[Curve], end: str) -> str:
 
 
 def _as_it_is(problem: Problem, x: float, seed: int) -> Problem:
-    return with_ground_truth(problem)
+    return first_poses(with_ground_truth(problem), HYPOTHESES)
 
 
 def _far(problem: Problem, x: float, seed: int) -> Problem:

@@ -1,138 +1,229 @@
-"""Refiner × method × budget on the frames as they are: the paper's Tables I-III (Sec. V-C) as far as the data allow.
+"""Every refiner at the paper's budget on the frames as they are: Tables I to III (Sec. V-C) as far as the data allow.
 
-Rows of these tables that cannot be made from the frames at hand are named, with the reason.
+A panel is a refiner. That of DF-R has the rows of Tables I and III, which differ in their data; that of ICP is in Table
+I, and that of trimmed ICP is Table II.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
-from verefine_viz.studies.disturbance import disturbed, with_ground_truth
-from verefine_viz.studies.study_plan import Claim, Curve, Panel, Study
+from verefine_viz.studies.budgets import BUDGETS, Budget, budget_of
+from verefine_viz.studies.disturbance import disturbed, first_poses, with_ground_truth
+from verefine_viz.studies.study_plan import Claim, Curve, Panel, Prepare, Study
 
-REFINERS = {"icp": "ICP", "trimmed_icp": "TrICP"}
-DF_R = {"densefusion": "DF-R"}
-"""As the paper calls it; other refiners are called by their names."""
-SHORT, LONG = 2, 10
-"""Refiner calls per hypothesis (Table I)."""
-ROTATION_DEG, TRANSLATION_MM, HYPOTHESES = 30.0, 30.0, 5
+ROTATION_DEG, TRANSLATION_MM = 30.0, 30.0
 """Initial poses where the session brings none."""
-SINGLE = (("", "refine"), ("+ PIR", "pir"), ("+ SIR", "sir"))
-SEVERAL = (("+ RIR", "rir"), ("+ VF_b", "vf_breadth"), ("+ VF_d", "vf_depth"))
-TREND = "PIR < SIR < RIR < VF_b < VF_d where objects touch; PHYSIM-MCTS below VF_b at many times its duration"
+MOST_HYPOTHESES = max(budget.hypotheses for budget in BUDGETS.values())
+SEVERAL = (("RIR", "rir"), ("VF_b", "vf_breadth"), ("VF_d", "vf_depth"))
+MCTS = "PHYSIM-MCTS"
+"""With its expansions counted, as in the paper; "PHYSIM-MCTS, 50" has its roll-outs counted too."""
+FIRST = "first initial pose"
+POOL = tuple(f"hypotheses.{name}" for name in ("max_per_object", "rotation_deg", "translation_mm", "seed"))
+"""How many initial poses there are, and their error where they are disturbed, which the study makes itself."""
 
 
-def tables(quick: bool = False, own_initial_poses: bool = False, refiner: str = "icp") -> Study:
-    """One panel with one x: every row is a curve.
+def tables(own_initial_poses: bool = False, refiner: str = "icp") -> Study:
+    """A panel with one x for each refiner, whose curves are the rows.
 
     Args:
-        quick: ICP only (and ``refiner``), and the short budget.
         own_initial_poses: the session's own initial poses instead of disturbed ground truth.
-        refiner: the session's; it is added where it is none of ``REFINERS``.
+        refiner: the session's; it is added where the paper does not have it.
     """
+    budgets = list(BUDGETS.values())
+    if refiner not in BUDGETS:
+        budgets.append(budget_of(refiner))
+    panels = tuple(_panel(budget, own_initial_poses) for budget in budgets)
+    return Study("tables", "Tables I-III", panels, own=(*POOL, "mcts.trim"))
+
+
+def _panel(budget: Budget, own_initial_poses: bool) -> Panel:
+    has_tree = budget.refiner == "trimmed_icp"
+    short, long = budget.short, budget.long
     # Disturbed ground truth is off by as much in every pose; an estimator's poses are a row of the table.
-    curves = [Curve("first initial pose", None)] if own_initial_poses else []
-    refiners = dict(list(REFINERS.items())[:1]) if quick else dict(REFINERS)
-    if refiner not in REFINERS:
-        refiners[refiner] = DF_R.get(refiner, refiner)
-    for key, name in refiners.items():
-        for budget in (SHORT,) if quick else (SHORT, LONG):
-            for suffix, method in (*SINGLE, *SEVERAL):
-                label = f"{name} {suffix}".strip() + f", {budget}"
-                curves.append(Curve(label, _settings(method, key, budget)))
-    budget = SHORT if quick else LONG
-    mcts: Mapping[str, Any] = {"expansions": budget * HYPOTHESES}
-    curves.append(Curve(f"PHYSIM-MCTS, {budget}", {"method": {"name": "physim_mcts"}, "mcts": mcts}))
-    claims: list[Claim] = []
-    for name in refiners.values():
-        rows = [f"{name} {suffix}".strip() + f", {budget}" for suffix, _ in (*SINGLE, *SEVERAL)]
-        claims += [Claim(rows[3], rows[2]), Claim(rows[4], rows[3]), Claim(rows[5], rows[4])]
-        claims.append(Claim(rows[5], f"PHYSIM-MCTS, {budget}"))
-    panel = Panel("table", "", (0.0,), tuple(curves), _as_it_is if own_initial_poses else _far, tuple(claims), TREND)
-    return Study("tables", "Methods and budgets (paper, Tables I-III)", (panel,))
+    curves = [Curve(FIRST, None)] if own_initial_poses else []
+    if has_tree:
+        curves += [budget.search(MCTS, long), budget.search(f"{MCTS}, {long}", long, long)]
+    else:
+        curves += [
+            budget.alone(f"{budget.name}, {short}", short),
+            budget.curve(f"PIR, {short}", "pir"),
+            budget.curve(f"SIR, {short}", "sir"),
+            budget.alone(f"{budget.name}, {long}", long),
+        ]
+    curves += [budget.curve(f"{name}, {long}", method) for name, method in SEVERAL]
+    claims = _of_search(long) if has_tree else _of_refiner(budget)
+    prepare = _as_it_is(budget.hypotheses) if own_initial_poses else _far(budget.hypotheses)
+    return Panel(
+        budget.name,
+        "",
+        (0.0,),
+        tuple(curves),
+        prepare,
+        claims,
+        f"H = {budget.hypotheses}; {budget.about}",
+        may_lack=True,
+    )
 
 
-def _settings(method: str, refiner: str, budget: int) -> dict[str, dict[str, Any]]:
-    return {"method": {"name": method, "refiner": refiner, "iterations": budget}}
+def _of_refiner(budget: Budget) -> tuple[Claim, ...]:
+    """Tables I and III."""
+    short, long, name = budget.short, budget.long, budget.name
+    pir, sir, rir = f"PIR, {short}", f"SIR, {short}", f"RIR, {long}"
+    if name == "ICP":
+        # From the good poses of PPF physics alone loses.
+        first = Claim(f"{name}, {short}", pir, reading="PIR alone diverges from accurate initial poses")
+    else:
+        first = Claim(pir, f"{name}, {short}")
+    vf = () if name == "ICP" else (Claim(f"VF_b, {long}", rir), Claim(f"VF_d, {long}", f"VF_b, {long}"))
+    more = (Claim(sir, pir), Claim(sir, f"{name}, {short}"), Claim(rir, sir), Claim(rir, f"{name}, {long}"))
+    worse = Claim(f"{name}, {short}", f"{name}, {long}", reading="more iterations make it worse on YCB-V, not on LM")
+    return first, *more, *((worse,) if name == "DF-R" else ()), *vf
 
 
-def _as_it_is(problem: Problem, x: float, seed: int) -> Problem:
-    return with_ground_truth(problem)
+def _of_search(long: int) -> tuple[Claim, ...]:
+    """Table II."""
+    rir, vf_b, vf_d = (f"{name}, {long}" for name, _ in SEVERAL)
+    return (
+        Claim(rir, MCTS, "ar_vsd"),
+        Claim(rir, MCTS, "ar_mspd"),
+        Claim(vf_b, MCTS),
+        Claim(vf_d, MCTS),
+        Claim(vf_d, f"{MCTS}, {long}"),
+        Claim(vf_b, rir),
+        Claim(vf_d, vf_b),
+    )
 
 
-def _far(problem: Problem, x: float, seed: int) -> Problem:
-    return disturbed(problem, HYPOTHESES, ROTATION_DEG, TRANSLATION_MM, seed)
+def _as_it_is(n: int) -> Prepare:
+    def prepare(problem: Problem, x: float, seed: int) -> Problem:
+        return first_poses(with_ground_truth(problem), n)
+
+    return prepare
 
 
-PAPER_AR = {
-    "DF-R, 2": "75.0 / 73.9",
-    "DF-R + PIR, 2": "77.6 / 74.7",
-    "DF-R + SIR, 2": "82.1 / 76.5",
-    "DF-R, 10": "80.8 / 71.0",
-    "DF-R + RIR, 2": "85.9 / 77.5",
-    "DF-R + VF_b, 2": "- / 77.6",
-    "DF-R + VF_d, 2": "- / 77.8",
-    "ICP, 2": "88.7",
-    "ICP + PIR, 2": "87.4",
-    "ICP + SIR, 2": "88.9",
-    "ICP, 10": "88.9",
-    "ICP + RIR, 2": "90.2",
-    "TrICP + RIR, 10": "55.6",
-    "TrICP + VF_b, 10": "58.5",
-    "TrICP + VF_d, 10": "61.2",
-    "PHYSIM-MCTS, 10": "56.2",
-}
-"""The paper's AR by label, on its data: to compare orders. DF-R: Tables I / III; ICP: Table I (from PPF); the others:
-Table II, with 150 iterations. Methods with several hypotheses have 10 calls per object in Tables I and III, 2 each."""
-SOURCES = {"ppf": "point pair features", "pcs": "congruent point sets", "densefusion": "DenseFusion"}
-GIVEN = {"perturb": "disturbed ground truth", "results": "results files"} | SOURCES
+def _far(n: int) -> Prepare:
+    def prepare(problem: Problem, x: float, seed: int) -> Problem:
+        return disturbed(problem, n, ROTATION_DEG, TRANSLATION_MM, seed)
+
+    return prepare
 
 
 @dataclass(frozen=True)
-class PaperRows:
-    """Rows of one table with the same data, initial poses and refiner."""
+class PaperRow:
+    """What the paper prints in a row, in percent."""
 
-    table: str
+    label: str
+    """As in the panel of its refiner."""
+    vsd: float
+    mspd: float
+    mssd: float
+    ar: float
+    time: float
+    """[ms]; of Table II [s]."""
+    n_refined: int
+    """#ref/obj."""
+    rotation_deg: float | None = None
+    translation_cm: float | None = None
+
+
+@dataclass(frozen=True)
+class PaperTable:
+    """Rows of one of the paper's tables with the same data, initial poses and refiner."""
+
+    number: str
     dataset: str
     """Folder name of the BOP data set."""
     data: str
     """What the paper calls it."""
-    parts: str
-    """Initial poses, refiner and methods, in words."""
     source: str
     """``hypotheses.source`` of the initial poses."""
+    panel: str
+    rows: tuple[PaperRow, ...]
+    n_frames: int | None = None
+    """None: the paper does not say; the whole data set."""
 
 
-ROWS = (
-    PaperRows("I", "lm", "LINEMOD", "DenseFusion alone, + PIR, + SIR (2 calls), + RIR (10 calls)", "densefusion"),
-    PaperRows("I", "lm", "LINEMOD", "PPF with ICP alone, + PIR, + SIR, + RIR", "ppf"),
-    PaperRows("II", "xapc", "Extended APC", "Super4PCS with TrICP: PHYSIM-MCTS, RIR, VF_b, VF_d", "pcs"),
-    PaperRows("III", "ycbv", "YCB-Video", "DenseFusion alone, + PIR, + SIR, + RIR, + VF_b, + VF_d", "densefusion"),
-)
+PAPER = (
+    PaperTable(
+        "I", "lm", "LINEMOD", "densefusion", "DF-R",
+        (
+            PaperRow("DF-R, 2", 70.6, 76.8, 77.7, 75.0, 2, 2),
+            PaperRow("PIR, 2", 73.3, 79.3, 80.1, 77.6, 4, 2),
+            PaperRow("SIR, 2", 74.0, 85.9, 86.4, 82.1, 14, 2),
+            PaperRow("DF-R, 10", 76.9, 82.6, 82.9, 80.8, 11, 10),
+            PaperRow("RIR, 10", 78.3, 89.7, 89.6, 85.9, 48, 10),
+        ),
+        2219,
+    ),
+    PaperTable(
+        "I", "lm", "LINEMOD", "ppf", "ICP",
+        (
+            PaperRow("ICP, 50", 79.8, 93.2, 93.0, 88.7, 248, 50),
+            PaperRow("PIR, 50", 78.1, 92.1, 92.1, 87.4, 274, 50),
+            PaperRow("SIR, 50", 79.9, 93.7, 93.2, 88.9, 302, 50),
+            PaperRow("ICP, 150", 80.0, 93.4, 93.2, 88.9, 617, 150),
+            PaperRow("RIR, 150", 81.0, 95.1, 94.5, 90.2, 892, 150),
+        ),
+        2219,
+    ),
+    PaperTable(
+        "II", "xapc", "Extended APC", "pcs", "TrICP",
+        (
+            PaperRow("PHYSIM-MCTS", 48.5, 51.6, 68.3, 56.2, 29.9, 50, 5.7, 1.3),
+            PaperRow("RIR, 50", 51.8, 52.0, 63.0, 55.6, 5.5, 50, 10.5, 1.4),
+            PaperRow("VF_b, 50", 54.4, 54.3, 66.7, 58.5, 5.5, 50, 8.0, 1.2),
+            PaperRow("VF_d, 50", 56.7, 57.3, 69.6, 61.2, 6.2, 50, 7.5, 1.2),
+        ),
+    ),
+    PaperTable(
+        "III", "ycbv", "YCB-Video", "densefusion", "DF-R",
+        (
+            PaperRow("DF-R, 2", 74.2, 69.9, 77.6, 73.9, 17, 2),
+            PaperRow("PIR, 2", 74.9, 70.8, 78.2, 74.7, 20, 2),
+            PaperRow("SIR, 2", 76.5, 72.9, 80.2, 76.5, 49, 2),
+            PaperRow("DF-R, 10", 71.2, 66.3, 75.6, 71.0, 71, 10),
+            PaperRow("RIR, 10", 77.9, 73.9, 80.6, 77.5, 228, 10),
+            PaperRow("VF_b, 10", 78.3, 73.8, 80.6, 77.6, 495, 10),
+            PaperRow("VF_d, 10", 78.5, 74.1, 80.9, 77.8, 521, 10),
+        ),
+        900,
+    ),
+)  # fmt: skip
+"""Tables I to III. #ref/obj of Table II: 150 iterations of a scene of three objects."""
+SOURCES = {"ppf": "point pair features", "pcs": "congruent point sets", "densefusion": "DenseFusion"}
+GIVEN = {"perturb": "disturbed ground truth", "results": "results files", "recorded": "recorded ones"} | SOURCES
 
 
-def missing_rows(sessions: Collection[Session]) -> tuple[str, ...]:
-    """A sentence for each group of the paper's rows that these sessions do not make, with the reason."""
+def paper_table(panel: str, sessions: Collection[Session], n_frames: int) -> PaperTable | None:
+    """The paper's table on as many frames of the same data with the same initial poses; None where they are others."""
+    own = (t for t in PAPER if t.panel == panel and not any(_reason(t, session, n_frames) for session in sessions))
+    return next(own, None)
+
+
+def missing_rows(sessions: Collection[Session], n_frames: int) -> tuple[str, ...]:
+    """A sentence for each of the paper's tables that these frames do not make, with the reason."""
     sentences: list[str] = []
-    for rows in ROWS:
-        reasons = [_reason(rows, session) for session in sessions]
-        if all(reasons):
-            sentences.append(f"Table {rows.table}, {rows.data}, {rows.parts}: {reasons[0]}")
+    for table in PAPER:
+        reasons = [_reason(table, session, n_frames) for session in sessions]
+        if any(reasons):
+            sentences.append(f"Table {table.number}, {table.data}, {table.panel}: {next(filter(None, reasons))}")
     return tuple(sentences)
 
 
-def _reason(rows: PaperRows, session: Session) -> str:
+def _reason(table: PaperTable, session: Session, n_frames: int) -> str:
     """Why a session does not make these rows; empty where it does."""
     reasons: list[str] = []
     here = Path(session.scene.dataset).name if session.scene.source == "bop" else ""
-    if here != rows.dataset:
-        reasons.append(f"needs the data set {rows.dataset}, these are {here or 'built-in scenes'}")
-    if session.hypotheses.source != rows.source:
+    if here != table.dataset:
+        reasons.append(f"needs the data set {table.dataset}, these are {here or 'built-in scenes'}")
+    elif table.n_frames not in (None, n_frames):
+        reasons.append(f"needs its {table.n_frames} frames, these are {n_frames}")
+    if session.hypotheses.source != table.source:
         given = GIVEN[session.hypotheses.source]
-        reasons.append(f'needs initial poses by {SOURCES[rows.source]} (source = "{rows.source}"), these are {given}')
+        reasons.append(f'needs initial poses by {SOURCES[table.source]} (source = "{table.source}"), these are {given}')
     return "; ".join(reasons)

@@ -41,7 +41,7 @@ class StudyRequest:
     own_initial_poses: bool = False
     """The tables start from the session's own initial poses instead of disturbed ground truth."""
     refiner: str = "icp"
-    """The session's; the tables have it besides their own."""
+    """The session's; the tables have it besides the paper's."""
 
     def study(self) -> Study:
         """
@@ -49,11 +49,11 @@ class StudyRequest:
             SettingsError: there is no study of this name.
         """
         if self.name == "ablation":
-            return ablation(self.quick)
+            return ablation(self.quick, self.refiner)
         if self.name == "robustness":
-            return robustness(self.quick)
+            return robustness(self.quick, self.refiner)
         if self.name == "tables":
-            return tables(self.quick, self.own_initial_poses, self.refiner)
+            return tables(self.own_initial_poses, self.refiner)
         if self.name == "grasping":
             return grasping(self.quick, self.own_initial_poses, self.refiner)
         raise SettingsError(unknown("study", self.name, STUDIES))
@@ -205,7 +205,9 @@ def _units(request: StudyRequest, sessions: Mapping[str, Session], seeds: int) -
 
 
 def _about(request: StudyRequest, sessions: Mapping[str, Session]) -> Mapping[str, object]:
-    return msgspec.json.decode(msgspec.json.encode({"study": request, "sessions": sessions}))
+    # Budgets of another version are another study.
+    curves = {p.name: {c.label: c.settings for c in p.curves} for p in request.study().panels}
+    return msgspec.json.decode(msgspec.json.encode({"study": request, "curves": curves, "sessions": sessions}))
 
 
 def _solved(

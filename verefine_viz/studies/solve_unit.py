@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from functools import lru_cache
 from time import perf_counter
 
@@ -11,6 +14,7 @@ import numpy as np
 from msgspec import Struct, structs
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner
@@ -22,6 +26,8 @@ from verefine_viz.evaluation.pair_errors import Drawn, pair_errors
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.evaluation.vsd import DELTA_MM
 from verefine_viz.grasping.grasp_answer import GraspScene
+from verefine_viz.methods.physim_mcts import PhysimMcts
+from verefine_viz.run.kernel_compilation import compiling_reported
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.studies.study_plan import Curve, Panel, Unit
 
@@ -89,13 +95,15 @@ class Outcome(Struct, frozen=True, kw_only=True):
     obj_id: int
     quality: Quality
     ms: float
-    """Of the whole frame, shared equally by its objects."""
+    """Of the whole frame, shared equally by its objects; without what is compiled once."""
     refiner_calls: float
-    """The same."""
+    """Of the whole frame, shared equally, times what a call counts as; of a tree search with its roll-outs."""
     name: str = ""
     """The object's."""
     grasp: str = ""
     """How a grasp with the answer ends, where it was tried; "no answer" without one."""
+    missing: str = ""
+    """Why the curve has no answer: its refiner lacks its weights, or they do not know the object."""
 
 
 class Solver:
@@ -124,7 +132,14 @@ class Solver:
                 outcomes += _unrefined(unit, curve, problem, frame, grasping)
                 continue
             changed = toolbox.changed({section: dict(fields) for section, fields in curve.settings.items()})
-            outcomes += _outcomes(unit, curve, changed, self._refiner(changed), problem, frame, grasping)
+            try:
+                refiner = self._ready(changed, problem)
+            except (InputError, UnavailableError) as error:
+                if not panel.may_lack:
+                    raise
+                outcomes += _missing(unit, curve, problem, str(error))
+                continue
+            outcomes += _outcomes(unit, curve, changed, refiner, problem, frame, grasping)
         return tuple(outcomes)
 
     def _grasping(self, unit: Unit, frame: Problem) -> GraspScene:
@@ -138,6 +153,20 @@ class Solver:
             scene.check_any_grasp()
             self._grasp_scene = frame, scene
         return self._grasp_scene[1]
+
+    def _ready(self, toolbox: Toolbox, problem: Problem) -> Refiner:
+        """The curve's refiner, which has seen every object: what is built once per model is not counted as time.
+
+        Raises:
+            InputError, UnavailableError: its weights are missing, or do not know an object.
+        """
+        refiner = self._refiner(toolbox)
+        toolbox.prepare(problem)
+        for target in problem.targets:
+            assert target.instance.T_cam_obj_gt is not None
+            refiner.refine(target, target.instance.T_cam_obj_gt)
+            toolbox.verifier.score(target, target.instance.T_cam_obj_gt[None])
+        return refiner
 
     def _refiner(self, toolbox: Toolbox) -> Refiner:
         """The toolbox's, shared by all curves with the same settings: its index of each model takes long to build."""
@@ -165,16 +194,22 @@ def _outcomes(
     """One for each object; ``frame`` is ``problem`` before it was disturbed."""
     counted = _Counted(refiner)
     toolbox.__dict__["refiner"] = counted
-    toolbox.prepare(problem)
-    for target in problem.targets:
-        # What is built once per model is not counted as time of the first curve.
-        assert target.instance.T_cam_obj_gt is not None
-        refiner.refine(target, target.instance.T_cam_obj_gt)
-        toolbox.verifier.score(target, target.instance.T_cam_obj_gt[None])
-    began = perf_counter()
-    run = toolbox.run(problem)
-    final = run.finish()
-    ms = 1e3 * (perf_counter() - began)
+    if isinstance(toolbox.method, PhysimMcts):
+        # It has the refiner of the rows beside it.
+        search = toolbox.method
+        toolbox.__dict__["method"] = replace(search, scene=replace(search.scene, refiner=counted))
+    began, compiled_s = perf_counter(), 0.0
+
+    @contextmanager
+    def compiling() -> Iterator[None]:
+        nonlocal compiled_s
+        at = perf_counter()
+        yield
+        compiled_s += perf_counter() - at
+
+    with compiling_reported(lambda: None, compiling):
+        best = _answers(toolbox, problem, counted, curve.most_calls)
+    ms = 1e3 * (perf_counter() - began - compiled_s)
     n = max(len(problem.targets), 1)
     return [
         Outcome(
@@ -182,14 +217,53 @@ def _outcomes(
             curve=curve.label,
             instance_id=target.instance.instance_id,
             obj_id=target.instance.obj_id,
-            quality=quality(target, None if best is None else best.T_cam_obj, frame),
+            quality=quality(target, answer, frame),
             ms=ms / n,
-            # A method that brings its own refiner calls it once an iteration.
-            refiner_calls=(counted.calls or run.length) / n,
+            refiner_calls=curve.inner * counted.calls / n,
             name=target.model.name,
-            grasp=_grasp(target, None if best is None else best.T_cam_obj, grasping),
+            grasp=_grasp(target, answer, grasping),
         )
-        for target, best in zip(problem.targets, final.best, strict=True)
+        for target in problem.targets
+        for answer in (best.get(target.instance.instance_id),)
+    ]
+
+
+def _answers(toolbox: Toolbox, problem: Problem, counted: _Counted, most_calls: int | None) -> dict[int, Float]:
+    """The answered poses by instance.
+
+    Args:
+        toolbox: with the method.
+        problem: what is solved.
+        counted: its refiner.
+        most_calls: of a tree search, whose clusters do not know of each other: no iteration begins after so many
+            refiner calls per object.
+    """
+    parts = [problem] if most_calls is None else [problem.only(cluster) for cluster in problem.clusters]
+    best: dict[int, Float] = {}
+    for part in parts:
+        most = math.inf if most_calls is None else counted.calls + most_calls * len(part.instances)
+        run = toolbox.run(part)
+        while not run.is_done and (counted.calls < most or run.length == 0):
+            run.step()
+        best |= {instance_id: answer.T_cam_obj for instance_id, answer in run.best_at(run.length).items()}
+    return best
+
+
+def _missing(unit: Unit, curve: Curve, problem: Problem, why: str) -> list[Outcome]:
+    """One for each object, all without an answer."""
+    return [
+        Outcome(
+            **unit.__dict__,
+            curve=curve.label,
+            instance_id=target.instance.instance_id,
+            obj_id=target.instance.obj_id,
+            quality=Quality(),
+            ms=0.0,
+            refiner_calls=0.0,
+            name=target.model.name,
+            missing=why,
+        )
+        for target in problem.targets
     ]
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 from verefine_viz.core.problem import Problem
 
@@ -22,6 +23,13 @@ class Curve:
     settings: Settings | None
     """Sections ``method``, ``icp``, ``tricp``, ``mcts``, ``physics``, ``score``; None: the first initial pose is the
     answer, unrefined."""
+    inner: int = 1
+    """What a refiner call counts as: its inner iterations, where the paper counts these."""
+    most_calls: int | None = None
+    """A tree search ends with so many refiner calls per object, roll-outs included; None: its own budget."""
+
+
+Metric = Literal["ar", "ar_vsd", "ar_mssd", "ar_mspd"]
 
 
 @dataclass(frozen=True)
@@ -30,6 +38,12 @@ class Claim:
 
     better: str
     worse: str
+    metric: Metric = "ar"
+    from_x: float = -math.inf
+    to_x: float = math.inf
+    """The x that it is about, both ends included."""
+    reading: str = ""
+    """The paper's sentence, where it is not just that."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +56,13 @@ class Panel:
     curves: tuple[Curve, ...]
     prepare: Prepare = field(repr=False)
     claims: tuple[Claim, ...] = ()
-    trend: str = ""
-    """What the paper reports, in a sentence."""
+    budget: str = ""
+    """The refiner and how often it is called, with where the paper has it."""
     is_grasped: bool = False
     """Whether every answer is tried with the simulated gripper."""
+    may_lack: bool = False
+    """Whether a curve whose refiner cannot be had, such as one without weights, is left open with the reason, instead
+    of ending the study."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +72,15 @@ class Study:
     name: str
     title: str
     panels: tuple[Panel, ...]
+    own: tuple[str, ...] = ()
+    """Settings, "section.field" or "section", that the study makes itself besides those of its curves."""
+
+    @property
+    def fixed(self) -> frozenset[str]:
+        """Settings that the study makes itself, "section.field" or "section"."""
+        settings = [curve.settings for panel in self.panels for curve in panel.curves if curve.settings is not None]
+        of_curves = {f"{section}.{field}" for one in settings for section, fields in one.items() for field in fields}
+        return frozenset(of_curves - {"method.refiner"} | set(self.own))
 
     def only(self, points: Collection[tuple[str, float]]) -> Study:
         """The part with these (panel, x)."""

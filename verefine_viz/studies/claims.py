@@ -1,0 +1,204 @@
+"""What the outcomes of a study show: means with intervals, and whether the paper's claims hold.
+
+An interval is that of other frames with other objects: both are drawn with replacement (report/bootstrap.py). All
+errors and seeds of an object in a frame go along with it: they are no further objects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.report.bootstrap import FEWEST_SCENES, Cells, Draws, Spread, draws
+from verefine_viz.studies.solve_unit import Outcome
+from verefine_viz.studies.study_plan import Claim, Metric, Panel, Study
+
+FEWEST = 6
+"""Objects in frames that a verdict needs: five of pure chance all have the same sign once in 16 times, and a bootstrap
+of them would then be sure."""
+MOST_DIGITS = 4
+"""Decimals of a difference in points of AR."""
+
+Points = Mapping[tuple[str, str, float], Sequence[Outcome]]
+"""Outcomes by panel, curve and x."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """One curve of a panel."""
+
+    label: str
+    xs: Float
+    ar: Float
+    """Mean over objects, frames and seeds at each x, in [0, 1]."""
+    low: Float
+    high: Float
+    """95 % interval."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a claim holds on these data."""
+
+    claim: Claim
+    spread: Spread
+    """Mean of the better less that of the worse, over the claim's x."""
+    n_objects: int
+    """Objects in frames, of which the interval is made."""
+
+    @property
+    def word(self) -> str:
+        """holds, does not hold, too close to tell, too few to tell, or the same."""
+        s = self.spread
+        if s.value == 0 and not (s.low or s.high):
+            return "the same"
+        if self.n_objects < FEWEST or s.low is None or s.high is None:
+            return "too few to tell"
+        if s.low > 0:
+            return "holds"
+        return "does not hold" if s.high < 0 else "too close to tell"
+
+    @property
+    def numbers(self) -> str:
+        """The difference and its interval in points, with as many digits as it takes to tell them from 0."""
+        s = self.spread
+        known = [100 * v for v in (s.value, s.low, s.high) if v is not None]
+        digits = next((d for d in range(1, MOST_DIGITS) if all(v == 0 or round(v, d) != 0 for v in known)), MOST_DIGITS)
+        value, *ends = (f"{v:+.{digits}f}" for v in known)
+        return f"{value} ({ends[0]} to {ends[1]})" if ends else value
+
+    @property
+    def about(self) -> str:
+        """What is compared, with the metric and the x where they are not AR and all."""
+        c = self.claim
+        of = "" if c.metric == "ar" else f" in {c.metric.removeprefix('ar_').upper()}"
+        to_x = f" up to {c.to_x:g}" if np.isfinite(c.to_x) else ""
+        from_x = f" from {c.from_x:g} on" if np.isfinite(c.from_x) else ""
+        return f"{c.better} over {c.worse}{of}{from_x}{to_x}"
+
+    def __str__(self) -> str:
+        return f"{self.about}: {self.word}, {self.numbers} points, {self.n_objects} objects"
+
+
+def points_of(outcomes: Iterable[Outcome]) -> Points:
+    """The outcomes sorted into the points of the curves, in the order they come in; without missing ones."""
+    points: dict[tuple[str, str, float], list[Outcome]] = {}
+    for o in outcomes:
+        if not o.missing:
+            points.setdefault((o.panel, o.curve, o.x), []).append(o)
+    return points
+
+
+def missing_curves(outcomes: Iterable[Outcome]) -> dict[tuple[str, str], str]:
+    """Why a curve of a panel has no answer in at least one frame, by panel and curve."""
+    return {(o.panel, o.curve): o.missing for o in outcomes if o.missing}
+
+
+class _Objects:
+    """The frames (or scenes, where they are many) and object models of a panel, and the draws of them."""
+
+    def __init__(self, panel: Panel, points: Points) -> None:
+        mine = [o for (name, _, _), outcomes in points.items() if name == panel.name for o in outcomes]
+        scenes = sorted({self._scene(o) for o in mine})
+        self._by_scene = len(scenes) >= FEWEST_SCENES
+        self._units = scenes if self._by_scene else sorted({(o.scene, o.frame) for o in mine})
+        self._models = sorted({(o.obj_id, o.name) for o in mine})
+        # Every curve may be missing.
+        self._shape = max(len(self._units), 1), max(len(self._models), 1)
+        self.draws: Draws = draws(*self._shape)
+
+    def cells(self, outcomes: Collection[Outcome], value: Callable[[Outcome], float]) -> Cells:
+        """Sums of ``value`` by frame and model."""
+        total, n = np.zeros((2, *self._shape))
+        for o in outcomes:
+            unit = self._scene(o) if self._by_scene else (o.scene, o.frame)
+            at = self._units.index(unit), self._models.index((o.obj_id, o.name))
+            total[at] += value(o)
+            n[at] += 1
+        return Cells(total, n)
+
+    @staticmethod
+    def _scene(o: Outcome) -> tuple[str, str]:
+        return o.scene, o.frame.partition("/")[0]
+
+
+def lines(panel: Panel, points: Points) -> list[Line]:
+    """The curves of a panel, in its order."""
+    objects = _Objects(panel, points)
+    return [_line(panel, curve.label, points, objects) for curve in panel.curves]
+
+
+def _line(panel: Panel, label: str, points: Points, objects: _Objects) -> Line:
+    ends: list[tuple[float, float, float]] = []
+    for x in panel.xs:
+        s = objects.draws.mean(objects.cells(points.get((panel.name, label, x), ()), lambda o: o.quality.ar))
+        value = np.nan if s is None else s.value
+        # Of a single object there is no interval.
+        ends.append((value, value, value) if s is None or s.low is None or s.high is None else (value, s.low, s.high))
+    means, low, high = np.array(ends).T
+    return Line(label, np.array(panel.xs), means, low, high)
+
+
+def verdicts(panel: Panel, points: Points) -> list[Verdict]:
+    """The paper's claims about the panel's curves, tested on pairs of the same object, frame, x and seed."""
+    objects = _Objects(panel, points)
+    tested: list[Verdict] = []
+    for claim in panel.claims:
+        better, worse = (_by_case(panel, label, claim, points) for label in (claim.better, claim.worse))
+        cases = better.keys() & worse.keys()
+
+        def value(o: Outcome, metric: Metric = claim.metric) -> float:
+            return float(getattr(o.quality, metric))
+
+        a, b = (objects.cells([of[case] for case in sorted(cases)], value) for of in (better, worse))
+        spread = objects.draws.difference(a, b)
+        if spread is not None:
+            seen = {(o.scene, o.frame, o.instance_id) for o in (better[case] for case in cases)}
+            tested.append(Verdict(claim, spread, len(seen)))
+    return tested
+
+
+def _by_case(panel: Panel, label: str, claim: Claim, points: Points) -> dict[tuple[float, str, str, int, int], Outcome]:
+    xs = [x for x in panel.xs if claim.from_x <= x <= claim.to_x]
+    outcomes = (o for x in xs for o in points.get((panel.name, label, x), ()))
+    return {(o.x, o.scene, o.frame, o.instance_id, o.seed): o for o in outcomes}
+
+
+def rows(study: Study, points: Points) -> Iterator[dict[str, str | float]]:
+    """The study as a table: a row per panel, curve and x."""
+    for panel in study.panels:
+        for line in lines(panel, points):
+            for x, ar, low, high in zip(line.xs.tolist(), line.ar, line.low, line.high, strict=True):
+                mine = points.get((panel.name, line.label, x), ())
+                if mine:
+                    yield {
+                        "panel": panel.name,
+                        "curve": line.label,
+                        "x": x,
+                        "n": len(mine),
+                        "ar": float(ar),
+                        "ar_low": float(low),
+                        "ar_high": float(high),
+                        **_numbers(mine),
+                    }
+
+
+def _numbers(mine: Sequence[Outcome]) -> dict[str, float]:
+    add, turn, shift = (
+        np.array([v for o in mine if (v := getattr(o.quality, name)) is not None] or [np.nan])
+        for name in ("add_s_mm", "rotation_deg", "translation_mm")
+    )
+    return {
+        "ar_vsd": float(np.mean([o.quality.ar_vsd for o in mine])),
+        "ar_mssd": float(np.mean([o.quality.ar_mssd for o in mine])),
+        "ar_mspd": float(np.mean([o.quality.ar_mspd for o in mine])),
+        "rotation_deg": float(turn.mean()),
+        "translation_cm": float(shift.mean()) / 10,
+        "median_add_s_mm": float(np.median(add)),
+        "below_10_percent": float(np.mean([o.quality.relative is not None and o.quality.relative < 0.1 for o in mine])),
+        "ms_per_object": float(np.mean([o.ms for o in mine])),
+        "refiner_calls_per_object": float(np.mean([o.refiner_calls for o in mine])),
+    }
