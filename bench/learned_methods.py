@@ -28,7 +28,7 @@ from rich.table import Table
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner
-from verefine_viz.report.bootstrap import Cells, draws
+from verefine_viz.evaluation.bootstrap import Cells, draws
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.studies.solve_unit import quality

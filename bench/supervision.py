@@ -19,7 +19,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.studies.disturbance import disturbed, without_top
-from verefine_viz.studies.figure import band
+from verefine_viz.studies.grasp_table import band
 from verefine_viz.studies.solve_unit import quality
 
 SCENES = ("mug", "duck", "bracket", "clutter")

@@ -23,8 +23,8 @@ from rich.console import Console
 from rich.table import Table
 
 from verefine_viz.core.problem import Problem
+from verefine_viz.evaluation.bootstrap import Cells, draws
 from verefine_viz.evaluation.pose_errors import pose_errors
-from verefine_viz.report.bootstrap import Cells, draws
 from verefine_viz.run.engine import Run
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox

@@ -12,8 +12,8 @@ import numpy as np
 from verefine_viz.batch.totals import misranked_share
 from verefine_viz.core.arrays import Float
 from verefine_viz.diagnosis.causes import cause_title
+from verefine_viz.evaluation.bootstrap import Cells, Draws, Spread, draws
 from verefine_viz.methods.registry import method_of
-from verefine_viz.report.bootstrap import Cells, Draws, Spread, draws
 from verefine_viz.report.bop_recalls import BopRecalls
 from verefine_viz.report.groups import Group, Section, key
 from verefine_viz.run.record import Answer

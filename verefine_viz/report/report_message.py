@@ -12,10 +12,10 @@ from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.motion_table import Track, read_tracks
 from verefine_viz.batch.totals import doubts_in_words
 from verefine_viz.core.arrays import Float
+from verefine_viz.evaluation.bootstrap import Spread
 from verefine_viz.grasping.grasp_trial import Verdict
 from verefine_viz.page.gallery import Gallery
 from verefine_viz.report import report_words as words
-from verefine_viz.report.bootstrap import Spread
 from verefine_viz.report.bop_recalls import BopRecalls, bop_recalls
 from verefine_viz.report.group_numbers import (
     COLUMNS,

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from itertools import accumulate
 
 from verefine_viz.diagnosis.causes import ADVICE, STARVED_ADVICE, Cause, cause_title
+from verefine_viz.evaluation.bootstrap import DRAWS, Spread
 from verefine_viz.methods.registry import METHODS, SEARCH
 from verefine_viz.page.gallery import outcome_words
-from verefine_viz.report.bootstrap import DRAWS, Spread
 from verefine_viz.report.group_numbers import Comparison
 from verefine_viz.report.groups import Group, Section, seeds_of
 from verefine_viz.run.record import Answer

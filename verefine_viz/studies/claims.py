@@ -1,6 +1,6 @@
 """What the outcomes of a study show: means with intervals, and whether the paper's claims hold.
 
-An interval is that of other frames with other objects: both are drawn with replacement (report/bootstrap.py). All
+An interval is that of other frames with other objects: both are drawn with replacement (evaluation/bootstrap.py). All
 errors and seeds of an object in a frame go along with it: they are no further objects.
 """
 
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.report.bootstrap import FEWEST_SCENES, Cells, Draws, Spread, draws
+from verefine_viz.evaluation.bootstrap import FEWEST_SCENES, Cells, Draws, Spread, draws
 from verefine_viz.studies.solve_unit import Outcome
 from verefine_viz.studies.study_plan import Claim, Metric, Panel, Study
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.report.runs import row
 from tests.report.sections import group, section_of
-from verefine_viz.report.bootstrap import Cells, draws
+from verefine_viz.evaluation.bootstrap import Cells, draws
 from verefine_viz.report.bop_recalls import BopRecalls
 from verefine_viz.report.group_numbers import Axes, compare
 
