@@ -27,7 +27,9 @@ def test_the_data_set_near_a_results_file_is_opened(place: str, tmp_path: Path) 
     make(tmp_path / "made")
     known = data_at(write(tmp_path / place, (7, 3), (99, 1)), {})
     assert known is not None
-    assert known.what == "poses for 1 frame of made/test"
+    assert (
+        known.what == f"poses for 1 frame of {tmp_path / 'made'}, split test (1 more frame of the file are not there)"
+    )
     source = open_scene(known.session.scene, known.session.hypotheses)
     assert source.frames == ("7/3",)
     (posed,) = (i for i in source.problem("7/3").instances if i.hypotheses)
@@ -46,9 +48,18 @@ def test_the_name_of_the_file_chooses_between_data_sets(tmp_path: Path) -> None:
 def test_without_a_data_set_the_line_says_what_to_add(tmp_path: Path) -> None:
     path = write(tmp_path / "a" / "b" / "c" / "d.csv", (7, 3))
     make(tmp_path / "made")
-    with pytest.raises(InputError, match="1 poses of scenes 7, but no data set with them lies near it; add --scene"):
+    with pytest.raises(InputError, match=r"1 poses of scenes 7, but no data set .* lies near it; add --scene"):
         open_session(path, {})
     assert open_session(path, {"scene": {"dataset": str(tmp_path / "made")}}).scene.frames == ("7/3",)
     far = write(tmp_path / "made" / "e.csv", (8, 3))
-    with pytest.raises(InputError, match="made has none of them"):
+    with pytest.raises(InputError, match=r"made has none of its frames$"):
         open_session(far, {"scene": {"dataset": str(tmp_path / "made")}})
+
+
+def test_a_scene_with_other_images_and_a_folder_without_models_are_read_past(tmp_path: Path) -> None:
+    make(tmp_path / "made")
+    make(tmp_path / "aaa")
+    (tmp_path / "aaa" / "models").rename(tmp_path / "aaa" / "gone")
+    with pytest.raises(InputError, match=r"scene 7 of .*made has images 3, the poses are of image 0; add"):
+        open_session(write(tmp_path / "a.csv", (7, 0)), {})
+    assert open_session(write(tmp_path / "b.csv", (7, 3)), {}).scene.frames == ("7/3",)

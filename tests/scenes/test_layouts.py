@@ -16,7 +16,7 @@ from tests.scenes.test_trace import SHAPE, K, picture, pose, write_box
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.geometry import quat_wxyz
 from verefine_viz.core.problem import ANSWER
-from verefine_viz.run.data_folder import data_at
+from verefine_viz.run.data_folder import data_at, open_session
 from verefine_viz.scenes.detections import encode_rle
 from verefine_viz.scenes.layouts import readers
 from verefine_viz.scenes.source import open_scene
@@ -221,3 +221,22 @@ def test_what_is_damaged_in_a_layout_is_one_line(tmp_path: Path) -> None:
                 path.write_bytes(whole)
     assert len(messages) > 50
     assert not any("\n" in message for message in messages)
+
+
+def test_what_lacks_one_file_says_which(tmp_path: Path) -> None:
+    for k, (write, name) in enumerate(((write_sam6d, "depth.png"), (write_megapose, "camera_data.json"))):
+        folder = tmp_path / str(k)
+        write(folder)
+        (folder / name).unlink()
+        with pytest.raises(VerefineError, match=f"looks like the layout of .*, but {name} is missing"):
+            open_session(folder, {})
+
+
+def test_images_of_linemod_that_are_counted_otherwise_are_paired_in_order(tmp_path: Path) -> None:
+    write_linemod(tmp_path)
+    for kind in ("depth", "rgb", "mask"):
+        (tmp_path / "data" / "06" / kind / "0000.png").rename(tmp_path / "data" / "06" / kind / "0001.png")
+    session = open_session(tmp_path, {})
+    problem = open_scene(session.scene, session.hypotheses).problem("6/1")
+    assert problem.instances[0].T_cam_obj_gt is not None
+    assert any("counted otherwise than info.yml" in note for note in problem.notes)

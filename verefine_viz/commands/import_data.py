@@ -22,9 +22,10 @@ class Import:
     def run(self, arguments: Sequence[str]) -> int:
         from verefine_viz.run.imported_folder import imported
 
-        n_failed = 0
+        n_failed = n_done = 0
         for line in imported(self.folder, self.out):
             n_failed += " failed: " in line
+            n_done += " → " in line
             print(line, flush=True)
-        print(f"View it: verefine-viz view {self.out}")
+        print(f"View it: verefine-viz view {self.out}" if n_done else "No frame was imported.")
         return 1 if n_failed else 0

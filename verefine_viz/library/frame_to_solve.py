@@ -7,11 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, ShapeError, in_one_line, unknown
+from verefine_viz.core.errors import InputError, SettingsError, ShapeError, in_one_line, unknown
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.settings import Session
 from verefine_viz.library.frame_checks import checked_camera, checked_depth, checked_object, checked_photo, direction
@@ -84,6 +85,8 @@ class Frame:
             T_cam_obj_gt: (4, 4) ground truth [m], where it is known.
             symmetry_axis: (3,) axis through the middle of the mesh's box about which every turn looks the same.
 
+        Several objects of one name are several instances of it, told apart by their numbers.
+
         Returns:
             The frame itself.
 
@@ -99,6 +102,10 @@ class Frame:
         self._recorded = replace(self._recorded, objects=(*self._recorded.objects, one))
         return self
 
+    def __repr__(self) -> str:
+        height, width = self._camera.shape
+        return f"<Frame {self.name!r}, {width}×{height}: {', '.join(self.objects) or 'no object'}>"
+
     @property
     def objects(self) -> tuple[str, ...]:
         """The names of the objects, in order."""
@@ -106,6 +113,7 @@ class Frame:
 
     def tools(self, sections: Mapping[str, Any]) -> tuple[Toolbox, str]:
         """What solves the frame with settings by section, and the frame's id, "scene/image"."""
+        check_sections(sections)
         if not self._recorded.objects:
             raise InputError(f"{self.name} has no object to solve; add one: frame.add(name, mesh, mask, poses)")
         has_poses = all(one.hypotheses for one in self._recorded.objects)
@@ -173,6 +181,9 @@ class OpenedFrame:
         self.name = frame
         """Scene and image, as "50/1"."""
 
+    def __repr__(self) -> str:
+        return f"<OpenedFrame {self.name} of {self._path}>"
+
     @property
     def objects(self) -> tuple[str, ...]:
         """The names of the objects, in order.
@@ -184,6 +195,7 @@ class OpenedFrame:
 
     def tools(self, sections: Mapping[str, Any]) -> tuple[Toolbox, str]:
         """What solves the frame with settings by section, and the frame's id."""
+        check_sections(sections)
         names = {*self._sections, *sections}
         merged = {name: {**self._sections.get(name, {}), **sections.get(name, {})} for name in names}
         session = _session_of(self._path, merged)
@@ -197,6 +209,24 @@ class OpenedFrame:
 
 
 AnyFrame = Frame | OpenedFrame
+
+
+def check_frame(frame: object) -> None:
+    """Raise InputError where something else is given in place of a frame."""
+    if not isinstance(frame, Frame | OpenedFrame):
+        raise InputError(f"{frame!r:.80} is no frame; make one by Frame(K, depth_m, rgb) or open_frame(path)")
+
+
+def check_sections(sections: Mapping[str, Any]) -> None:
+    """Raise SettingsError where a keyword is no section of the settings; names the section that has such a field."""
+    known, defaults = Session.__struct_fields__, Session()
+    for name, fields in sections.items():
+        if name not in known:
+            homes = [own for own in known if name in getattr(getattr(defaults, own), "__struct_fields__", ())]
+            where = f"write {homes[0]}={{{name!r}: …}}" if homes else unknown("section", name, known)
+            raise SettingsError(f"{name}= is no section of the settings; {where}")
+        if not isinstance(fields, Mapping) and isinstance(getattr(defaults, name), msgspec.Struct):
+            raise SettingsError(f"{name}={fields!r:.40} is no dict, expected {name}={{…}} as in a session file")
 
 
 def open_frame(path: Path | str, frame: str = "", **sections: Mapping[str, Any]) -> OpenedFrame:

@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError
-from verefine_viz.core.geometry import as_rigid
+from verefine_viz.core.geometry import as_rigid, check_reach
 from verefine_viz.core.problem import Hypothesis, Placed, Target
 from verefine_viz.core.scores import ScoreMaps, Scores
 from verefine_viz.estimators.registry import make_estimator
 from verefine_viz.evaluation.results_scores import Evaluation, evaluate_files
-from verefine_viz.library.frame_to_solve import AnyFrame, target_of
+from verefine_viz.library.frame_to_solve import AnyFrame, check_frame, target_of
 from verefine_viz.run.toolbox import Toolbox
 
 
@@ -132,16 +132,20 @@ def evaluate(results: Path | str | Sequence[Path | str], dataset: Path | str, sp
 
 
 def _object(frame: AnyFrame, name: str | int, sections: Mapping[str, Any]) -> tuple[Toolbox, Target]:
+    check_frame(frame)
     tools, own = frame.tools(sections)
     return tools, target_of(tools.source.problem(own), name)
 
 
 def _poses(given: ArrayLike) -> Float:
-    """Poses (N, 4, 4) of one or several; InputError where one is none."""
+    """Poses (N, 4, 4) of one or several; InputError where one is none, or too far away to be in metres."""
     array = np.asarray(given, dtype=np.float64)
-    if array.shape[-2:] != (4, 4) or array.ndim not in (2, 3):
-        raise InputError(f"poses are of shape {array.shape}, expected (4, 4) or (N, 4, 4)")
+    if array.shape[-2:] != (4, 4) or array.ndim not in (2, 3) or not array.size:
+        raise InputError(f"poses are of shape {array.shape}, expected (4, 4) or (N, 4, 4) with N ≥ 1")
     try:
-        return np.stack([as_rigid(T, f"pose {k}") for k, T in enumerate(array.reshape(-1, 4, 4))])
+        poses = np.stack([as_rigid(T, f"pose {k}") for k, T in enumerate(array.reshape(-1, 4, 4))])
+        for k, T in enumerate(poses):
+            check_reach(T[:3, 3], f"pose {k}")
     except ShapeError as error:
         raise InputError(str(error)) from None
+    return poses

@@ -16,7 +16,7 @@ from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import Diagnosis
 from verefine_viz.diagnosis.diagnose import diagnose
-from verefine_viz.library.frame_to_solve import AnyFrame, Frame, target_of
+from verefine_viz.library.frame_to_solve import AnyFrame, Frame, check_frame, target_of
 from verefine_viz.run.record import Answer, RunEnd, RunRecord
 from verefine_viz.run.run_file import SUFFIX, write_record
 from verefine_viz.scenes.trace_files import is_trace
@@ -31,6 +31,7 @@ class Run:
     """
 
     def __init__(self, frame: AnyFrame, sections: Mapping[str, Any]) -> None:
+        check_frame(frame)
         self.frame = frame
         self._tools, self._id = frame.tools(sections)
         self._run = self._tools.run(self._tools.problem(self._id))

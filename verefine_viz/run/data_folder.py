@@ -11,7 +11,7 @@ from verefine_viz.core.errors import InputError, in_one_line
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.run.built_in_sessions import named_session
-from verefine_viz.run.results_session import SUFFIXES, results_session
+from verefine_viz.run.results_session import SUFFIXES, frames_missing, results_session
 from verefine_viz.run.session_file import CAPTURE_HEAD, load_session
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.bop_files import (
@@ -26,17 +26,12 @@ from verefine_viz.scenes.bop_files import (
     splits_to_open,
 )
 from verefine_viz.scenes.frames import frame_name, frames_of_scene
-from verefine_viz.scenes.layouts import readers, recording_in
-from verefine_viz.scenes.layouts.foundation_pose import lacking
+from verefine_viz.scenes.layouts import lacking, readers, recording_in
 from verefine_viz.scenes.recorded_frame import LayoutReader
 
 SCENES, CAMERAS, SESSION = "*/[0-9]*", "scene_camera*.json", "session.toml"
 """Scenes of a BOP data set, the files that list the images of one, and the session of a folder of kept frames."""
-LOOKED_FOR = (
-    "run files (.vfrun)",
-    "session.toml (kept frames)",
-    "SPLIT/000001/scene_camera.json (a data set in BOP layout)",
-)
+LOOKED_FOR = ("run files (.vfrun)", "kept frames (session.toml)", "a data set in BOP layout")
 
 
 @dataclass(frozen=True)
@@ -56,8 +51,10 @@ def data_at(folder: Path, overrides: Mapping[str, Any]) -> KnownData | None:
     """
     if folder.suffix in SUFFIXES and folder.is_file():
         session = results_session(folder, overrides)
-        n, of = len(session.scene.frames), f"{Path(session.scene.dataset).name}/{session.scene.split}"
-        return KnownData(f"poses for {n} frame{'s' * (n > 1)} of {of}", session)
+        n, missing = len(session.scene.frames), frames_missing(session)
+        more = f" ({missing} more frame{'s' * (missing > 1)} of the file are not there)" if missing else ""
+        of = f"{session.scene.dataset}, split {session.scene.split}"
+        return KnownData(f"poses for {n} frame{'s' * (n > 1)} of {of}{more}", session)
     if not folder.is_dir():
         return None
     own = folder / SESSION
@@ -132,20 +129,21 @@ def open_session(
     if known is not None:
         report(f"{in_one_line(str(path))}: {known.what}")
         return known.session
-    if lacking(path) or (path.is_dir() and _meant(path)):
+    if path.is_dir():
         raise InputError(f"{path} {why_unknown(path)}")
     return load_session(path, overrides)
 
 
 def why_unknown(folder: Path) -> str:
     """What a folder that is none of data lacks, or what was looked for."""
-    return _meant(folder) or lacking(folder) or f"holds no data that are known; looked for {looked_for()}"
+    results = sorted(path for path in folder.iterdir() if path.suffix in SUFFIXES)
+    hint = f"; it holds poses, {results[0]}: open that file" if results else ""
+    return _meant(folder) or lacking(folder) or f"holds no data that are known; looked for {looked_for()}{hint}"
 
 
 def looked_for() -> str:
-    """What folders of data are recognized by."""
-    layouts = [f"{reader.LOOKS_LIKE} ({reader.LAYOUT})" for reader in readers()]
-    return "; ".join((*LOOKED_FOR, *layouts))
+    """What folders of data are recognized as."""
+    return ", ".join((*LOOKED_FOR, *(reader.LAYOUT for reader in readers())))
 
 
 def _meant(folder: Path) -> str:

@@ -26,7 +26,7 @@ def imported(folder: Path, out: Path) -> Iterator[str]:
     if known is None:
         raise InputError(f"{folder} holds nothing that can be imported; looked for {looked_for()}")
     if known.session.scene.source != "folder":
-        raise InputError(f"{folder} holds {known.what}, which need no import: verefine-viz view {folder}")
+        raise InputError(f"{folder} holds {known.what}; no import is needed: verefine-viz view {folder}")
     source = open_scene(known.session.scene, known.session.hypotheses)
     capture = CaptureFolder(out, source.is_sequence)
     yield f"{folder}: {known.what}"

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import listed
 from verefine_viz.run.session_file import load_session
@@ -35,19 +35,46 @@ def results_session(path: Path, overrides: Mapping[str, Any]) -> Session:
     rows = read_estimates(path)
     wanted = tuple(dict.fromkeys((row.scene_id, row.im_id) for row in rows))
     given = overrides.get("scene", {}).get("dataset")
+    near = ""
     for folder in (Path(given),) if given else _folders_near(path):
         for split in _splits(folder, path):
-            dataset = BopDataset(folder, split)
-            frames = [frame_name(ids) for ids in wanted if dataset.has(*ids)]
-            if frames:
-                scene = {"source": "bop", "dataset": str(folder.resolve()), "split": split, "frames": frames}
-                files = {"source": "results", "files": [str(path.resolve())]}
-                sections = {"scene": scene, "hypotheses": files}
-                merged = {name: {**fields, **overrides.get(name, {})} for name, fields in sections.items()}
-                return load_session(None, {"title": path.stem, **overrides, **merged})
+            try:
+                dataset = BopDataset(folder, split)
+                there = [ids for ids in wanted if dataset.has(*ids)]
+            except VerefineError:
+                if given:
+                    raise
+                continue  # Another one may have the frames.
+            if there:
+                return _session(path, folder, split, [frame_name(ids) for ids in there], overrides)
+            near = near or _other_images(dataset, wanted)
     scenes = listed(sorted({scene_id for scene_id, _ in wanted}))
-    where = f"{given} has none of them" if given else "no data set with them lies near it; add --scene.dataset DIR"
-    raise InputError(f"{path} has {len(rows)} poses of scenes {scenes}, but {where}")
+    where = f"{given} has none of its frames" if given else "no data set with its frames lies near it"
+    hint = "" if given else "; add --scene.dataset DIR"
+    raise InputError(f"{path} has {len(rows)} poses of scenes {scenes}, but {where}{near}{hint}")
+
+
+def frames_missing(session: Session) -> int:
+    """How many frames of the results files of a session over them are not in its data set."""
+    files = (row for file in session.hypotheses.files for row in read_estimates(file))
+    return len({frame_name((row.scene_id, row.im_id)) for row in files} - {*session.scene.frames})
+
+
+def _session(path: Path, folder: Path, split: str, frames: list[str], overrides: Mapping[str, Any]) -> Session:
+    scene = {"source": "bop", "dataset": str(folder.resolve()), "split": split, "frames": frames}
+    files = {"source": "results", "files": [str(path.resolve())]}
+    sections = {"scene": scene, "hypotheses": files}
+    merged = {name: {**fields, **overrides.get(name, {})} for name, fields in sections.items()}
+    return load_session(None, {"title": path.stem, **overrides, **merged})
+
+
+def _other_images(dataset: BopDataset, wanted: Sequence[tuple[int, int]]) -> str:
+    """A hint where a data set has a scene of the poses with other images; empty where it has none of the scenes."""
+    scene_id, im_id = next((ids for ids in wanted if ids[0] in dataset.scene_ids), (None, None))
+    if scene_id is None:
+        return ""
+    images = listed(dataset.image_ids(scene_id))
+    return f"; scene {scene_id} of {dataset.folder} has images {images}, the poses are of image {im_id}"
 
 
 def _folders_near(path: Path) -> Iterator[Path]:

@@ -116,6 +116,8 @@ class LayoutReader(Recording, Protocol):
     """Whose it is, as shown to the user."""
     LOOKS_LIKE: ClassVar[str]
     """The names by which it is recognized."""
+    NEEDS: ClassVar[tuple[tuple[str, str], ...]]
+    """Files and folders that such a folder always has, each with what it is; none where names are not fixed."""
 
     def __init__(self, folder: Path) -> None:
         """Open a folder.

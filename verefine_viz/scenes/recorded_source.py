@@ -202,7 +202,8 @@ class RecordedSource:
             InputError: it has no mesh, or one that cannot be read.
         """
         if one.mesh is None or not one.mesh.is_file():
-            raise InputError("it has no mesh; expected a PLY, OBJ, GLB or STL file")
+            place = "" if one.mesh is None else f" at {one.mesh}"
+            raise InputError(f"it has no mesh{place}; expected a PLY, OBJ, GLB or STL file")
         key = (one.name, one.mesh.stat().st_size)
         if key not in self._models:
             mesh = read_mesh(one.mesh, one.unit_m)

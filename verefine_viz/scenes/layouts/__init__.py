@@ -24,3 +24,12 @@ def recording_in(folder: Path) -> LayoutReader | None:
     """
     reader = next((reader for reader in readers() if reader.recognizes(folder)), None)
     return None if reader is None else reader(folder)
+
+
+def lacking(folder: Path) -> str:
+    """What a folder lacks that has all but one of the files of a layout; empty where it has none, or all of them."""
+    for reader in readers():
+        missing = [(name, what) for name, what in reader.NEEDS if not (folder / name).exists()]
+        if len(missing) == 1 and len(reader.NEEDS) > 1:
+            return f"looks like the {reader.LAYOUT}, but {missing[0][0]} is missing: {missing[0][1]}"
+    return ""

@@ -44,6 +44,10 @@ class Reader:
 
     LAYOUT = "layout of DeepIM's demo"
     LOOKS_LIKE = "000000-color.png, 000000-depth.png, meta.yml, posecnn_results/"
+    NEEDS = (
+        ("meta.yml", "INTRINSICS [px]"),
+        ("posecnn_results", "initial poses"),
+    )
     is_sequence = has_truth = False
     has_poses = True
 

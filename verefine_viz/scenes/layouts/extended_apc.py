@@ -72,6 +72,7 @@ class Reader:
 
     LAYOUT = "layout of Extended APC"
     LOOKS_LIKE = f"scene-0001/{INFO}, {FRAME}.color.png, {FRAME}.depth.png, {FRAME}.mask.png"
+    NEEDS = ()
     is_sequence = has_poses = False
 
     def __init__(self, folder: Path) -> None:

@@ -44,6 +44,10 @@ class Reader:
 
     LAYOUT = "layout of FoundationPose's demo"
     LOOKS_LIKE = "cam_K.txt, depth/, rgb/, mesh/"
+    NEEDS = (
+        ("cam_K.txt", "the 3×3 camera matrix [px]"),
+        ("depth", "a depth image [mm] per frame"),
+    )
     is_sequence = True
 
     def __init__(self, folder: Path) -> None:
@@ -132,16 +136,6 @@ class Reader:
         file = self._mesh_files[0]
         size = float(np.linalg.norm(np.ptp(read_geometry(file)[0], axis=0)))
         return file, 1e-3 if size > LARGEST_M else 1.0
-
-
-def lacking(folder: Path) -> str:
-    """What a folder lacks that has a part of this layout; empty where it has none, or all that it needs."""
-    has_depth, has_camera = (folder / DEPTH).is_dir(), (folder / CAMERA).is_file()
-    if has_depth and not has_camera:
-        return f"has {DEPTH}/ but no {CAMERA}: write the 3×3 camera matrix [px] into it"
-    if has_camera and not has_depth:
-        return f"has {CAMERA} but no {DEPTH}/: save a depth image [mm] per frame there"
-    return ""
 
 
 def _number(stem: str) -> int | str:

@@ -44,6 +44,7 @@ class Reader:
 
     LAYOUT = "layout of DenseFusion's Linemod_preprocessed"
     LOOKS_LIKE = "data/01/gt.yml, data/01/info.yml, models/obj_01.ply"
+    NEEDS = ()
     is_sequence = has_poses = False
     has_truth = True
 
@@ -52,9 +53,7 @@ class Reader:
         self._scenes = {scene.resolve().name: _Scene(scene) for scene in scenes}
         self._models = scenes[0].resolve().parents[1] / "models"
         self.names: tuple[str, ...] = tuple(
-            f"{name}/{image}"
-            for name, scene in self._scenes.items()
-            for image in images_in(scene.folder / "depth", "*.png")
+            f"{name}/{image}" for name, scene in self._scenes.items() for image in scene.images
         )
         if not self.names:
             raise InputError(f"{scenes[0] / 'depth'} holds no image; expected 0000.png, …")
@@ -75,6 +74,8 @@ class Reader:
         rgb = color_of(find_image(scene.folder / "rgb", image), depth_m.shape)
         entries, where_gt = scene.entry(scene.truths, GROUND_TRUTH, image)
         notes: list[str] = []
+        if scene.are_counted_otherwise:
+            notes.append(f"images of {folder_name}/ are counted otherwise than {CAMERAS}; they are paired in order")
         own = next((entry for entry in entries if entry.obj_id == obj_id), None)
         T_gt = None
         if own is None:
@@ -99,6 +100,7 @@ class _Scene:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self.images = tuple(images_in(folder / "depth", "*.png"))
 
     @cached_property
     def cameras(self) -> Mapping[int, CameraEntry]:
@@ -108,9 +110,16 @@ class _Scene:
     def truths(self) -> Mapping[int, tuple[Entry, ...]]:
         return read_yaml(self.folder / GROUND_TRUTH, dict[int, tuple[Entry, ...]])
 
+    @cached_property
+    def are_counted_otherwise(self) -> bool:
+        """Whether images have other numbers than their entries, of which there are as many."""
+        return len(self.cameras) == len(self.images) and {*map(id_of, self.images)} != {*self.cameras}
+
     def entry(self, entries: Mapping[int, T], file: str, image: str) -> tuple[T, str]:
         """The entry of an image and what to call it; InputError where there is none."""
         where, number = f"{self.folder / file}, image {image}", id_of(image)
+        if self.are_counted_otherwise and len(entries) == len(self.images):
+            number = sorted(entries)[self.images.index(image)]
         if number is None or number not in entries:
             raise InputError(f"{where} is missing")
         return entries[number], where

@@ -49,6 +49,10 @@ class Reader:
 
     LAYOUT = "layout of MegaPose's example"
     LOOKS_LIKE = "camera_data.json, image_rgb.png, image_depth.png, meshes/, inputs/object_data.json"
+    NEEDS = (
+        ("camera_data.json", "K [px] and resolution"),
+        ("meshes", "a folder per label"),
+    )
     is_sequence = has_truth = False
     names, notes = ("0",), ()
 
@@ -96,7 +100,7 @@ class Reader:
                 notes.append(f"{called} has a box but no mask; all pixels of the box count as one")
             hypotheses = () if pose is None else (Hypothesis(pose, 1.0, "MegaPose"),)
             steps = tuple(RecordedStep(0, h.T_cam_obj, ANSWER) for h in hypotheses)
-            mesh = meshes[0] if meshes else None
+            mesh = meshes[0] if meshes else self._folder / "meshes" / one.label / "*.ply"
             objects.append(RecordedObject(called, mesh, 1e-3, mask, hypotheses, (None,) * len(hypotheses), steps))
         return RecordedFrame("0", camera.K, depth_m, rgb, tuple(objects), notes=tuple(notes))
 

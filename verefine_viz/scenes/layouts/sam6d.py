@@ -40,6 +40,11 @@ class Reader:
 
     LAYOUT = "layout of SAM-6D's example"
     LOOKS_LIKE = "camera.json, rgb.png, depth.png, *.ply"
+    NEEDS = (
+        ("camera.json", "cam_K [px] and depth_scale"),
+        ("rgb.png", "the image"),
+        ("depth.png", "its depth"),
+    )
     is_sequence = has_truth = False
     names = ("0",)
 

@@ -17,6 +17,7 @@ class Reader:
 
     LAYOUT = "traces"
     LOOKS_LIKE = "calls.jsonl, depth.npy"
+    NEEDS = ()
     has_poses = True
     has_truth = False
 

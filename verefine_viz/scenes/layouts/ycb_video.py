@@ -60,6 +60,7 @@ class Reader:
 
     LAYOUT = "layout of YCB-Video"
     LOOKS_LIKE = "data/0000/000001-color.png, -depth.png, -label.png, -meta.mat, models/"
+    NEEDS = ()
     is_sequence = has_truth = True
     has_poses = False
 
@@ -126,10 +127,10 @@ def _array(meta: Mapping[str, NDArray[np.float64]], path: Path, name: str, shape
         raise InputError(f"{path} has no {name!r} of shape {shape}") from None
 
 
-def model_of(models: Path, called: str) -> Path | None:
-    """The mesh of an object, ``textured.obj`` before others; None where there is none."""
+def model_of(models: Path, called: str) -> Path:
+    """The mesh of an object, ``textured.obj`` before others; where there is none, where it should be."""
     files = sorted(meshes_in(models / called), key=lambda path: (not path.stem.startswith("textured"), path.name))
-    return files[0] if files else None
+    return files[0] if files else models / called / "textured.obj"
 
 
 def _is_scene(folder: Path) -> bool:
