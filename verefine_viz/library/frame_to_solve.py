@@ -85,7 +85,7 @@ class Frame:
             T_cam_obj_gt: (4, 4) ground truth [m], where it is known.
             symmetry_axis: (3,) axis through the middle of the mesh's box about which every turn looks the same.
 
-        Several objects of one name are several instances of it, told apart by their numbers.
+        Several objects of one name are several instances of it, by their numbers.
 
         Returns:
             The frame itself.
