@@ -205,7 +205,7 @@ def test_frames_kept_one_after_another_are_solved_and_leave_a_batch(
         # A further estimator, more poses per object: the run goes on.
         more = found(PROBLEM, mesh)
         poses = np.array([h.T_cam_obj for h in PROBLEM.instances[0].hypotheses] * 4)
-        more.poses["another"] = poses  # type: ignore[index]
+        more["poses"]["another"] = poses
         kept(folder, PROBLEM, [more], gravity_cam=(0, 1, 0))
         until(lambda: ("frames", "1/3", "ok") in shown(watch))
         assert index(watch).answers("1/3")

@@ -154,16 +154,15 @@ def test_a_mask_that_is_missing_or_damaged_leaves_its_instance_out(tmp_path: Pat
     assert "scene_gt_coco.json has no mask of entry 0 of image 3" in refusal(made)
 
 
-def test_the_split_with_ground_truth_opens_and_the_others_are_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_split_with_ground_truth_opens_and_the_others_are_named(tmp_path: Path) -> None:
     made = make(tmp_path)
     for split in ("val", "train_pbr", "onboarding"):
         shutil.copytree(tmp_path / "test", tmp_path / split)
     order = ["test", "train_pbr", "val", "onboarding"]
     for split in order:
-        assert open_session(tmp_path, {}).scene.split == split
-        said = capsys.readouterr().err
+        lines: list[str] = []
+        assert open_session(tmp_path, {}, lines.append).scene.split == split
+        (said,) = lines
         assert f"split {split} (also: " in said
         assert all(other in said for other in order)
         (tmp_path / split / "000007" / "scene_gt.json").unlink()
