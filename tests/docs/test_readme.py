@@ -1,4 +1,4 @@
-"""What the README promises: its files exist, its sessions load, its code runs."""
+"""What README and guide promise: their files exist, their sessions load, their code runs."""
 
 from __future__ import annotations
 
@@ -33,10 +33,11 @@ from verefine_viz.trace import Trace
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+GUIDE = (ROOT / "docs" / "guide.md").read_text(encoding="utf-8")
 
 
 def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+    return re.findall(rf"^```{language}\n(.*?)^```", f"{README}\n{GUIDE}", re.MULTILINE | re.DOTALL)
 
 
 def make_targets() -> set[str]:

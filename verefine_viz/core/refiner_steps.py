@@ -1,6 +1,6 @@
 """What a refiner can say about itself: step by step, what it saw and answered, and the range that it was trained on.
 
-Both are optional, for refiners of users' programs as well (README, "Your own refiner").
+Both are optional, for refiners of users' programs as well (docs/guide.md, "Your own refiner").
 """
 
 from __future__ import annotations

@@ -154,7 +154,7 @@ class ScoreSettings(Settings, frozen=True):
 
     verifier: str = EQ_1
     """eq_1: Eq. 1, as the fields below have it. Else the name of a verifier of your own, which scores poses in its
-    place (README, "Your own verifier") and reads of the fields below what it wants."""
+    place (docs/guide.md, "Your own verifier") and reads of the fields below what it wants."""
     pixels: Literal["classes", "published", "observed"] = "classes"
     """Which pixels count. published: rendered or observed depth of any object (authors' shader). observed: valid depth
     in the object's mask (the paper's text). classes: the object's own mask and rendering, with what something nearer

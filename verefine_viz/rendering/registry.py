@@ -17,7 +17,7 @@ from verefine_viz.core.settings import EQ_1, ScoreSettings
 from verefine_viz.rendering.verifier import as_poses
 
 VERIFIERS: dict[str, Callable[[ScoreSettings], PoseScorer]] = {}
-"""Beside Eq. 1. A new one is a class with ``scores`` (core.protocols.PoseScorer) and a line here; README, "Your own
+"""Beside Eq. 1. A new one is a class with ``scores`` (core.protocols.PoseScorer) and a line here; docs/guide.md, "Your own
 verifier"."""
 
 
