@@ -17,8 +17,8 @@ from verefine_viz.core.settings import EQ_1, ScoreSettings
 from verefine_viz.rendering.verifier import as_poses
 
 VERIFIERS: dict[str, Callable[[ScoreSettings], PoseScorer]] = {}
-"""Beside Eq. 1. A new one is a class with ``scores`` (core.protocols.PoseScorer) and a line here; docs/guide.md, "Your own
-verifier"."""
+"""Beside Eq. 1. A new one is a class with ``scores`` (core.protocols.PoseScorer) and a line here; docs/guide.md, "Your
+own verifier"."""
 
 
 def verifier_names() -> tuple[str, ...]:
