@@ -17,7 +17,7 @@ Case = tuple[Callable[[BadInput], Path], str]
 
 SESSION_FILES: dict[str, Case] = {
     "missing": (lambda d: d.folder / "none.toml", "none.toml does not exist"),
-    "a folder": (lambda d: d.folder, "cannot be read: it is a folder, expected a .toml file"),
+    "a folder": (lambda d: d.folder, "holds no data that are known; looked for run files"),
     "the folder of a batch": (BadInput.batch_folder, "did you mean "),
     "JSON instead of TOML": (lambda d: d.file("s.toml", '{"scene": {}}'), "is not TOML"),
     "not text": (lambda d: d.file("s.toml", b"\xff\xfe\x00"), "cannot be read: it is no text, expected a .toml file"),

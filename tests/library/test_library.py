@@ -12,6 +12,7 @@ import verefine_viz as vv
 from tests.fakes import BOX_M, box_problem
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import apply
+from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.run.data_folder import open_session
 from verefine_viz.run.run_file import read_run_file
 from verefine_viz.run.toolbox import Toolbox
@@ -100,7 +101,9 @@ def test_single_calls_are_what_the_engine_does(mesh: Path) -> None:
     assert len(vv.estimate(frame, "box 0", n=2)) <= 2
 
 
-def test_a_refiner_of_ones_own_is_taken_by_its_name(mesh: Path) -> None:
+def test_a_refiner_of_ones_own_is_taken_by_its_name(mesh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(REFINERS, "lifts", None)  # It is gone with the test.
+
     @vv.refiner("lifts")
     class Lifts:
         def refine(self, target, T_cam_obj, fixed=()):

@@ -202,6 +202,6 @@ def test_it_is_recorded_without_maps_and_replayed_through_its_program(
     assert cli.main(["replay", str(path), "--verify"]) == 2
     assert capsys.readouterr().err == (
         f"verefine-viz: recording {path} was made with the verifier 'own', which this program does not have (it has "
-        f'eq_1); verify it through the program that does, as in the README\'s "Your own verifier": python PROGRAM.py '
+        f'eq_1); verify it through the program that does, as in docs/guide.md, "Your own verifier": python PROGRAM.py '
         f"replay {path} --verify\n"
     )

@@ -57,9 +57,10 @@ def test_without_a_data_set_the_line_says_what_to_add(tmp_path: Path) -> None:
 
 
 def test_a_scene_with_other_images_and_a_folder_without_models_are_read_past(tmp_path: Path) -> None:
-    make(tmp_path / "made")
-    make(tmp_path / "aaa")
-    (tmp_path / "aaa" / "models").rename(tmp_path / "aaa" / "gone")
+    place = tmp_path / "a" / "b"  # Two levels above it lie the folders of other tests.
+    make(place / "made")
+    make(place / "aaa")
+    (place / "aaa" / "models").rename(place / "aaa" / "gone")
     with pytest.raises(InputError, match=r"scene 7 of .*made has images 3, the poses are of image 0; add"):
-        open_session(write(tmp_path / "a.csv", (7, 0)), {})
-    assert open_session(write(tmp_path / "b.csv", (7, 3)), {}).scene.frames == ("7/3",)
+        open_session(write(place / "a.csv", (7, 0)), {})
+    assert open_session(write(place / "b.csv", (7, 3)), {}).scene.frames == ("7/3",)

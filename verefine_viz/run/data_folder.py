@@ -129,7 +129,7 @@ def open_session(
     if known is not None:
         report(f"{in_one_line(str(path))}: {known.what}")
         return known.session
-    if path.is_dir():
+    if path.is_dir() and not (path / SESSION).exists():
         raise InputError(f"{path} {why_unknown(path)}")
     return load_session(path, overrides)
 

@@ -31,7 +31,7 @@ def check_refiners(session: Session, what: str, to_do: str, words: str) -> None:
         if name not in names:
             raise SettingsError(
                 f"{what} was made with the {kind} {name!r}, which this program does not have "
-                f"(it has {', '.join(names)}); {to_do} it through the program that does, as in the README's "
+                f"(it has {', '.join(names)}); {to_do} it through the program that does, as in docs/guide.md, "
                 f'"Your own {kind}": python PROGRAM.py {words}'
             )
 
