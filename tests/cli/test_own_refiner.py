@@ -122,7 +122,7 @@ def test_it_is_verified_through_the_program_that_has_it(recording: Path, refused
     assert refused("replay", recording, "--verify") == (
         f"recording {recording} was made with the refiner 'own', which this program does not have (it has icp, "
         "trimmed_icp, depth_net, depth_net_icp, densefusion, identity); verify it through the program that does, as in "
-        f'the README\'s "Your own refiner": python PROGRAM.py replay {recording} --verify'
+        f'docs/guide.md, "Your own refiner": python PROGRAM.py replay {recording} --verify'
     )
 
 
