@@ -32,7 +32,7 @@ def test_link_opens_at_frame_object_and_iteration_and_a_reload_stays(show, pages
     assert link.endswith("iteration=3")
     other = pages.show(screen.app, link.removeprefix(f"{screen.app.url}/"))
     other.until(f"String({PLACE}) === String(arg)", place)
-    other.until("state.runs.get(state.view.branch).over")  # The whole run is there, the window stays.
+    other.until("state.runs.get(state.view.branch)?.over")  # The whole run is there, the window stays.
     assert other.state(PLACE) == place
     other.shot("link_opened")
     other.page.reload()

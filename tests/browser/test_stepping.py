@@ -33,7 +33,7 @@ def test_space_runs_and_pauses_whatever_was_clicked_last(show):
     screen.click("Step")
     screen.until("state.view.k === 1")
     screen.key(" ")  # The focused button must not be pressed as well.
-    screen.until("state.runs.get(state.view.branch).over")
+    screen.until("state.runs.get(state.view.branch)?.over")
     screen.until("moment.isAnswer")
     rows = screen.state("state.runs.get(state.view.branch).rows.length")
     assert rows == screen.state("state.runs.get(state.view.branch).total")

@@ -27,6 +27,7 @@ def app(chromium, shared_data, tmp_path_factory):
 
 def finished(app: App, pages: Pages) -> Screen:
     screen = pages.show(app)
+    screen.until("state.runs.has(state.view.branch)")
     if not screen.state("state.runs.get(state.view.branch).over"):
         screen.key(" ")
     screen.until("moment.isAnswer && state.verdicts.has(state.view.branch)")
