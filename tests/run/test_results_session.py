@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -64,3 +65,16 @@ def test_a_scene_with_other_images_and_a_folder_without_models_are_read_past(tmp
     with pytest.raises(InputError, match=r"scene 7 of .*made has images 3, the poses are of image 0; add"):
         open_session(write(place / "a.csv", (7, 0)), {})
     assert open_session(write(place / "b.csv", (7, 3)), {}).scene.frames == ("7/3",)
+
+
+def test_a_folder_above_that_may_not_be_listed_is_read_past(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make(tmp_path / "a" / "made")
+    path, listed = write(tmp_path / "a" / "net.csv", (7, 3)), Path.iterdir
+
+    def refused(self: Path) -> Iterator[Path]:
+        if self == tmp_path:
+            raise PermissionError(13, "Permission denied", str(self))
+        return listed(self)
+
+    monkeypatch.setattr(Path, "iterdir", refused)
+    assert open_session(path, {}).scene.frames == ("7/3",)

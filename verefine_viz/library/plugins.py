@@ -13,9 +13,9 @@ from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.rendering.registry import VERIFIERS
 
 R = TypeVar("R", bound=Callable[[], Refiner])
+E = TypeVar("E", bound=Callable[[], Estimator])
 V = TypeVar("V", bound=Callable[[], PoseScorer])
 _REGISTRIES = ("verefine_viz.refiners.registry", "verefine_viz.estimators.registry")
-E = TypeVar("E", bound=Callable[[], Estimator])
 
 
 def refiner(name: str) -> Callable[[R], R]:

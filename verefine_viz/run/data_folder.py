@@ -11,7 +11,7 @@ from verefine_viz.core.errors import InputError, in_one_line
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.run.built_in_sessions import named_session
-from verefine_viz.run.results_session import SUFFIXES, frames_missing, results_session
+from verefine_viz.run.results_session import SUFFIXES, results_session
 from verefine_viz.run.session_file import CAPTURE_HEAD, load_session
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.bop_files import (
@@ -50,8 +50,8 @@ def data_at(folder: Path, overrides: Mapping[str, Any]) -> KnownData | None:
         VerefineError: it is damaged, or the overrides do not fit it.
     """
     if folder.suffix in SUFFIXES and folder.is_file():
-        session = results_session(folder, overrides)
-        n, missing = len(session.scene.frames), frames_missing(session)
+        session, missing = results_session(folder, overrides)
+        n = len(session.scene.frames)
         more = f" ({missing} more frame{'s' * (missing > 1)} of the file are not there)" if missing else ""
         of = f"{session.scene.dataset}, split {session.scene.split}"
         return KnownData(f"poses for {n} frame{'s' * (n > 1)} of {of}{more}", session)

@@ -22,8 +22,8 @@ LEVELS_UP, MOST_FOLDERS = 3, 300
 """How far above the file a data set is looked for, and in how many folders there."""
 
 
-def results_session(path: Path, overrides: Mapping[str, Any]) -> Session:
-    """The frames that a results file has poses of, which are the initial poses.
+def results_session(path: Path, overrides: Mapping[str, Any]) -> tuple[Session, int]:
+    """The frames that a results file has poses of, which are the initial poses; and how many are not in the data set.
 
     Args:
         path: a file as :func:`read_estimates` reads.
@@ -41,23 +41,18 @@ def results_session(path: Path, overrides: Mapping[str, Any]) -> Session:
             try:
                 dataset = BopDataset(folder, split)
                 there = [ids for ids in wanted if dataset.has(*ids)]
-            except VerefineError:
+            except (VerefineError, OSError):
                 if given:
                     raise
                 continue  # Another one may have the frames.
             if there:
-                return _session(path, folder, split, [frame_name(ids) for ids in there], overrides)
+                frames = [frame_name(ids) for ids in there]
+                return _session(path, folder, split, frames, overrides), len(wanted) - len(there)
             near = near or _other_images(dataset, wanted)
     scenes = listed(sorted({scene_id for scene_id, _ in wanted}))
     where = f"{given} has none of its frames" if given else "no data set with its frames lies near it"
     hint = "" if given else "; add --scene.dataset DIR"
     raise InputError(f"{path} has {len(rows)} poses of scenes {scenes}, but {where}{near}{hint}")
-
-
-def frames_missing(session: Session) -> int:
-    """How many frames of the results files of a session over them are not in its data set."""
-    files = (row for file in session.hypotheses.files for row in read_estimates(file))
-    return len({frame_name((row.scene_id, row.im_id)) for row in files} - {*session.scene.frames})
 
 
 def _session(path: Path, folder: Path, split: str, frames: list[str], overrides: Mapping[str, Any]) -> Session:
@@ -80,10 +75,17 @@ def _other_images(dataset: BopDataset, wanted: Sequence[tuple[int, int]]) -> str
 def _folders_near(path: Path) -> Iterator[Path]:
     """The folders above a file and what lies in them, those first that its name speaks of (method_ycbv-test.csv)."""
     above = path.resolve().parents[:LEVELS_UP]
-    inside = (sorted(p for p in folder.iterdir() if p.is_dir()) for folder in above)
-    near = [*above, *islice((p for folders in inside for p in folders), MOST_FOLDERS)]
+    near = [*above, *islice((inside for folder in above for inside in _folders_in(folder)), MOST_FOLDERS)]
     named = re.search(r"_([^_]+)-[^_]+$", path.stem)
     yield from sorted(near, key=lambda folder: named is None or folder.name != named[1])
+
+
+def _folders_in(folder: Path) -> list[Path]:
+    """The folders in a folder; none where it may not be listed, such as one of another user above the file."""
+    try:
+        return sorted(path for path in folder.iterdir() if path.is_dir())
+    except OSError:
+        return []
 
 
 def _splits(folder: Path, path: Path) -> Iterator[str]:

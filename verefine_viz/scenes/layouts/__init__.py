@@ -12,7 +12,7 @@ from verefine_viz.scenes.recorded_frame import LayoutReader
 
 @cache
 def readers() -> tuple[type[LayoutReader], ...]:
-    """All of them, found by listing this folder."""
+    """All of them, by listing this folder."""
     return tuple(import_module(f"{__name__}.{module.name}").Reader for module in iter_modules(__path__))
 
 
