@@ -230,4 +230,7 @@ def read_gallery(folder: Path, overrides: Mapping[str, Any] | None = None) -> Ga
             notes.append(str(error))
     if not indices:
         raise InputError(notes[0])
-    return Gallery(indices, len(folders) - len(finished), overrides, notes)
+    gallery = Gallery(indices, len(folders) - len(finished), overrides, notes)
+    if not gallery.sorted_by("error"):
+        raise InputError(f"no run in {folder} has an answer; open one by itself: verefine-viz view RUN{SUFFIX}")
+    return gallery
