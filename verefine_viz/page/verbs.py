@@ -288,6 +288,7 @@ class Debugger:
             self.post(answers_message(self.gallery), window)
         self.announce_running(window)
         self.post({"t": "scene3d", "window": self.look_window}, window)
+        self.post({"t": "ready"}, window)
 
     def window_closed(self, window: int) -> None:
         """Note that a window is closed: the 3D view is free for another one."""

@@ -84,5 +84,5 @@ addEventListener("popstate", () => state.report && setView({ preset: "report" })
 
 export function openFile() {
   answeredBy(server);
-  return open("page");
+  return open("page").then(() => update({ connection: "open" }));
 }

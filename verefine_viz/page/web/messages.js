@@ -12,8 +12,11 @@ let opening = hashLink() || null; // a link that is yet to be opened: it must no
 on("hello", ({ window, version }) => {
   if (state.version && state.version !== version) location.reload(); // the program was started again, and is another one
   lost = state.connection === "lost" ? written : null;
-  update({ connection: "open", window, version });
+  update({ connection: "opening", window, version });
 });
+
+// All that the server knows has come.
+on("ready", () => update({ connection: "open" }));
 
 on("frame", (message) => {
   const isAgain = state.frame?.id === message.id; // after the connection was lost

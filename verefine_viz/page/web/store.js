@@ -2,7 +2,7 @@
 import { useState, useEffect, useRef } from "./vendor/htm-preact.js";
 
 export const state = {
-  connection: "opening", // opening, open, lost
+  connection: "opening", // opening, open (all that the server knows has come), lost
   window: null,
   frame: null,
   branches: [],
