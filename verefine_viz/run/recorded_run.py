@@ -88,9 +88,14 @@ def _columns(scores: Sequence[PoseScore]) -> Scores:
 
     fits = [column(name, float) for name in ("score", "depth_fit", "normal_fit")]
     pixels = [column(name, int) for name in ("n_pixels", "n_rendered", "counts")]
-    has_colour = any(score.colour_fit is not None for score in scores)
-    colour = column("colour_fit", float) if has_colour else None
-    return Scores(*fits, *pixels, colour_fit=colour, colour_weight=scores[0].colour_weight)
+    terms = {
+        name: column(name, float)
+        for name in ("colour_fit", "plausibility")
+        if any(getattr(score, name) is not None for score in scores)
+    }
+    of_all = scores[0]
+    weights = {"colour_weight": of_all.colour_weight, "plausibility_weight": of_all.plausibility_weight}
+    return replace(Scores(*fits, *pixels, **weights), **terms)
 
 
 def _after(before: ObjectState, iteration: Iteration) -> ObjectState:
