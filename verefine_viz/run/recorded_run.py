@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Iteration
@@ -86,16 +87,19 @@ def _columns(scores: Sequence[PoseScore]) -> Scores:
     def column(name: str, kind: type) -> np.ndarray:
         return np.array([getattr(score, name) for score in scores], kind)
 
+    def term(name: str) -> Float | None:
+        return column(name, float) if any(getattr(score, name) is not None for score in scores) else None
+
     fits = [column(name, float) for name in ("score", "depth_fit", "normal_fit")]
     pixels = [column(name, int) for name in ("n_pixels", "n_rendered", "counts")]
-    terms = {
-        name: column(name, float)
-        for name in ("colour_fit", "plausibility")
-        if any(getattr(score, name) is not None for score in scores)
-    }
-    of_all = scores[0]
-    weights = {"colour_weight": of_all.colour_weight, "plausibility_weight": of_all.plausibility_weight}
-    return replace(Scores(*fits, *pixels, **weights), **terms)
+    return Scores(
+        *fits,
+        *pixels,
+        colour_fit=term("colour_fit"),
+        colour_weight=scores[0].colour_weight,
+        plausibility=term("plausibility"),
+        plausibility_weight=scores[0].plausibility_weight,
+    )
 
 
 def _after(before: ObjectState, iteration: Iteration) -> ObjectState:
