@@ -19,6 +19,7 @@ from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import PhysicsSettings, ScoreSettings
+from verefine_viz.page.views.pixel_maps import score_numbers
 from verefine_viz.physics.plausibility import Plausibility, centre_of_mass, plausibility
 from verefine_viz.recording.verify import first_difference, verify
 from verefine_viz.run.engine import Run
@@ -123,6 +124,7 @@ def test_the_score_is_a_mixture_and_the_fits_are_as_without_it() -> None:
     np.testing.assert_allclose(scores.score, (1 - W) * without.score + W * p, atol=1e-15)
     assert np.array_equal(scores.depth_fit, without.depth_fit)
     assert (scores[1].plausibility, scores[1].plausibility_weight) == (p[1], W)
+    assert score_numbers(scores[1])["plausibility"] == p[1], "the page shows it"
 
 
 def test_at_equal_fit_a_pose_that_could_be_there_scores_higher() -> None:
