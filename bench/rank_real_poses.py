@@ -23,11 +23,13 @@ from scipy.stats import spearmanr
 
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.problem import Instance, Problem, Target
+from verefine_viz.core.problem import Instance, Placed, Problem, Target
 from verefine_viz.core.scores import ScoreMaps
-from verefine_viz.core.settings import HypothesesSettings, IcpSettings, SceneSettings, ScoreSettings
+from verefine_viz.core.settings import HypothesesSettings, IcpSettings, PhysicsSettings, SceneSettings, ScoreSettings
 from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
 from verefine_viz.evaluation.pose_errors import pose_errors
+from verefine_viz.physics.plausibility import centre_of_mass, plausibility
+from verefine_viz.physics.proximity import Surfaces
 from verefine_viz.refiners.icp import Icp
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
 from verefine_viz.scenes.hypothesis_pool import perturbed
@@ -65,6 +67,8 @@ class Variant:
     missed: str = "wrong"
     colour: float = 0.0
     """w of the colour term; needs models with colours."""
+    plausibility: float = 0.0
+    """w of plausibility, each object alone on the support plane."""
 
 
 VARIANTS = (
@@ -83,6 +87,7 @@ VARIANTS = (
     Variant("classes, τ 10 mm", tau_m=0.01),
     Variant("classes, τ 40 mm", tau_m=0.04),
     *(Variant(f"classes, colour {w}", colour=w) for w in (0.05, 0.1, 0.2, 0.3, 0.5)),
+    *(Variant(f"classes, plausibility {w}", plausibility=w) for w in (0.1, 0.3)),
 )
 
 
@@ -99,10 +104,14 @@ class Picture:
     n_objects_elsewhere: int
     f_c: float | None
     """By the mask as annotated; None where the object has no colour term."""
+    p: float
+    """Plausibility; 0 where the frame has no support plane."""
 
 
 def score(p: Picture, v: Variant) -> float:
     """The score of a picture in one variant."""
+    if v.plausibility:
+        return (1 - v.plausibility) * score(p, replace(v, plausibility=0.0)) + v.plausibility * p.p
     if v.colour and p.f_c is not None:
         return (1 - v.colour) * score(p, replace(v, colour=0.0)) + v.colour * max(p.f_c, 0.0)
     drawn, measured = p.rendered_m > 0, p.observed_m > 0
@@ -146,12 +155,14 @@ def masks(mask: NDArray, all_masks: NDArray) -> Iterator[tuple[str, NDArray, NDA
     yield "large", binary_dilation(mask, iterations=MASK_PX), binary_dilation(all_masks, iterations=MASK_PX)
 
 
-def pictures(target: Target, all_maps: Sequence[ScoreMaps], mask: NDArray, all_masks: NDArray) -> Iterator[Picture]:
-    """The picture of each pose."""
+def pictures(
+    target: Target, all_maps: Sequence[ScoreMaps], shares: NDArray, mask: NDArray, all_masks: NDArray
+) -> Iterator[Picture]:
+    """The picture of each pose, with its plausibility."""
     observation = target.observation
     measured = observation.depth_m > 0
     own, objects = mask & measured, all_masks & measured
-    for maps in all_maps:
+    for maps, share in zip(all_maps, shares, strict=True):
         used = (maps.rendered_m > 0) | own
         cosine = np.einsum("ij,ij->i", observation.normals_cam[used], maps.rendered_normals[used])
         yield Picture(
@@ -166,7 +177,19 @@ def pictures(target: Target, all_maps: Sequence[ScoreMaps], mask: NDArray, all_m
             if maps.correlation is None
             else float(np.nan_to_num(maps.correlation[maps.classes == 1]).sum())
             / max(int((maps.classes == 1).sum()), 1),
+            p=float(share),
         )
+
+
+def shares(target: Target, Ts: NDArray, surfaces: Surfaces) -> NDArray:
+    """(N,) plausibility of poses (N, 4, 4)."""
+    support = target.observation.support
+    if support is None:
+        return np.zeros(len(Ts))
+    com_obj = centre_of_mass(target.model, PhysicsSettings())
+    poses = (Placed(target.instance.instance_id, target.model, T) for T in Ts)
+    checked = (plausibility(pose, (), support, surface_of=surfaces, com_obj=com_obj) for pose in poses)
+    return np.array([one.share(TAU_M) for one in checked])
 
 
 def candidates(instance: Instance, model: ObjectModel, results: Problem | None) -> tuple[NDArray, NDArray, NDArray]:
@@ -240,6 +263,7 @@ def run(dataset: Path, variants: tuple[Variant, ...] = VARIANTS) -> list[dict[st
     scene = SceneSettings(source="bop", dataset=str(dataset))
     source = open_scene(scene, HypothesesSettings(source="perturb"))
     estimates = open_scene(scene, HypothesesSettings(source="results", files=files)) if files else None
+    surfaces = Surfaces()
     verifier, refiner = CpuVerifier(ScoreSettings(simplify_mm=0.2, colour_weight=0.5)), Icp(IcpSettings())
     table: dict[tuple[str, str], list[dict[str, float]]] = {}
     for frame in source.frames:
@@ -260,7 +284,8 @@ def run(dataset: Path, variants: tuple[Variant, ...] = VARIANTS) -> list[dict[st
                 errors = np.array([pose_errors(model, T, instance.T_cam_obj_gt).add_s_mm for T in poses])
                 geometric = CpuVerifier(ScoreSettings()).score(target, poses).score
                 close_turn = is_turn & (np.abs(geometric - geometric[0]) < CLOSE_TURN)
-                seen = list(pictures(target, [verifier.maps(target, T) for T in poses], *both))
+                maps = [verifier.maps(target, T) for T in poses]
+                seen = list(pictures(target, maps, shares(target, poses, surfaces), *both))
                 for v in variants:
                     scores = np.array([score(p, v) for p in seen])
                     ranked = rank(scores, errors, is_real, close_turn, model.diameter_m * 1e3)

@@ -1,4 +1,5 @@
-"""What colour, flips and the observed support add on real frames, or what the authors' code has, and what it costs.
+"""What colour, flips and the observed support add on real frames, or what the authors' code has, or plausibility as a
+term of the score, and what it costs.
 
     python -m bench.terms DATASET_FOLDER [--rows terms] [--method rir] [--refiner icp] [--seeds 5] [--pool FILE.csv]
 
@@ -94,6 +95,11 @@ def rows(weight: float) -> dict[str, dict[str, Row]]:
             "colour and flips": Row({"score": colour, "hypotheses": flips}, "colour"),
             "observed support": Row({"physics": observed}),
             "all": Row({"score": colour, "hypotheses": flips, "physics": observed}),
+        },
+        "plausibility": {
+            "as recommended": Row({}),
+            "w = 0.1": Row({"score": {"plausibility_weight": 0.1}}),
+            "w = 0.3": Row({"score": {"plausibility_weight": 0.3}}),
         },
         "authors": {
             "as recommended": Row({}),

@@ -124,6 +124,7 @@ def _object_row(
         score=best.score.score,
         initial_score=float(initial.score.max()),
         colour_fit=best.score.colour_fit,
+        plausibility=best.score.plausibility,
         recorded_score=target.instance.recorded_score(best.T_cam_obj),
         **_errors(target, best, initial),
         best_hypothesis=best.arm + 1,

@@ -15,7 +15,13 @@ PRESETS: dict[str, Fields] = {
     "recommended": {},
     "paper": {
         # Sec. III-B, Eq. 1: N is the valid depth of the segment. Sec. V: 20 mm, 45°, and 1 − cos 45° is 0.293.
-        "score": {"pixels": "observed", "tau_m": 0.020, "alpha": 0.293, "colour_weight": 0.0},
+        "score": {
+            "pixels": "observed",
+            "tau_m": 0.020,
+            "alpha": 0.293,
+            "colour_weight": 0.0,
+            "plausibility_weight": 0.0,
+        },
         # Sec. V: PCL's basic point-to-point ICP with 50 iterations, spread over 5 iterations of PIR.
         "icp": {"metric": "point", "stop": "max_iterations", "gate": "published", "matches": "all"},
         "densefusion": {"iterations": 1},  # Sec. V: 2, distributed over 2 iterations of PIR.
@@ -55,6 +61,7 @@ PRESETS: dict[str, Fields] = {
             "pixel_centre": "half",
             "simplify_mm": 0.0,
             "colour_weight": 0.0,
+            "plausibility_weight": 0.0,
         },
         "icp": {"metric": "point", "stop": "published", "gate": "published", "matches": "all", "max_iterations": 10},
         "hypotheses": {"flips": False},

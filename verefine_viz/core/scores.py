@@ -34,7 +34,8 @@ class PoseScore(Struct, frozen=True, eq=False):
     """The score of one pose."""
 
     score: float
-    """f̄ of Eq. 1 in [0, 1], with colour (1 − w) f̄ + w max(f_c, 0); 0 where it is undefined."""
+    """f̄ of Eq. 1 in [0, 1], with colour (1 − w) f̄ + w max(f_c, 0), and so on with plausibility; 0 where it is
+    undefined."""
     depth_fit: float
     """Mean f_d over the counted pixels; NaN, as the next one, where the score is not of Eq. 1 and has no parts."""
     normal_fit: float
@@ -52,6 +53,9 @@ class PoseScore(Struct, frozen=True, eq=False):
     off."""
     colour_weight: float = 0.0
     """w, 0 where the term is off; the same for all poses of an object."""
+    plausibility: float | None = None
+    """p in [0, 1]: whether the object could be there (docs/methods.md 1.14); None where the term is off."""
+    plausibility_weight: float = 0.0
 
     @property
     def has_parts(self) -> bool:
@@ -60,8 +64,8 @@ class PoseScore(Struct, frozen=True, eq=False):
 
     @property
     def colour_part(self) -> float:
-        """What colour adds to the score: w max(f_c, 0)."""
-        return self.colour_weight * max(self.colour_fit or 0.0, 0.0)
+        """What colour adds to the score: w max(f_c, 0), of the share that is not plausibility's."""
+        return (1 - self.plausibility_weight) * self.colour_weight * max(self.colour_fit or 0.0, 0.0)
 
     @property
     def shares(self) -> dict[str, float]:
@@ -86,6 +90,9 @@ class Scores:
     colour_fit: Float | None = None
     """(N,) f_c; None where the term is off."""
     colour_weight: float = 0.0
+    plausibility: Float | None = None
+    """(N,) p; None where the term is off."""
+    plausibility_weight: float = 0.0
 
     def __post_init__(self) -> None:
         score, defined = self.score, np.isfinite(self.score)
@@ -110,6 +117,8 @@ class Scores:
             self.undefined is not None and bool(self.undefined[i]),
             None if self.colour_fit is None else float(self.colour_fit[i]),
             self.colour_weight,
+            None if self.plausibility is None else float(self.plausibility[i]),
+            self.plausibility_weight,
         )
 
 

@@ -171,6 +171,9 @@ class ScoreSettings(Settings, frozen=True):
     """w, weight of colour: f̄ becomes (1 − w) f̄ + w max(f_c, 0), with f_c the correlation of rendered and observed
     colour (docs/methods.md 1.10). 0 = depth and normals alone, as in the paper. An object whose model, or whose part of
     the image, is of one colour has w = 0."""
+    plausibility_weight: Annotated[float, Meta(ge=0, lt=1)] = 0.0
+    """w, weight of plausibility: the score f becomes (1 − w) f + w p, with p in [0, 1] lower for a pose that floats,
+    sinks into something or would fall (docs/methods.md 1.14). 0 = not asked, as in the paper. Takes a support plane."""
     renderer: Literal["auto", "gl", "cpu"] = "auto"
     """auto: OpenGL on a real GPU, else the CPU rasteriser."""
     simplify_mm: Annotated[float, Meta(ge=0, le=100)] = 0.2

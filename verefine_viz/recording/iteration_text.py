@@ -53,17 +53,20 @@ def describe(
 
 def _stages(iteration: Iteration, moved_mm: Sequence[float], turned_deg: Sequence[float]) -> str:
     """The table of the stages."""
-    has_colour = any(s.score is not None and s.score.colour_fit is not None for s in iteration.stages)
-    lines = ["| stage | score | f_d | f_n | N | moved | turned |\n|-|-:|-:|-:|-:|-:|-:|"]
-    if has_colour:
-        lines = ["| stage | score | f_d | f_n | f_c | N | moved | turned |\n|-|-:|-:|-:|-:|-:|-:|-:|"]
+    scored = [s.score for s in iteration.stages if s.score is not None]
+    terms = {"f_c": "colour_fit", "p": "plausibility"}
+    shown = {f: name for f, name in terms.items() if any(getattr(score, name) is not None for score in scored)}
+    columns = ["stage", "score", "f_d", "f_n", *shown, "N", "moved", "turned"]
+    lines = [f"| {' | '.join(columns)} |\n|-|{'-:|' * (len(columns) - 1)}"]
     for stage, mm, deg in zip(iteration.stages, moved_mm, turned_deg, strict=True):
         s = stage.score
-        scores = "– | – | – | – | –" if has_colour else "– | – | – | –"
+        numbers = ["–"] * (len(columns) - 3)
         if s is not None:
-            f_c = f" | {s.colour_fit:.3f}" if s.colour_fit is not None else ""
-            parts = f"{s.depth_fit:.3f} | {s.normal_fit:.3f}{f_c} | {s.n_pixels}" if s.has_parts else "– | – | –"
-            scores = f"{s.score:.3f} | {parts}"
+            own = [getattr(s, name) for name in shown.values()]
+            fits = [s.depth_fit, s.normal_fit] if s.has_parts else [None, None]
+            numbers = ["–" if x is None else f"{x:.3f}" for x in (s.score, *fits, *own)]
+            numbers.append(str(s.n_pixels) if s.has_parts else "–")
+        scores = " | ".join(numbers)
         name = f"**{stage.name} ✔**" if stage.name == iteration.accepted else stage.name
         lines.append(f"| {name} | {scores} | {mm:.1f} mm | {deg:.1f}° |")
     return "\n".join(lines)

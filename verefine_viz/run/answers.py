@@ -69,6 +69,11 @@ COLUMNS = (
         "not count (`score.colour_weight` is 0, or model or image have no contrast)",
     ),
     Column(
+        "plausibility",
+        "p of the answer, 0 to 1: half of it for touching without sinking in, half for being stable; empty where "
+        "plausibility does not count (`score.plausibility_weight` is 0, or no support plane is known)",
+    ),
+    Column(
         "recorded_score",
         "score that the program whose steps were recorded gave to the answer, in its own units; empty where"
         " nothing was recorded, it gave none, or the answer is another pose",

@@ -18,6 +18,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.protocols import Method, RunState, Verifier, Watcher
 from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.settings import Edit, Session
+from verefine_viz.run.plausible_verifier import are_comparable
 from verefine_viz.run.record import RunRecord, header_of
 from verefine_viz.run.recorded_run import RecordedSteps
 
@@ -58,7 +59,7 @@ class Plan:
 
     def scores_change(self, k: int) -> bool:
         """Whether settings of the score change after iteration ``k`` ≥ 1."""
-        return k in self.changes and self.changes[k].verifier.settings != self.method_at(k - 1).verifier.settings
+        return k in self.changes and not are_comparable(self.changes[k].verifier, self.method_at(k - 1).verifier)
 
     def _edited(self, state: RunState, k: int, by: Method[Any]) -> RunState:
         """``state`` after iteration ``k`` with the poses that were edited there."""

@@ -98,6 +98,8 @@ class Answer(Struct, frozen=True, eq=False, kw_only=True):
     """Best of the hypotheses."""
     colour_fit: float | None = None
     """f_c of the answer in [−1, 1]; None where colour does not count."""
+    plausibility: float | None = None
+    """p of the answer in [0, 1]; None where plausibility does not count."""
     recorded_score: float | None = None
     """Of the answer, by the program whose steps were recorded, in its own units."""
     missing_depth: float | None = None

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Iteration
@@ -86,11 +87,19 @@ def _columns(scores: Sequence[PoseScore]) -> Scores:
     def column(name: str, kind: type) -> np.ndarray:
         return np.array([getattr(score, name) for score in scores], kind)
 
+    def term(name: str) -> Float | None:
+        return column(name, float) if any(getattr(score, name) is not None for score in scores) else None
+
     fits = [column(name, float) for name in ("score", "depth_fit", "normal_fit")]
     pixels = [column(name, int) for name in ("n_pixels", "n_rendered", "counts")]
-    has_colour = any(score.colour_fit is not None for score in scores)
-    colour = column("colour_fit", float) if has_colour else None
-    return Scores(*fits, *pixels, colour_fit=colour, colour_weight=scores[0].colour_weight)
+    return Scores(
+        *fits,
+        *pixels,
+        colour_fit=term("colour_fit"),
+        colour_weight=scores[0].colour_weight,
+        plausibility=term("plausibility"),
+        plausibility_weight=scores[0].plausibility_weight,
+    )
 
 
 def _after(before: ObjectState, iteration: Iteration) -> ObjectState:

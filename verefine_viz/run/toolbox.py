@@ -12,7 +12,8 @@ from msgspec import structs
 
 from verefine_viz.core.errors import InputError, ShapeError, VerefineError, unknown
 from verefine_viz.core.model import ObjectModel
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.observation import Support
+from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Estimator, Method, Refiner, Verifier, Watcher
 from verefine_viz.core.settings import PhysicsSettings, Session, TrackedPose
@@ -22,6 +23,7 @@ from verefine_viz.methods.object_method import Flips
 from verefine_viz.methods.physim_mcts import make_physim_mcts, mcts_physics, mcts_tricp
 from verefine_viz.methods.registry import make_method, method_of
 from verefine_viz.observation.dependency_graph import dependency_graph
+from verefine_viz.physics.plausibility import centre_of_mass, plausibility
 from verefine_viz.physics.proximity import Surfaces
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.registry import make_refiner
@@ -32,6 +34,7 @@ from verefine_viz.rendering.registry import make_verifier
 from verefine_viz.rendering.simplify import scoring_mesh
 from verefine_viz.run.edits import check_edits, edits_elsewhere, edits_of
 from verefine_viz.run.engine import Run
+from verefine_viz.run.plausible_verifier import Check, PlausibleVerifier
 from verefine_viz.run.session_file import AT_ITS_START, changed
 from verefine_viz.run.track import EarlierPose, Track, answers_of, tracked_poses, with_tracked
 from verefine_viz.scenes.frame_surroundings import AROUND, with_surroundings
@@ -62,7 +65,23 @@ class Toolbox:
 
     @cached_property
     def verifier(self) -> Verifier:
-        return make_verifier(self.session.score, self._progress)
+        verifier = make_verifier(self.session.score, self._progress)
+        if self.session.score.plausibility_weight == 0:
+            return verifier
+        return PlausibleVerifier(verifier, self._plausible_share, self.session.physics)
+
+    @cached_property
+    def _plausible_share(self) -> Check:
+        """What the score has of plausibility."""
+        tau_m, physics, surfaces, progress = self.session.score.tau_m, self.session.physics, Surfaces(), self._progress
+        com_of = cache(lambda model: centre_of_mass(model, physics, progress=progress))
+
+        def share(one: Placed, others: Sequence[Placed], support: Support) -> float:
+            known = com_of(one.model)
+            checked = plausibility(one, others, support, physics, surface_of=surfaces, progress=progress, com_obj=known)
+            return checked.share(tau_m)
+
+        return share
 
     @cached_property
     def simulator(self) -> BulletSimulator | None:
@@ -135,7 +154,7 @@ class Toolbox:
             problem = self._solvable(problem)
         problem = with_tracked(self._with_estimates(problem), self._tracked(problem))
         notes = check_edits(self.session.edits, problem, len(self.frames) == 1, not self.session.scene.objects)
-        notes += self._without_colour(problem)
+        notes += self._without_terms(problem)
         problem = replace(problem, notes=(*problem.notes, *notes)) if notes else problem
         return self.surrounded(self.ordered(_within_reach(problem)))
 
@@ -156,14 +175,17 @@ class Toolbox:
         run.finish()
         return answers_of(run)
 
-    def _without_colour(self, problem: Problem) -> tuple[str, ...]:
-        """Which objects have no colour term though one is asked for, and why; each model once."""
-        weight = self.session.score.colour_weight
-        if weight == 0:
-            return ()
-        colours = ColourStore(weight)
+    def _without_terms(self, problem: Problem) -> tuple[str, ...]:
+        """Terms of the score that are asked for and cannot be had, and why; of colour, each model once."""
+        score = self.session.score
+        without: tuple[str, ...] = ()
+        if score.plausibility_weight > 0 and problem.observation.support is None:
+            without = ("poses are scored without plausibility: no support plane is known",)
+        if score.colour_weight == 0:
+            return without
+        colours = ColourStore(score.colour_weight)
         why = {f"{t.model.name} ({t.model.obj_id})": colours.why_off(t) for t in problem.targets}
-        return tuple(f"{name} is scored without colour: {reason}" for name, reason in why.items() if reason)
+        return (*without, *(f"{name} is scored without colour: {reason}" for name, reason in why.items() if reason))
 
     def ordered(self, problem: Problem) -> Problem:
         """The same with the order that this session's settings lead to."""
@@ -276,9 +298,11 @@ class Toolbox:
 
     def _sharing(self, session: Session) -> Toolbox:
         other = Toolbox(session, self._progress, self.source)
-        if other.session.score == self.session.score:
+        score, physics = self.session.score, self.session.physics
+        has_same_physics = other.session.physics == physics
+        if other.session.score == score and (has_same_physics or score.plausibility_weight == 0):
             other.__dict__["verifier"] = self.verifier
-        if other.session.physics == self.session.physics:
+        if has_same_physics:
             other.__dict__["simulator"] = self.simulator
         return other
 

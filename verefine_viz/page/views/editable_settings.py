@@ -14,8 +14,8 @@ from verefine_viz.run.session_file import DURING_A_RUN
 SECTIONS = ("method", "score", "physics", "icp", "tricp", "mcts", "dependency", "hypotheses", "grasp")
 _COMMON = (
     "method.name", "method.refiner", "method.iterations", "method.exploration", "method.discount", "score.verifier",
-    "score.pixels", "score.tau_m", "score.alpha", "score.colour_weight", "physics.enabled", "physics.collider",
-    "physics.steps", "icp.max_iterations", "tricp.trim", "dependency.rule", "hypotheses.seed",
+    "score.pixels", "score.tau_m", "score.alpha", "score.colour_weight", "score.plausibility_weight", "physics.enabled",
+    "physics.collider", "physics.steps", "icp.max_iterations", "tricp.trim", "dependency.rule", "hypotheses.seed",
 )  # fmt: skip
 """What is changed most, first on the page."""
 

@@ -70,6 +70,7 @@ def score_numbers(score: PoseScore) -> dict[str, Any]:
         "depth_fit": score.depth_fit,
         "normal_fit": score.normal_fit,
         "colour_fit": score.colour_fit,
+        "plausibility": score.plausibility,
         "n": score.n_pixels,
         "counts": dict(zip(PIXEL_CLASSES, score.counts, strict=True)),
         "err": None,

@@ -131,6 +131,7 @@ def _stages(branch: Branch, iteration: Iteration, target: Target, refiner: str) 
                 "depth_fit": score and score.depth_fit,
                 "normal_fit": score and score.normal_fit,
                 "colour_fit": score and score.colour_fit,
+                "plausibility": score and score.plausibility,
                 **errors_of(branch, target, stage.T_cam_obj, iteration.index),
                 "ms": stage.ms,
                 "T": pose_list(stage.T_cam_obj),

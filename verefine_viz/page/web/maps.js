@@ -120,7 +120,9 @@ function Posed({ moment, letter, side }) {
   const title = `pose ${letter.toUpperCase()}`;
   const options = Object.keys(moment.poses).filter((name) => moment.poses[name].T).map((n) => [n, labelOf(n, moment)]);
   const choose = (name) => setView({ a: moment.a?.name ?? null, b: moment.b?.name ?? null, [letter]: name });
-  const hasColours = score?.colour_fit != null;
+  const fits = [["d", "depth fit", score?.depth_fit], ["n", "normal fit", score?.normal_fit],
+    ["c", "colour", score?.colour_fit], ["p", "plausibility", score?.plausibility]];
+  const shown = fits.filter(([letter, , x]) => letter === "d" || letter === "n" || x != null);
   const error = `ADD(-S); ${number(score?.deg, 1)}° and ${number(score?.mm, 1)} mm from ground truth`;
   const parts = score && CLASSES.map((c) => [c.name, score.counts[c.name], c.color]);
   return html`<div class="posed"><b class=${`letter ${letter}`}>${letter.toUpperCase()}</b>
@@ -128,8 +130,8 @@ function Posed({ moment, letter, side }) {
       ? html`<${Select} title=${title} value=${pose.name} onChange=${choose} options=${options} />`
       : html`<span class="named" title=${pose.label}>${pose.label.replace(/^[AB]: /, "")}</span>`}
     <strong title="score">${number(score?.score ?? pose.score, 3)}</strong>
-    ${!side.gone && html`<span class="dim" title=${`depth fit, normal fit${hasColours ? ", colour" : ""}`}>
-      d ${number(score?.depth_fit)} n ${number(score?.normal_fit)} ${hasColours && `c ${number(score.colour_fit)}`}</span>`}
+    ${!side.gone && html`<span class="dim" title=${shown.map(([, words]) => words).join(", ")}>
+      ${shown.map(([letter, , x]) => `${letter} ${number(x)}`).join(" ")}</span>`}
     ${score?.err != null && html`<span class="dim err" title=${error}>${number(score.err, 1)} mm</span>`}
     <span class="class-bar">${parts && html`<${Parts} parts=${parts} />`}</span>
     ${side.gone && html`<span class="dim" title=${side.gone}>no maps</span>`}</div>`;

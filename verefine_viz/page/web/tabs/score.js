@@ -32,6 +32,7 @@ export function render() {
     ["depth fit", "share of pixels whose depth agrees", (s) => s.depth_fit, 3, 1],
     ["normal fit", "share of pixels whose surface direction agrees", (s) => s.normal_fit, 3, 1],
     ["colour fit", "agreement of rendered and observed colours", (s) => s.colour_fit, 3, 1],
+    ["plausibility", "1: neither floats nor sinks in, and is stable", (s) => s.plausibility, 3, 1],
     ["ADD(-S) mm", "mean distance between the model here and at ground truth", (s) => s.err, 1],
     ["turn °", "rotation against ground truth", (s) => s.deg, 1],
     ["shift mm", "translation against ground truth", (s) => s.mm, 1],
