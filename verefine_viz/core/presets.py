@@ -105,4 +105,4 @@ def preset_fields(preset: str, refiner: str | None = None) -> dict[str, dict[str
     """What a preset sets, with what it sets for a refiner; None = the preset's own. Nothing of an unknown preset."""
     fields = PRESETS.get(preset, {})
     of_refiner = WITH_REFINER.get((preset, refiner or fields.get("method", {}).get("refiner", "")), {})
-    return {s: {**fields.get(s, {}), **of_refiner.get(s, {})} for s in (*fields, *(of_refiner.keys() - fields.keys()))}
+    return {s: {**fields.get(s, {}), **of_refiner.get(s, {})} for s in {**fields, **of_refiner}}
