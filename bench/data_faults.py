@@ -252,7 +252,7 @@ def is_far_from_initial_poses(p: Problem) -> bool:
     return bool(depth_notes(replace(p, instances=blind)))
 
 
-BOX = Toolbox(resolve({"method": {"name": "rir", "iterations": 3}, "physics": {"enabled": False}}))
+BOX = Toolbox(resolve({"method": {"name": "rir", "refiner": "icp", "iterations": 3}, "physics": {"enabled": False}}))
 
 
 def is_off_the_plane(p: Problem) -> bool:

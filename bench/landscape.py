@@ -24,7 +24,11 @@ def run() -> list[dict[str, Any]]:
     """A row per object."""
     rows: list[dict[str, Any]] = []
     for name in ("mug", "clutter"):
-        toolbox = Toolbox(resolve({"scene": {"source": "demo", "demo": name}, "physics": {"enabled": False}}))
+        toolbox = Toolbox(
+            resolve(
+                {"scene": {"source": "demo", "demo": name}, "method": {"refiner": "icp"}, "physics": {"enabled": False}}
+            )
+        )
         verifier = toolbox.verifier
         for target in toolbox.problem(toolbox.frames[0]).targets:
             T = target.instance.T_cam_obj_gt

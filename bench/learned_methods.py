@@ -130,7 +130,15 @@ def measure(folder: Path, seeds: Iterable[int], out: Path) -> None:
             if not wanted:
                 continue
             scene = {"source": "bop", "dataset": str(folder), "seed": seed, **sections.get("scene", {})}
-            toolbox = Toolbox(resolve({"scene": scene, "hypotheses": {**sections["hypotheses"], "seed": seed}}))
+            toolbox = Toolbox(
+                resolve(
+                    {
+                        "scene": scene,
+                        "hypotheses": {**sections["hypotheses"], "seed": seed},
+                        "method": {"refiner": REFINERS[0]},
+                    }
+                )
+            )
             problems = [toolbox.problem(frame) for frame in toolbox.frames]
             for method, refiner in wanted:
                 box = toolbox.changed({"method": {"name": method, "refiner": refiner}})

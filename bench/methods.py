@@ -13,7 +13,7 @@ def run() -> list[dict[str, object]]:
     """One row per method with the share of each stage."""
     rows: list[dict[str, object]] = []
     for name in ("refine", "pir", "sir", "rir"):
-        toolbox = Toolbox(resolve({"method": {"name": name}, "scene": {"demo": "mug"}}))
+        toolbox = Toolbox(resolve({"method": {"name": name, "refiner": "icp"}, "scene": {"demo": "mug"}}))
         n_iterations, ms = staged(toolbox, REPEATS)
         rows.append({"what": f"{name} frame, {n_iterations} iterations", **ms})
     return rows

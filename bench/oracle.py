@@ -204,7 +204,7 @@ def main() -> int:
                 {
                     "scene": {"source": "bop", "dataset": str(args.dataset.resolve()), "frames": args.frames},
                     "hypotheses": {**hypotheses, "max_per_object": 5, "seed": seed},
-                    "method": {"name": args.method, "seed": seed},
+                    "method": {"name": args.method, "refiner": "icp", "seed": seed},
                 }
             )
         )

@@ -33,8 +33,8 @@ from verefine_viz.run.toolbox import Toolbox
 
 REPEATS = 120
 """Of the shortest frames: times vary by half from one to the next, and the share must not."""
-MUG: dict[str, Any] = {"method": {"name": "rir"}, "scene": {"demo": "mug"}}
-CLUTTER: dict[str, Any] = {"method": {"name": "rir", "iterations": 3}, "scene": {"demo": "clutter"}}
+MUG: dict[str, Any] = {"method": {"name": "rir", "refiner": "icp"}, "scene": {"demo": "mug"}}
+CLUTTER: dict[str, Any] = {"method": {"name": "rir", "refiner": "icp", "iterations": 3}, "scene": {"demo": "clutter"}}
 
 
 def run() -> list[dict[str, object]]:
@@ -115,7 +115,9 @@ def main() -> None:
     arguments = parser.parse_args()
     hypotheses = {"source": "perturb", "rotation_deg": 30, "translation_mm": 30, "max_per_object": 5}
     scene = {"source": "bop", "dataset": str(arguments.dataset.resolve())}
-    toolbox = _toolbox({"method": {"name": "rir"}, "scene": scene, "hypotheses": hypotheses}, maps=False)
+    toolbox = _toolbox(
+        {"method": {"name": "rir", "refiner": "icp"}, "scene": scene, "hypotheses": hypotheses}, maps=False
+    )
     frames = [toolbox.problem(frame) for frame in toolbox.frames]
     alone = [problem.only([i.instance_id]) for problem in frames for i in problem.instances]
     started = perf_counter()

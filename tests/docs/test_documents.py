@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from verefine_viz.core.presets import BUDGETS, PRESETS
+from verefine_viz.core.presets import preset_fields
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import resolve
 
@@ -105,8 +105,7 @@ def test_the_table_of_presets_is_what_the_code_has() -> None:
     rows = {(section, field): values for section, field, *values in row.findall(text(METHODS))}
     sets = dict[str, set[tuple[str, str]]]()
     for name in ("paper", "published"):
-        every = (PRESETS[name], BUDGETS.get((name, "icp"), {}))
-        sets[name] = {(section, field) for fields in every for section, of in fields.items() for field in of}
+        sets[name] = {(section, field) for section, of in preset_fields(name).items() for field in of}
     assert rows.keys() == sets["paper"] | sets["published"]
     sessions = {name: resolve({"preset": name}) for name in ("paper", "published", "recommended")}
     for (section, field), written in rows.items():

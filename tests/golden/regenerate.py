@@ -25,7 +25,7 @@ def trace(name: str) -> list[dict[str, object]]:
     raw = {
         "scene": {"demo": SCENES.get(name, "duck")},
         "hypotheses": {"max_per_object": 3},
-        "method": {"name": name, "iterations": 2},
+        "method": {"name": name, "refiner": "icp", "iterations": 2},
         "mcts": {"expansions": 3},
     }
     toolbox = Toolbox(resolve({**raw, "score": {"renderer": "cpu"}}))

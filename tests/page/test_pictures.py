@@ -30,7 +30,8 @@ COLOURS = {"correlation": "correlation", "rendered_rgb": "rendered_rgb", "observ
 
 
 def opened(demo: str, **settings: dict[str, Any]) -> Workspace:
-    raw = {"scene": {"source": "demo", "demo": demo}, "physics": {"enabled": False}, **settings}
+    raw = {"scene": {"source": "demo", "demo": demo}, "method": {"refiner": "icp"}, "physics": {"enabled": False}}
+    raw |= settings
     return Workspace(load_session(None, raw), None, Toolbox)
 
 

@@ -14,7 +14,7 @@ from msgspec.inspect import StructType
 
 from verefine_viz.core.algorithm_settings import DepthNetSettings
 from verefine_viz.core.errors import InputError, SettingsError
-from verefine_viz.core.presets import BUDGETS, PRESETS
+from verefine_viz.core.presets import PRESETS, preset_fields
 from verefine_viz.core.setting_types import descriptions, fields_of
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import FILES, changed, load_session, resolve, save_session
@@ -45,14 +45,27 @@ def test_saved_sessions_load_the_same(tmp_path: Path) -> None:
 def test_a_preset_sets_every_choice_and_explicit_fields_win(preset: str) -> None:
     session = resolve({"preset": preset})
     raw, defaults = msgspec.to_builtins(session), msgspec.to_builtins(Session())
-    for fields in (PRESETS[preset], BUDGETS.get((preset, "icp"), {})):
-        for section, values in fields.items():
-            assert {name: raw[section][name] for name in values} == values
-            raw[section] |= {name: defaults[section][name] for name in values}
+    for section, values in preset_fields(preset).items():
+        assert {name: raw[section][name] for name in values} == values
+        raw[section] |= {name: defaults[section][name] for name in values}
     assert raw == {**defaults, "preset": preset}
     assert resolve({"preset": "published", "icp": {"stop": "tolerance"}}).icp.stop == "tolerance"
     assert resolve({"preset": "published", "icp": {"stop": "tolerance"}}).icp.gate == "published"
-    assert resolve({}) == Session()
+    assert resolve({}) == resolve({"preset": "recommended"})
+
+
+def test_colour_and_flips_come_with_the_network_that_is_recommended() -> None:
+    def chosen(**raw: object) -> tuple[str, float, bool]:
+        session = resolve(raw)
+        return session.method.refiner, session.score.colour_weight, session.hypotheses.flips
+
+    assert chosen() == chosen(method={"refiner": "depth_net_icp"}) == ("depth_net_icp", 0.1, True)
+    for refiner in ("icp", "densefusion"):
+        assert chosen(method={"refiner": refiner}) == (refiner, 0.0, False)
+    assert chosen(preset="paper") == chosen(preset="published") == ("icp", 0.0, False)
+    assert chosen(preset="paper", method={"refiner": "depth_net_icp"}) == ("depth_net_icp", 0.0, False)
+    assert chosen(score={"colour_weight": 0.3}, hypotheses={"flips": False}) == ("depth_net_icp", 0.3, False)
+    assert resolve({"method": {"refiner": "icp"}}) == Session()
 
 
 def test_the_paper_has_a_budget_for_each_of_its_refiners() -> None:
@@ -226,7 +239,7 @@ def test_a_file_that_says_nothing_is_refused_unless_options_do(tmp_path: Path) -
         path = write(tmp_path, text)
         with pytest.raises(SettingsError, match=r"s.toml is empty, expected at least a \[scene\]"):
             load_session(path)
-        assert load_session(path, {"scene": {"demo": "mug"}}) == Session()
+        assert load_session(path, {"scene": {"demo": "mug"}}) == resolve({})
 
 
 def test_what_was_typed_is_not_blamed_on_the_file(tmp_path: Path) -> None:

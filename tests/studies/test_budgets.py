@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from verefine_viz.core.presets import BUDGETS as PRESET_BUDGETS
-from verefine_viz.core.presets import PRESETS
+from verefine_viz.core.presets import WITH_REFINER, preset_fields
 from verefine_viz.studies.budgets import BUDGETS
 
 
 def test_studies_and_preset_paper_have_one_budget_for_each_refiner() -> None:
-    assert {("paper", refiner) for refiner in BUDGETS} == PRESET_BUDGETS.keys()
+    assert {*BUDGETS} == {refiner for preset, refiner in WITH_REFINER if preset == "paper"}
     for refiner, budget in BUDGETS.items():
-        preset = PRESET_BUDGETS["paper", refiner]
-        steps = preset.get("physics", PRESETS["paper"]["physics"])["steps"]
-        numbers = (preset["method"]["iterations"], preset["hypotheses"]["max_per_object"], steps)
+        preset = preset_fields("paper", refiner)
+        numbers = (preset["method"]["iterations"], preset["hypotheses"]["max_per_object"], preset["physics"]["steps"])
         assert numbers == (budget.calls, budget.hypotheses, budget.steps), refiner
-        inner = preset.get("icp", {}).get("max_iterations", 1)
+        inner = preset["icp"].get("max_iterations", 1)
         assert inner == budget.inner, refiner

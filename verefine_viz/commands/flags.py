@@ -18,6 +18,7 @@ from msgspec import Struct
 from msgspec.inspect import StructType
 
 from verefine_viz.core.errors import SettingsError, quoted, unknown
+from verefine_viz.core.presets import preset_fields
 from verefine_viz.core.setting_types import descriptions, fields_of, kinds_of, limits
 from verefine_viz.core.settings import Session
 
@@ -32,27 +33,28 @@ NOT_OPTIONS = ("edits", "tracked", "changes", "waiting")
 """What the page saves: lists of tables, too long to type, and thresholds that are switched off."""
 
 
-def _flags_of(model: type[Struct]) -> Any:
-    """A plain dataclass with the fields, defaults and texts of a settings model, without its checks."""
+def _flags_of(settings: Struct) -> Any:
+    """A plain dataclass with the fields and texts of some settings, their values as defaults, without checks."""
+    model = type(settings)
     fields: list[tuple[str, Any, Any]] = []
     kinds, texts = kinds_of(model), descriptions(model)
     for name, field in fields_of(model).items():
         if name in NOT_OPTIONS:
             continue
         if isinstance(field.type, StructType):
-            group = _flags_of(field.type.cls)
+            group = _flags_of(getattr(settings, name))
             fields.append((name, group, dataclasses.field(default_factory=group)))
         else:
             bounds = limits(field.type)
             text = f"{texts.get(name, '')}{f' {bounds[0].upper()}{bounds[1:]}.' if bounds else ''}"
             kind = Annotated[kinds[name], tyro.conf.arg(help=text)]
-            fields.append((name, kind, dataclasses.field(default=field.default)))
+            fields.append((name, kind, dataclasses.field(default=getattr(settings, name))))
     flags = dataclasses.make_dataclass(model.__name__, fields, frozen=True)
     flags.__doc__ = model.__doc__
     return flags
 
 
-SessionFlags: Any = _flags_of(Session)
+SessionFlags: Any = _flags_of(msgspec.convert(preset_fields(Session().preset), Session))
 """Dataclass of all options of a session; only those that were written on the command line count."""
 
 SECTIONS: dict[str, Any] = {f.name: f for f in dataclasses.fields(SessionFlags) if isinstance(f.type, type)}

@@ -118,11 +118,11 @@ class View:
             raise InputError(f"{wrong} is no session; with --watch expected a session file (.toml) or none")
         from verefine_viz.batch.watch import Watch
         from verefine_viz.page.app import check_method
-        from verefine_viz.run.session_file import DURING_A_RUN, changed, load_session
+        from verefine_viz.run.session_file import DURING_A_RUN, load_session
 
         base = load_session(self.session, overrides) if self.session is not None else None
         by_options = {section: given for section, given in overrides.items() if section in DURING_A_RUN}
-        settings = base or changed(Session(), by_options)
+        settings = base or load_session(None, by_options)
         check_method(settings)
         beside = folder.resolve()
         out = self.out if self.out is not None else beside.with_name(f"{beside.name}-runs")

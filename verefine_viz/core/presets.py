@@ -1,4 +1,4 @@
-"""What a preset sets: the paper's choices, or those of the authors' public code.
+"""What a preset sets: what is recommended, the paper's choices, or those of the authors' public code.
 
 docs/methods.md 1.8 lays the presets side by side, with the reasons; a test compares it with this file.
 """
@@ -12,7 +12,7 @@ Fields = Mapping[str, Mapping[str, Any]]
 """Values by section and name, as in a session file."""
 
 PRESETS: dict[str, Fields] = {
-    "recommended": {},
+    "recommended": {"method": {"refiner": "depth_net_icp"}},
     "paper": {
         # Sec. III-B, Eq. 1: N is the valid depth of the segment. Sec. V: 20 mm, 45°, and 1 − cos 45° is 0.293.
         "score": {
@@ -31,6 +31,7 @@ PRESETS: dict[str, Fields] = {
         "mcts": {"expansions": 50},  # Sec. V: 150 refinements a scene of three objects, those of roll-outs not counted.
         "dependency": {"rule": "recommended", "clusters": "components"},  # Sec. IV-A
         "method": {
+            "refiner": "icp",  # Sec. V
             "sim_candidate": "full",  # Sec. III-B
             "accept": "latest",  # Sec. III-B
             "exploration": 0.1,  # Sec. III-C gives none; the authors' code made the tables with it.
@@ -69,6 +70,7 @@ PRESETS: dict[str, Fields] = {
         "pcs": {"part_share": 0.0, "spacing_m": 0.0, "keep_share": 0.2},
         "dependency": {"rule": "published", "clusters": "cuthill_mckee"},
         "method": {
+            "refiner": "icp",
             "sim_candidate": "full",
             "accept": "latest",
             "exploration": 0.1,
@@ -90,9 +92,10 @@ PRESETS: dict[str, Fields] = {
         },
     },
 }
-"""By name; recommended is the defaults."""
+"""By name. What a preset leaves open has the value that stands at its field."""
 
-BUDGETS: dict[tuple[str, str], Fields] = {
+WITH_REFINER: dict[tuple[str, str], Fields] = {
+    ("recommended", "depth_net_icp"): {"score": {"colour_weight": 0.1}, "hypotheses": {"flips": True}},
     ("paper", "icp"): {"hypotheses": {"max_per_object": 3}, "method": {"iterations": 5}, "icp": {"max_iterations": 10}},
     ("paper", "trimmed_icp"): {
         "hypotheses": {"max_per_object": 25},
@@ -101,4 +104,12 @@ BUDGETS: dict[tuple[str, str], Fields] = {
     },
     ("paper", "densefusion"): {"hypotheses": {"max_per_object": 5}, "method": {"iterations": 2}},
 }
-"""What a preset sets besides for a refiner (Sec. V, Tables I to III; docs/methods.md 1.0)."""
+"""What a preset sets besides for a refiner: recommended colour and flips, which lose right answers without the network
+(docs/methods.md 1.11); paper its budgets (Sec. V, Tables I to III; docs/methods.md 1.0)."""
+
+
+def preset_fields(preset: str, refiner: str | None = None) -> dict[str, dict[str, Any]]:
+    """What a preset sets, with what it sets for a refiner; None = the preset's own. Nothing of an unknown preset."""
+    fields = PRESETS.get(preset, {})
+    of_refiner = WITH_REFINER.get((preset, refiner or fields.get("method", {}).get("refiner", "")), {})
+    return {s: {**fields.get(s, {}), **of_refiner.get(s, {})} for s in {**fields, **of_refiner}}

@@ -94,7 +94,7 @@ class HypothesesSettings(Settings, frozen=True):
     flips: bool = False
     """Whether a promising pose's flips, at which the shape looks nearly the same (a box turned over, a can turned about
     its axis), compete with it: scored, without a call of the refiner. Only where colour counts, for depth alone often
-    chooses the wrong one (docs/methods.md 1.11)."""
+    chooses the wrong one (docs/methods.md 1.11). Preset recommended: true with depth_net_icp."""
     estimate: tuple[tuple[str, Index, Literal["ppf", "pcs", "densefusion"]], ...] = ()
     """Instances whose initial poses come from an estimator instead, each with its frame, as [["50/1", 4, "ppf"]]."""
 
@@ -106,7 +106,7 @@ class MethodSettings(Settings, frozen=True):
     """refine, phys_before, phys_after, even, expl, pir, sir, rir, vf_breadth, vf_depth, physim_mcts; trace: the
     steps that a trace recorded."""
     refiner: str = "icp"
-    """Name of the refiner."""
+    """Name of the refiner. Presets: recommended has depth_net_icp, paper and published have icp."""
     track: bool = False
     """Frames are those of a video: what the last frame of the scene answered for an object is one of its initial
     poses in the next, before the others, moved along with the camera where the data set knows its pose."""
@@ -170,7 +170,7 @@ class ScoreSettings(Settings, frozen=True):
     colour_weight: Annotated[float, Meta(ge=0, lt=1)] = 0.0
     """w, weight of colour: f̄ becomes (1 − w) f̄ + w max(f_c, 0), with f_c the correlation of rendered and observed
     colour (docs/methods.md 1.10). 0 = depth and normals alone, as in the paper. An object whose model, or whose part of
-    the image, is of one colour has w = 0."""
+    the image, is of one colour has w = 0. Preset recommended: 0.1 with depth_net_icp."""
     plausibility_weight: Annotated[float, Meta(ge=0, lt=1)] = 0.0
     """w, weight of plausibility: the score f becomes (1 − w) f + w p, with p in [0, 1] lower for a pose that floats,
     sinks into something or would fall (docs/methods.md 1.14). 0 = not asked, as in the paper. Takes a support plane."""
@@ -283,8 +283,9 @@ class Session(Settings, frozen=True):
     title: str = ""
     """Shown on the page and in recordings."""
     preset: Literal["recommended", "paper", "published"] = "recommended"
-    """paper: every choice as the paper's text has it, and its budget for the refiner. published: as the authors' public
-    code has it. Fields given explicitly win over it. docs/methods.md 1.8."""
+    """recommended: what is right most often on real frames; colour and flips only with its own refiner. paper: every
+    choice as the paper's text has it, and its budget for the refiner. published: as the authors' public code has it.
+    Fields given explicitly win over it. docs/methods.md 1.8."""
     scene: SceneSettings = SceneSettings()
     hypotheses: HypothesesSettings = HypothesesSettings()
     method: MethodSettings = MethodSettings()

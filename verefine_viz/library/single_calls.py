@@ -46,7 +46,7 @@ def score_maps(frame: AnyFrame, name: str | int, pose: ArrayLike, **sections: Ma
 
 
 def refine(
-    frame: AnyFrame, name: str | int, poses: ArrayLike, refiner: str = "icp", **sections: Mapping[str, Any]
+    frame: AnyFrame, name: str | int, poses: ArrayLike, refiner: str = "", **sections: Mapping[str, Any]
 ) -> Float:
     """Refine poses of an object once.
 
@@ -54,7 +54,7 @@ def refine(
         frame: the frame.
         name: the object's name, or its instance_id.
         poses: T_cam_obj [m], (4, 4) or (N, 4, 4).
-        refiner: icp, tricp, depth_net, …, or one of your own.
+        refiner: icp, depth_net, …, or one of your own; empty = the default.
         sections: settings: ``icp={"max_iterations": 50}``.
 
     Returns:
@@ -63,7 +63,7 @@ def refine(
     Raises:
         InputError: the frame has no such object, or a pose is none.
     """
-    method = {"refiner": refiner, **sections.get("method", {})}
+    method = {**({"refiner": refiner} if refiner else {}), **sections.get("method", {})}
     tools, target = _object(frame, name, {**sections, "method": method})
     given = _poses(poses)
     refined = np.stack([tools.refiner.refine(target, T) for T in given])

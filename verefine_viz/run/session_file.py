@@ -16,7 +16,7 @@ from msgspec.inspect import FloatType, IntType, StrType, StructType, TupleType, 
 
 from verefine_viz.core.errors import InputError, SettingsError, meant, quoted, unknown
 from verefine_viz.core.files import read_file
-from verefine_viz.core.presets import BUDGETS, PRESETS
+from verefine_viz.core.presets import preset_fields
 from verefine_viz.core.setting_types import expected
 from verefine_viz.core.settings import SURROUNDINGS, Session
 from verefine_viz.core.writing import at_home, atomic
@@ -159,11 +159,10 @@ def _of_layers(layers: Sequence[Layer]) -> Session:
     scene = raw.get("scene")
     if isinstance(scene, Mapping) and isinstance(name := scene.get("frames"), str) and name:  # A list by its name.
         raw["scene"] = {**scene, "frames": [name]}
-    preset, method = str(raw.get("preset")), raw.get("method")
+    method = raw.get("method")
     refiner = method.get("refiner") if isinstance(method, Mapping) else None
-    budget = BUDGETS.get((preset, str(refiner or Session().method.refiner)), {})
-    base = _merged(PRESETS.get(preset, {}), budget)
-    session = _converted(_merged(base, raw), layers)
+    preset = preset_fields(str(raw.get("preset", Session().preset)), str(refiner) if refiner else None)
+    session = _converted(_merged(preset, raw), layers)
     _check_sources(session, layers)
     for k, change in enumerate(session.changes):
         try:

@@ -248,7 +248,8 @@ class Toolbox:
             models = list(problem.models.values())
             solids = [partial(simulator.collider, model) for model in models]
             meshes = [partial(_score_mesh, model, self.session.score.simplify_mm) for model in models]
-            turns = [partial(_near_symmetries, model) for model in models if self.flips is not None]
+            has_flips = self.flips is not None and self.session.score.colour_weight > 0
+            turns = [partial(_near_symmetries, model) for model in models if has_flips and model.has_colors]
             prepared = side_by_side([*solids, *meshes, *turns], self._progress)
             for model, solid in zip(models, prepared, strict=False):
                 if isinstance(solid, ShapeError):

@@ -9,7 +9,7 @@ import msgspec
 from msgspec import structs
 
 from verefine_viz.core.errors import SettingsError, unknown
-from verefine_viz.core.presets import BUDGETS, PRESETS
+from verefine_viz.core.presets import PRESETS, preset_fields
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import resolve
 
@@ -23,17 +23,18 @@ def variant(session: Session, changes: Changes) -> Session:
 
     Args:
         session: what is varied; edited poses and settings changed during the run are left out.
-        changes: (("method.name", "sir"), …); ("preset", "published") sets all that the preset sets, and puts back to
-            its default what other presets set, before the others are applied.
+        changes: (("method.name", "sir"), …); ("preset", "published") sets all that the preset sets, its refiner too,
+            and puts back to its default what other presets set, before the others are applied. A refiner alone leaves
+            colour and flips as they are.
 
     Raises:
         SettingsError: an unknown field, a value out of range, or a setting that makes it another frame.
     """
     raw = msgspec.to_builtins(structs.replace(session, edits=(), changes=()))
-    refiner = dict(changes).get("method.refiner", session.method.refiner)
+    refiner = dict(changes).get("method.refiner")
     for name, value in sorted(changes, key=lambda change: change[0] != "preset"):
         if name == "preset":
-            _set_preset(raw, value, str(refiner))
+            _set_preset(raw, value, None if refiner is None else str(refiner))
             continue
         section, _, key = name.partition(".")
         if section in SAME_FRAME or section not in raw or not key:
@@ -44,13 +45,13 @@ def variant(session: Session, changes: Changes) -> Session:
     return resolve(raw, "compared settings")
 
 
-def _set_preset(raw: dict[str, Any], preset: Any, refiner: str) -> None:
+def _set_preset(raw: dict[str, Any], preset: Any, refiner: str | None) -> None:
     if preset not in tuple(PRESETS):
         raise SettingsError(unknown("preset", preset, PRESETS))
     defaults = msgspec.to_builtins(Session())
-    budget = BUDGETS.get((raw["preset"], raw["method"]["refiner"]), {})
-    back = [{s: {name: defaults[s][name] for name in of} for s, of in p.items()} for p in (*PRESETS.values(), budget)]
-    for fields in (*back, PRESETS[preset], BUDGETS.get((preset, refiner), {})):
+    set_before = (*PRESETS.values(), preset_fields(raw["preset"], raw["method"]["refiner"]))
+    back = [{s: {name: defaults[s][name] for name in of} for s, of in fields.items()} for fields in set_before]
+    for fields in (*back, preset_fields(preset, refiner)):
         for section in fields.keys() - SAME_FRAME:
             raw[section] = {**raw[section], **fields[section]}
     raw["preset"] = preset
