@@ -15,11 +15,19 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 from nbconvert import MarkdownExporter
-from nbconvert.preprocessors import ExecutePreprocessor
+from nbconvert.preprocessors import CoalesceStreamsPreprocessor, ExecutePreprocessor
 from pygments.formatters import HtmlFormatter
 
+# Else Open3D announces itself in the first cell.
+os.environ.setdefault("OPEN3D_DISABLE_WEB_VISUALIZER", "true")
 ROOT = Path(__file__).resolve().parents[1]
-LINK = re.compile(r"(\]\()([^)\s#]+)((?:#[^)\s]*)?\))")
+LINK = re.compile(r"(\]\()([^)\s#:]+)((?:#[^)\s]*)?\))")
+"""A link to a file; addresses have a colon."""
+CSS = """
+pre code { white-space: pre-wrap !important; }
+body { background-image: none; }
+.navbar { background: #26323e !important; }
+"""
 TOP = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")
 
 
@@ -27,7 +35,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages."""
     for name in TOP:
         files.append(File.generated(config, name, content=(ROOT / name).read_text(encoding="utf-8")))
-    files.append(File.generated(config, "code.css", content=_code_css()))
+    files.append(File.generated(config, "site.css", content=_css()))
     for notebook in [file for file in files if file.src_uri.endswith(".ipynb")]:
         files.remove(notebook)
         _add_notebook(notebook.src_uri, files, config)
@@ -56,26 +64,22 @@ def _target(page: str, link: str) -> str:
     path = Path(os.path.normpath(folder / link))
     for home in (ROOT / "docs", ROOT):
         if path.is_relative_to(home):
-            return path.relative_to(home).as_posix()
+            return re.sub(r"\.ipynb$", ".md", path.relative_to(home).as_posix())
     return link
 
 
 def _add_notebook(uri: str, files: Files, config: MkDocsConfig) -> None:
     exporter = MarkdownExporter()
     exporter.register_preprocessor(ExecutePreprocessor(timeout=600), enabled=True)
-    text, resources = exporter.from_filename(str(ROOT / "docs" / uri))
-    page = uri.replace(".ipynb", ".md")
-    stem, folder = posixpath.basename(page).removesuffix(".md"), posixpath.dirname(page)
-    for name, data in resources["outputs"].items():
-        text = text.replace(f"({name})", f"({stem}_{name})")
-        files.append(File.generated(config, f"{folder}/{stem}_{name}", content=data))
-    files.append(File.generated(config, page, content=text))
+    exporter.register_preprocessor(CoalesceStreamsPreprocessor(), enabled=True)
+    text, _ = exporter.from_filename(str(ROOT / "docs" / uri))
+    files.append(File.generated(config, uri.replace(".ipynb", ".md"), content=text))
 
 
-def _code_css() -> str:
-    """Colours of code, light and dark."""
+def _css() -> str:
+    """Colours of code, light and dark; long lines are wrapped."""
     dark = HtmlFormatter(style="github-dark").get_style_defs("[data-bs-theme=dark] .highlight")
-    return f"{HtmlFormatter().get_style_defs('.highlight')}\n{dark}\n"
+    return f"{HtmlFormatter().get_style_defs('.highlight')}\n{dark}\n{CSS}"
 
 
 def _add_source(target: str, files: Files, config: MkDocsConfig) -> None:
