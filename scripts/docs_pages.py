@@ -25,7 +25,7 @@ LINK = re.compile(r"(\]\()([^)\s#:]+)((?:#[^)\s]*)?\))")
 """A link to a file; addresses have a colon."""
 CSS = """
 pre code { white-space: pre-wrap !important; }
-body { background-image: none; }
+body::before { display: none; }
 .navbar { background: #26323e !important; }
 """
 TOP = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")
