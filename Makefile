@@ -1,4 +1,4 @@
-# make app | make test | make test-fast | make test-lowest | make lint | make bench: each sets up what it needs; second
+# make app | make test | make test-fast | make test-lowest | make lint | make bench | make docs: each sets up what it needs; second
 # calls start in seconds.
 # Variables: SESSION=sessions/clutter.toml (what make app opens), PORT=8081 (where; 0 = any free one),
 # PYTHON=/path/to/python3.11, VENV=.venv, LOWEST=.venv-lowest, WORKERS=2
@@ -13,7 +13,7 @@ BIN = $(VENV)/bin
 PARALLEL = -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 SETUP = pyproject.toml scripts/install scripts/find-python
 
-.PHONY: help tables app test test-fast durations resolve-lowest test-lowest lint bench clean system-app system-test
+.PHONY: help tables scores docs app test test-fast durations resolve-lowest test-lowest lint bench clean system-app system-test
 .DEFAULT_GOAL := help
 
 help:
@@ -24,6 +24,8 @@ help:
 	@echo "make test-lowest  run quick tests with the lowest versions that pyproject.toml allows"
 	@echo "make lint   check format, style, types and layers"
 	@echo "make tables  write the columns of frames.csv into docs/tables.md"
+	@echo "make scores  draw docs/scores.png: poses and their scores"
+	@echo "make docs   write documents, tutorials and the reference of the library as web pages: site/index.html"
 	@echo "make bench  measure this machine, print a table, write bench.json"
 	@echo "make clean  remove the virtual environment and caches"
 
@@ -58,6 +60,13 @@ lint: $(VENV)/.ready-dev
 tables: $(VENV)/.ready-dev
 	$(BIN)/python scripts/write-tables
 
+scores: $(VENV)/.ready-dev
+	$(BIN)/python scripts/draw-scores
+
+# A link that leads nowhere, or a docstring that names an argument that is not there, is an error.
+docs: $(VENV)/.ready-docs
+	$(BIN)/python -m mkdocs build --strict
+
 bench: $(VENV)/.ready-dev
 	$(BIN)/python -m bench
 
@@ -69,6 +78,10 @@ $(VENV)/.ready-dev: $(SETUP) | system-app
 	@sh scripts/install $(VENV) dev
 	@touch $(VENV)/.ready-app $@
 
+$(VENV)/.ready-docs: $(SETUP) | system-app
+	@sh scripts/install $(VENV) docs
+	@touch $(VENV)/.ready-app $@
+
 system-app:
 	@sh scripts/system-packages app
 
@@ -76,4 +89,4 @@ system-test:
 	@sh scripts/system-packages test
 
 clean:
-	rm -rf $(VENV) $(LOWEST) .pytest_cache .ruff_cache .hypothesis .import_linter_cache bench.json
+	rm -rf $(VENV) $(LOWEST) .pytest_cache .ruff_cache .hypothesis .import_linter_cache bench.json site

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 
+import verefine_viz
 from verefine_viz.core.presets import preset_fields
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import resolve
@@ -116,6 +117,15 @@ def test_the_table_of_presets_is_what_the_code_has() -> None:
             for name, value in zip(sessions, shown, strict=True)
         ]
         assert written == expected, (section, field)
+
+
+def test_the_citation_is_of_this_version_and_of_the_paper() -> None:
+    citation = msgspec.yaml.decode(text(ROOT / "CITATION.cff"))
+    assert citation["version"] == verefine_viz.__version__
+    assert citation["title"] == "verefine_viz"
+    paper = citation["preferred-citation"]
+    assert [author["family-names"] for author in paper["authors"]] == ["Bauer", "Patten", "Vincze"]
+    assert {"journal", "year", "volume", "doi"} <= paper.keys()
 
 
 def test_settings_that_the_methods_name_exist() -> None:

@@ -36,7 +36,7 @@ class Frame:
         rgb: (H, W, 3) uint8, or None.
         gravity_cam: (3,) direction in which things fall, in the camera's frame, of any length; None = along the normal
             of the table that is seen.
-        name: what it is called.
+        name: the name in titles and files.
 
     Raises:
         InputError: an array has another shape or unit; one line says what was expected.
@@ -80,7 +80,7 @@ class Frame:
             mask: (H, W) its visible pixels: all that is not 0; None = those that its first pose covers.
             poses: T_cam_obj [m], (4, 4) or (N, 4, 4) with the best first, or these by estimator; None = point pair
                 features make some when the frame is solved.
-            scores: (N,) of the poses, in units of your own; None = 1 for each.
+            scores: (N,) scores of the poses by their estimator, in any unit; shown beside ours. None = unknown.
             unit_m: metres per unit of the mesh file: 0.001 for millimetres.
             T_cam_obj_gt: (4, 4) ground truth [m], where it is known.
             symmetry_axis: (3,) axis through the middle of the mesh's box about which every turn looks the same.
@@ -91,7 +91,7 @@ class Frame:
             The frame itself.
 
         Raises:
-            InputError: the mesh cannot be read, or an array has another shape or unit.
+            InputError: the mesh cannot be read, or an array has another shape or unit; one line says what would fit.
         """
         try:
             one = checked_object(
@@ -126,8 +126,12 @@ class Frame:
     def problem(self, **sections: Mapping[str, Any]) -> Problem:
         """The frame as methods get it: observation, models, instances with their initial poses.
 
+        Args:
+            sections: settings, each section a dict as in a session file: ``scene={"gravity": "plane"}``.
+
         Raises:
             InputError: nothing can be solved in it.
+            SettingsError: a setting is unknown or out of range.
         """
         tools, frame = self.tools(sections)
         return tools.problem(frame)
@@ -203,7 +207,14 @@ class OpenedFrame:
         return Toolbox(session, source=self._source if is_same else None), self.name
 
     def problem(self, **sections: Mapping[str, Any]) -> Problem:
-        """The frame as methods get it; see :meth:`Frame.problem`."""
+        """The frame as methods get it: observation, models, instances with their initial poses.
+
+        Args:
+            sections: settings, each section a dict as in a session file; they add to those it was opened with.
+
+        Raises:
+            VerefineError: the data or the settings cannot be used.
+        """
         tools, frame = self.tools(sections)
         return tools.problem(frame)
 
@@ -234,7 +245,7 @@ def open_frame(path: Path | str, frame: str = "", **sections: Mapping[str, Any])
 
     Args:
         path: what ``verefine-viz view`` opens; or the name of a built-in scene.
-        frame: "scene/image"; empty = the first.
+        frame: the frame's name, "scene/image"; empty = the first.
         sections: settings, each section a dict as in a session file: ``scene={"split": "test"}``.
 
     Raises:
@@ -248,7 +259,18 @@ def open_frame(path: Path | str, frame: str = "", **sections: Mapping[str, Any])
 
 
 def open_dataset(path: Path | str, **sections: Mapping[str, Any]) -> Iterator[OpenedFrame]:
-    """The frames of what lies at a path, one after the other; the arguments are those of :func:`open_frame`."""
+    """Open the frames of a data set, one after the other.
+
+    Args:
+        path: what ``verefine-viz view`` opens; or the name of a built-in scene.
+        sections: settings, each section a dict as in a session file: ``scene={"split": "test"}``.
+
+    Yields:
+        The frames, in the order of the data set; each is read when it is used.
+
+    Raises:
+        VerefineError: the data or the settings cannot be used.
+    """
     source = Toolbox(_session_of(path, sections)).source
     yield from (OpenedFrame(path, sections, source, frame) for frame in source.frames)
 

@@ -22,10 +22,14 @@ def refiner(name: str) -> Callable[[R], R]:
     """Register a class as a refiner: ``@vv.refiner("nudge")`` above it.
 
     The class takes no arguments and has ``refine(target, T_cam_obj, fixed=()) → (4, 4)``; see
-    :class:`~verefine_viz.core.protocols.Refiner`. Its answer must depend on the arguments alone.
+    :class:`~verefine_viz.core.protocols.Refiner`. Poses are (4, 4) T_cam_obj [m]. Its answer must depend on the
+    arguments alone.
+
+    Args:
+        name: the name in settings: ``vv.solve(frame, refiner="nudge")``.
 
     Raises:
-        InputError: a refiner of this package has the name.
+        InputError: a part of this package has the name, or the class has no method ``refine``.
     """
 
     def register(kind: R) -> R:
@@ -42,8 +46,11 @@ def estimator(name: str) -> Callable[[E], E]:
     The class takes no arguments and has ``hypotheses(target, n, progress=…) → tuple[Hypothesis, …]``, the best first;
     see :class:`~verefine_viz.core.protocols.Estimator`.
 
+    Args:
+        name: the name that ``vv.estimate(frame, "mug", "mine")`` and the page take.
+
     Raises:
-        InputError: an estimator of this package has the name.
+        InputError: a part of this package has the name, or the class has no method ``hypotheses``.
     """
 
     def register(kind: E) -> E:
@@ -60,8 +67,11 @@ def verifier(name: str) -> Callable[[V], V]:
     The class takes no arguments and has ``scores(target, Ts_cam_obj, placed) → (N,)`` in [0, 1]; see
     :class:`~verefine_viz.core.protocols.PoseScorer`. Settings name it: ``score={"verifier": "crops"}``.
 
+    Args:
+        name: the name in settings.
+
     Raises:
-        InputError: it is the name of Eq. 1.
+        InputError: it is the name of Eq. 1 or of another part, or the class has no method ``scores``.
     """
 
     def register(kind: V) -> V:

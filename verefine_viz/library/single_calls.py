@@ -34,13 +34,29 @@ def score(frame: AnyFrame, name: str | int, poses: ArrayLike, **sections: Mappin
 
     Raises:
         InputError: the frame has no such object, or a pose is none.
+        SettingsError: a setting is unknown or out of range.
     """
     tools, target = _object(frame, name, sections)
     return tools.verifier.score(target, _poses(poses))
 
 
 def score_maps(frame: AnyFrame, name: str | int, pose: ArrayLike, **sections: Mapping[str, Any]) -> ScoreMaps | None:
-    """The score of one pose pixel by pixel, None of a verifier without maps; arguments and errors as :func:`score`."""
+    """Score one pose pixel by pixel (Eq. 1, paper Sec. III-B).
+
+    Args:
+        frame: the frame.
+        name: the object's name, or its instance_id.
+        pose: (4, 4) T_cam_obj [m].
+        sections: settings: ``score={"tau_m": 0.01}``.
+
+    Returns:
+        Images of (H, W): depth as rendered [m], differences, the fit of depth and normals, what each pixel counts as.
+        None of a verifier without maps.
+
+    Raises:
+        InputError: the frame has no such object, or the pose is none.
+        SettingsError: a setting is unknown or out of range.
+    """
     tools, target = _object(frame, name, sections)
     return tools.verifier.maps(target, _poses(pose)[0])
 
@@ -58,10 +74,11 @@ def refine(
         sections: settings: ``icp={"max_iterations": 50}``.
 
     Returns:
-        The refined poses, of the shape of ``poses``.
+        The refined poses [m], of the shape of ``poses``.
 
     Raises:
         InputError: the frame has no such object, or a pose is none.
+        SettingsError: there is no such refiner or setting.
     """
     method = {**({"refiner": refiner} if refiner else {}), **sections.get("method", {})}
     tools, target = _object(frame, name, {**sections, "method": method})
@@ -77,11 +94,11 @@ def settle(frame: AnyFrame, name: str | int, pose: ArrayLike, steps: int = 60, *
         frame: the frame.
         name: the object's name, or its instance_id.
         pose: (4, 4) T_cam_obj [m].
-        steps: of 1/60 s.
+        steps: number of steps of 1/60 s.
         sections: settings: ``physics={"collider": "hull"}``.
 
     Returns:
-        The poses (steps + 1, 4, 4), the given one first.
+        The poses (steps + 1, 4, 4) [m], the given one first.
 
     Raises:
         InputError: there is no such object, no support plane, or the pose is none.
@@ -122,7 +139,11 @@ def evaluate(results: Path | str | Sequence[Path | str], dataset: Path | str, sp
     Args:
         results: one or several CSV files in BOP's format.
         dataset: the folder of the data set, with ground truth.
-        split: of the data set; empty = the one with targets.
+        split: the folder of its images, as "test"; empty = the one with targets.
+
+    Returns:
+        For each file its scores: ``scores[0].recalls.ar`` is BOP's average recall, ``scores[0].answers`` has the errors
+        of each object [mm, px, degrees].
 
     Raises:
         InputError: a file is missing or damaged, or the data set has no ground truth.

@@ -38,7 +38,7 @@ class Run:
 
     @property
     def session(self) -> Session:
-        """Everything that defines the run."""
+        """The settings that define the run, each explicit."""
         return self._tools.session
 
     def __iter__(self) -> Iterator[Iteration]:
@@ -63,7 +63,7 @@ class Run:
 
     @property
     def iterations(self) -> tuple[Iteration, ...]:
-        """Those made so far."""
+        """The iterations made so far."""
         return self._run.iterations
 
     @property
@@ -76,7 +76,7 @@ class Run:
         known, ``undetermined_mm`` and ``undetermined_deg``; finishes the run.
 
         Args:
-            name: the object's, or its instance_id where several have one name.
+            name: the object's name, or its instance_id where several have one name.
 
         Raises:
             InputError: the frame has no such object, or several.
@@ -90,12 +90,12 @@ class Run:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """About the frame's data."""
+        """Notes about the frame's data; finishes the run."""
         return self._end.notes
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What of the frame's data does not fit together, and what would; finishes the run."""
+        """Doubts about the frame's data: what does not fit together, and what would; finishes the run."""
         return self._end.doubts
 
     def record(self) -> RunRecord:
@@ -108,6 +108,12 @@ class Run:
 
         A frame of arrays is written beside it as a trace, into a folder that is called as the file with ``-frame``;
         that of an earlier run of the name is replaced, as the file is.
+
+        Args:
+            path: the file, as "drop.vfrun".
+
+        Returns:
+            The file.
 
         Raises:
             InputError: the path has another ending, its folder holds something else, or it cannot be written.
@@ -129,13 +135,29 @@ class Run:
         return path
 
     def show(self, height: int = 800) -> Any:
-        """Show the run on the page, within a notebook; see :func:`~verefine_viz.page.notebook.show`."""
+        """Show the run on the page, within a notebook; see :func:`~verefine_viz.page.notebook.show`.
+
+        Args:
+            height: height of the page in the notebook [px].
+        """
         from verefine_viz.page.notebook import show
 
         return show(self, height)
 
     def share(self, out: Path | str, maps: Any = "marked", with_scene: bool = True) -> str:
-        """Write the run as one HTML file that opens anywhere; see :func:`~verefine_viz.page.share.share`."""
+        """Write the run as one HTML file that opens anywhere; see :func:`~verefine_viz.page.share.share`.
+
+        Args:
+            out: the HTML file.
+            maps: iterations whose score maps are in the file: end, marked or all.
+            with_scene: whether the 3D view is in the file.
+
+        Returns:
+            What the file shows, and what is not in it.
+
+        Raises:
+            VerefineError: the file cannot be written.
+        """
         from verefine_viz.page.share import share
 
         return share(self, out, None, maps, with_scene)
@@ -174,8 +196,11 @@ def step(
         method: refine, pir, sir, rir, vf_breadth, vf_depth, … (an unknown name lists them), or the section of the
             method, as {"name": "rir", "iterations": 10, "seed": 3}.
         refiner: icp, depth_net, …; empty = the default.
-        preset: recommended, published, …; empty = recommended.
+        preset: recommended, paper, published; empty = recommended.
         sections: other settings, each section a dict as in a session file: ``score={"tau_m": 0.01}``.
+
+    Returns:
+        The run before its first iteration: ``for iteration in vv.step(frame)`` makes them.
 
     Raises:
         SettingsError: a setting is unknown or out of range.
@@ -192,5 +217,21 @@ def solve(
     preset: str = "",
     **sections: Mapping[str, Any],
 ) -> Run:
-    """Run a method on a frame to its end; the arguments are those of :func:`step`."""
+    """Run a method on a frame to its end.
+
+    Args:
+        frame: what is solved.
+        method: refine, pir, sir, rir, vf_breadth, vf_depth, … (an unknown name lists them), or the section of the
+            method, as {"name": "rir", "iterations": 10, "seed": 3}.
+        refiner: icp, depth_net, …; empty = the default.
+        preset: recommended, paper, published; empty = recommended.
+        sections: other settings, each section a dict as in a session file: ``score={"tau_m": 0.01}``.
+
+    Returns:
+        The finished run: ``run["mug"]`` is the answer about an object.
+
+    Raises:
+        SettingsError: a setting is unknown or out of range.
+        InputError: nothing can be solved in the frame.
+    """
     return step(frame, method, refiner, preset, **sections).finish()

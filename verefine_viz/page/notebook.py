@@ -52,7 +52,10 @@ def show(what: Any, height: int = HEIGHT_PX) -> ShownPage:
     Args:
         what: a run, its record, or the path of a recorded run (``.vfrun``,
             ``.rrd``), of a session (``.toml``), or of a folder of a batch or of data.
-        height: of the frame in the notebook [px].
+        height: height of the page in the notebook [px].
+
+    Returns:
+        The page; a notebook shows it, ``url`` is its address, ``close()`` ends it.
 
     Raises:
         VerefineError: it cannot be opened.

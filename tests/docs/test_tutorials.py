@@ -1,0 +1,107 @@
+"""The tutorials run, as cells of one namespace each, and what their texts say of the results is true."""
+
+from __future__ import annotations
+
+import io
+import json
+import tempfile
+from collections.abc import Iterator
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import nbformat
+import pytest
+from matplotlib import pyplot as plt
+
+from verefine_viz.refiners.registry import REFINERS
+
+ROOT = Path(__file__).resolve().parents[2]
+TUTORIALS = ROOT / "docs" / "tutorials"
+pytestmark = pytest.mark.usefixtures("processes")
+
+
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Where tutorials write; a refiner that they register is gone with the test."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(REFINERS, "nudge", None)
+    matplotlib.use("Agg")
+    yield
+    plt.close("all")
+
+
+def run(name: str) -> tuple[dict[str, Any], str]:
+    """The names that a tutorial leaves, and what it prints."""
+    names: dict[str, Any] = {"__name__": name}
+    printed = io.StringIO()
+    with redirect_stdout(printed):
+        for k, cell in enumerate(nbformat.read(TUTORIALS / f"{name}.ipynb", 4).cells):
+            if cell.cell_type == "code":
+                exec(compile(cell.source, f"{name}, cell {k}", "exec"), names)
+    return names, printed.getvalue()
+
+
+def test_they_are_notebooks_without_outputs() -> None:
+    files = sorted(TUTORIALS.glob("*.ipynb"))
+    assert len(files) == 5
+    for file in files:
+        notebook = json.loads(file.read_text(encoding="utf-8"))
+        nbformat.validate(notebook)
+        assert notebook["cells"][0]["source"][0].startswith("# "), file
+        code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+        assert all(not cell["outputs"] and cell["execution_count"] is None for cell in code), file
+
+
+def test_a_first_failure_is_explained_and_mended() -> None:
+    names, printed = run("first_failure")
+    assert names["answer"].is_correct is False
+    assert names["cause"].cause == "arm_starved"
+    assert 5 not in names["played"]
+    assert names["mended"].is_correct
+    assert names["mended"].best_hypothesis == 5
+    assert "Hypothesis 5 of the carton got 0 of 10 iterations" in printed
+    assert [len(ax.images) for ax in names["axes"]] == [1, 1]
+
+
+def test_a_frame_of_ones_own_is_solved_and_kept(tmp_path: Path) -> None:
+    names, _ = run("your_own_frame")
+    assert "0.001 would fit better" in names["complaint"]
+    assert names["answer"].score > 0.9 > names["answer"].initial_score
+    assert names["shift_mm"] < 1
+    assert names["moved_mm"] < 2
+    assert names["folder"].parent == tmp_path
+    assert (names["folder"] / "frames" / "session.toml").is_file()
+
+
+def test_a_refiner_of_ones_own_shifts_and_does_not_turn() -> None:
+    names, _ = run("your_own_refiner")
+    (score, frame) = names["vv"].score, names["frame"]
+    assert (score(frame, "mug", names["nudged"]).score > score(frame, "mug", names["poses"]).score).all()
+    nudge, icp = names["answers"]["nudge"], names["answers"]["icp"]
+    assert icp.is_correct
+    assert not nudge.is_correct
+    assert nudge.rotation_deg > 20 > icp.rotation_deg
+    assert [stage.name for stage in names["first"].stages] == ["current", "simulated", "mixed", "refined"]
+
+
+def test_a_loop_of_ones_own_shows_its_fault() -> None:
+    names, printed = run("your_own_loop")
+    assert names["worst"] == 5
+    assert "the largest fall is in step 5" in printed
+    assert names["trace"].n_problems == 0
+    assert names["rir"].is_correct
+    assert names["rir"].score > names["answer"].score
+
+
+def test_a_data_set_is_solved_evaluated_and_reported() -> None:
+    names, printed = run("data_set_and_report")
+    causes = {(row["name"], row["cause"]) for row in names["rows"]}
+    assert causes == {("mug", ""), ("bowl", ""), ("bowl", "symmetric")}
+    right = {row["name"] for row in names["rows"] if float(row["add_s_mm"]) < 0.1 * float(row["diameter_mm"])}
+    assert "mug" in right
+    assert 0.7 < names["recall"].ar < 1
+    assert "3 frames" in printed
+    assert (names["folder"] / "runs" / "report.html").stat().st_size > 100_000
