@@ -88,4 +88,4 @@ def _add_source(target: str, files: Files, config: MkDocsConfig) -> None:
         return
     kind = {".py": "python", ".frag": "glsl", ".vert": "glsl"}.get(path.suffix, "text")
     text = path.read_text(encoding="utf-8")
-    files.append(File.generated(config, uri, content=f"# {target}\n\n````{kind}\n{text}\n````\n"))
+    files.append(File.generated(config, uri, content=f"# {path.name}\n\n`{target}`\n\n````{kind}\n{text}\n````\n"))
