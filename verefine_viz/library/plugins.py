@@ -47,7 +47,7 @@ def estimator(name: str) -> Callable[[E], E]:
     see :class:`~verefine_viz.core.protocols.Estimator`.
 
     Args:
-        name: the name that ``vv.estimate(frame, "mug", "mine")`` and the page take.
+        name: the name that ``vv.estimate(frame, "mug", "mine")`` takes.
 
     Raises:
         InputError: a part of this package has the name, or the class has no method ``hypotheses``.
