@@ -157,12 +157,12 @@ class Toolbox:
         return answers_of(run)
 
     def _without_colour(self, problem: Problem) -> tuple[str, ...]:
-        """Which objects have no colour term though one is asked for, and why; each model once."""
+        """Which objects have no colour term though their model has colours, and why; each model once."""
         weight = self.session.score.colour_weight
         if weight == 0:
             return ()
         colours = ColourStore(weight)
-        why = {f"{t.model.name} ({t.model.obj_id})": colours.why_off(t) for t in problem.targets}
+        why = {f"{t.model.name} ({t.model.obj_id})": colours.why_off(t) for t in problem.targets if t.model.has_colors}
         return tuple(f"{name} is scored without colour: {reason}" for name, reason in why.items() if reason)
 
     def ordered(self, problem: Problem) -> Problem:
