@@ -11,6 +11,7 @@ from verefine_viz import cli
 from verefine_viz.batch.jobs import Job, check_jobs, session_jobs, sweep_jobs
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.settings import Session
+from verefine_viz.run.session_file import resolve
 
 
 @pytest.fixture
@@ -104,7 +105,7 @@ def test_everything_is_checked_before_anything_runs(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_holds_another_run_is_found_before_anything_runs(tmp_path: Path) -> None:
-    job = Job(Session(), tmp_path / "rir-1", "rir")
+    job = Job(resolve({}), tmp_path / "rir-1", "rir")
     job.folder.mkdir()
     (job.folder / "session.toml").write_text("[score]\ntau_m = 0.5\n")
     with pytest.raises(VerefineError, match=r"holds a run of another session: score\.tau_m is 0\.5 there"):

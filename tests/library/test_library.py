@@ -129,6 +129,7 @@ def test_frames_of_data_are_opened_by_path_and_name(mesh: Path, tmp_path: Path) 
     opened = vv.open_frame(folder)
     assert opened.objects == made(mesh).objects
     run = vv.solve(opened, "refine")
+    assert vv.solve(opened, "refine", preset="paper").session.method.refiner == "icp"
     assert run["box 1"].T_cam_obj is not None
     assert [frame.name for frame in vv.open_dataset("mug")][:1] == ["0/0"]
     with pytest.raises(InputError, match="unknown frame '7/7'"):

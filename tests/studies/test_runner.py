@@ -232,7 +232,7 @@ def test_a_stopped_study_writes_what_it_has(
 ) -> None:
     monkeypatch.setattr(run_study_module, "Solver", StoppedSolver)
     session = tmp_path / "duck.toml"
-    session.write_text('[scene]\ndemo = "duck"\n')
+    session.write_text('[scene]\ndemo = "duck"\n[method]\nrefiner = "icp"\n')
     out = tmp_path / "out"
     words = f"study {name} --session {session} --out {out} --seeds 40 --workers 1"
     assert cli.main(words.split()) == 128 + signal.SIGINT

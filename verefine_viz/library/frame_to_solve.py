@@ -200,8 +200,10 @@ class OpenedFrame:
     def tools(self, sections: Mapping[str, Any]) -> tuple[Toolbox, str]:
         """What solves the frame with settings by section, and the frame's id."""
         check_sections(sections)
-        names = {*self._sections, *sections}
-        merged = {name: {**self._sections.get(name, {}), **sections.get(name, {})} for name in names}
+        own = self._sections
+        # The preset is a word, all else a section.
+        both = {name: {**own[name], **of} for name, of in sections.items() if name in own and isinstance(of, Mapping)}
+        merged = {**own, **sections, **both}
         session = _session_of(self._path, merged)
         is_same = all(merged.get(name) == self._sections.get(name) for name in ("scene", "hypotheses"))
         return Toolbox(session, source=self._source if is_same else None), self.name

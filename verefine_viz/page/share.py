@@ -334,6 +334,7 @@ def _wants(
         yield {"what": "landscape", **of, "part": "curves"}
         yield {"what": "landscape", **of, "part": "slice", "axes": [5, 0]}
         yield {"what": "landscape", **of, "part": "other"}
+        yield {"what": "crops", **of}
         yield {"what": "recorded", "branch": index, "obj": obj, "done": n}
         yield {"what": "track", "obj": obj, "done": True}
     if only is None and len(objects) > 1:

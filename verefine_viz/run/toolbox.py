@@ -176,7 +176,7 @@ class Toolbox:
         return answers_of(run)
 
     def _without_terms(self, problem: Problem) -> tuple[str, ...]:
-        """Terms of the score that are asked for and cannot be had, and why; of colour, each model once."""
+        """Terms of the score that are asked for and cannot be had, and why; of colour each model that has colours, once."""
         score = self.session.score
         without: tuple[str, ...] = ()
         if score.plausibility_weight > 0 and problem.observation.support is None:
@@ -184,7 +184,7 @@ class Toolbox:
         if score.colour_weight == 0:
             return without
         colours = ColourStore(score.colour_weight)
-        why = {f"{t.model.name} ({t.model.obj_id})": colours.why_off(t) for t in problem.targets}
+        why = {f"{t.model.name} ({t.model.obj_id})": colours.why_off(t) for t in problem.targets if t.model.has_colors}
         return (*without, *(f"{name} is scored without colour: {reason}" for name, reason in why.items() if reason))
 
     def ordered(self, problem: Problem) -> Problem:
