@@ -176,7 +176,7 @@ class Toolbox:
         return answers_of(run)
 
     def _without_terms(self, problem: Problem) -> tuple[str, ...]:
-        """Terms of the score that are asked for and cannot be had, and why; of colour each model that has colours, once."""
+        """Terms of the score that are asked for and cannot be had, and why; colour only of models that have some."""
         score = self.session.score
         without: tuple[str, ...] = ()
         if score.plausibility_weight > 0 and problem.observation.support is None:
