@@ -17,13 +17,12 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from verefine_viz.core.presets import PRESETS
 from verefine_viz.core.problem import Problem
 from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 
-METHODS = ("refine", "phys_before", "phys_after", "pir", "sir", "even", "expl", "rir")
+METHODS = ("refine", "phys_before", "phys_after", "pir", "sir", "even", "expl", "rir", "vf_depth")
 SINGLE = ("refine", "phys_before", "phys_after", "pir", "sir")
 """Methods that use one hypothesis: they get the whole budget of H·K refiner calls."""
 
@@ -139,20 +138,25 @@ def main() -> None:
     scene = {"source": "bop", "dataset": str(folder)}
     names = ("cosypose_ycbv-test", "posecnn-rss2018_ycbv-test", "sundermeyer_ycbv-test")
     files = [str(folder / "pose_estimates" / f"{name}.csv") for name in names]
-    for preset in PRESETS:
+    for title, chosen in {
+        "recommended": {"preset": "recommended"},
+        "recommended with icp": {"preset": "recommended", "method": {"refiner": "icp"}},
+        "paper": {"preset": "paper"},
+        "published": {"preset": "published"},
+    }.items():
         estimators = {
-            "preset": preset,
+            **chosen,
             "scene": {**scene, "frames": ["49/2365", "50/1"]},
             "hypotheses": {"source": "results", "files": files},
         }
-        table(f"Estimators' poses, key frames, {preset}", estimators, 3, 1)
-        show(f"One estimator, 15 refiner calls, {preset}", one_by_one(estimators, files))
+        table(f"Estimators' poses, key frames, {title}", estimators, 3, 1)
+        show(f"One estimator, 15 refiner calls, {title}", one_by_one(estimators, files))
         disturbed = {
-            "preset": preset,
+            **chosen,
             "scene": scene,
             "hypotheses": {"source": "perturb", "rotation_deg": 30, "translation_mm": 30, "max_per_object": 5},
         }
-        table(f"Ground truth disturbed by 30° and 30 mm, 5 hypotheses, {preset}", disturbed, 5, arguments.seeds)
+        table(f"Ground truth disturbed by 30° and 30 mm, 5 hypotheses, {title}", disturbed, 5, arguments.seeds)
 
 
 if __name__ == "__main__":

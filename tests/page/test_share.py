@@ -116,7 +116,8 @@ def mug(processes: None) -> Debugger:
 def test_more_maps_hold_all_that_fewer_do(mug: Debugger):
     wants = [{msgspec.json.encode(of) for of, _ in shared(mug, "", how).answers} for how in ("end", "marked", "all")]
     assert wants[0] < wants[1] <= wants[2]
-    obj = mug.space.problem.targets[0].instance.instance_id
+    obj, n = mug.space.problem.targets[0].instance.instance_id, mug.space.work.first.run.length
+    assert msgspec.json.encode({"what": "crops", "branch": 0, "k": n, "obj": obj}) in wants[0]
     assert {msgspec.json.encode(of) for of, _ in shared(mug, "", objects=[obj]).answers} == wants[1]
     few = [of for of, _ in shared(mug, "", objects=[]).answers]
     assert [of["what"] for of in few] == ["outlines"]
