@@ -159,7 +159,7 @@ def level(heading: float) -> Float:
 
 def session_of(name: str = "rir", iterations: int = 4, **sections: dict[str, object]) -> Session:
     """A session with this method and other sections."""
-    method = {"name": name, "iterations": iterations, **sections.pop("method", {})}
+    method = {"name": name, "refiner": "icp", "iterations": iterations, **sections.pop("method", {})}
     return resolve({"method": method, **sections})
 
 

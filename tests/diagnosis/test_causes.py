@@ -276,7 +276,7 @@ def sound_scene(n_hypotheses: int = 2) -> tuple[Toolbox, Any]:
     rng = np.random.default_rng(0)
     m = model("duck")
     T = standing(m, rng)
-    toolbox = Toolbox(resolve({"method": {"name": "rir", "iterations": 3}}))
+    toolbox = Toolbox(resolve({"method": {"name": "rir", "refiner": "icp", "iterations": 3}}))
     return toolbox, toolbox.ordered(frame_of([Made(m, T, near(T, rng, n_hypotheses, 8, 8))], rng))
 
 
@@ -301,7 +301,7 @@ def test_sound_input_draws_no_suspicion(seed: int) -> None:
     rng = np.random.default_rng(seed)
     m = model(["duck", "mug", "carton", "jug"][seed])
     T = standing(m, rng)
-    toolbox = Toolbox(resolve({"method": {"name": "rir", "iterations": 1}}))
+    toolbox = Toolbox(resolve({"method": {"name": "rir", "refiner": "icp", "iterations": 1}}))
     problem = toolbox.ordered(frame_of([Made(m, T, near(T, rng, 1, 8, 8))], rng))
     run = toolbox.run(problem)
     run.finish()

@@ -29,7 +29,7 @@ def test_observed_surroundings_need_of_the_plane_only_which_way_is_up(
     rng = np.random.default_rng(0)
     m = model("carton")
     T = standing(m, rng)
-    toolbox = Toolbox(resolve({"method": {"iterations": 1}, "physics": {"support": support}}))
+    toolbox = Toolbox(resolve({"method": {"refiner": "icp", "iterations": 1}, "physics": {"support": support}}))
     things = [Made(m, T, near(T, rng, 1, 8, 8))]
     problem = frame_of(things, rng, spoil_support=lambda right: leaning(right, level(0.0), tilt_deg, 0.03))
     run = toolbox.run(toolbox.surrounded(toolbox.ordered(problem)))
@@ -42,7 +42,7 @@ def test_a_depth_image_put_right_has_surroundings_of_its_own(monkeypatch: pytest
     rng = np.random.default_rng(1)
     m = model("duck")
     T = standing(m, rng)
-    toolbox = Toolbox(resolve({"method": {"iterations": 1}, "physics": {"support": "observed"}}))
+    toolbox = Toolbox(resolve({"method": {"refiner": "icp", "iterations": 1}, "physics": {"support": "observed"}}))
     things = [Made(m, T, near(T, rng, 1, 8, 8))]
     problem = frame_of(things, rng, spoil_depth=lambda depth_m, _masks: np.roll(depth_m, 25, axis=1))
     run = toolbox.run(toolbox.surrounded(toolbox.ordered(problem)))

@@ -137,7 +137,7 @@ def test_maps_of_a_file_are_those_of_the_engine_to_the_digits_that_the_page_show
         for (name, kind, offset, n, step), (_, exact_kind, at, _) in zip(answer["arrays"], live["arrays"], strict=True):
             values, true = np.frombuffer(sent, kind, n, offset), np.frombuffer(data, exact_kind, n, at)
             if step is None:
-                assert np.array_equal(values, true)
+                assert np.array_equal(values, true, equal_nan=True)
             else:
                 assert step <= STEPS[name][0]
                 gone = values == np.iinfo(values.dtype).max

@@ -61,7 +61,7 @@ def own(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def session(method: str = "rir", verifier: str = "own", **more: Any) -> Session:
-    settings = {"score": {"verifier": verifier}, "method": {"name": method, "iterations": 2}}
+    settings = {"score": {"verifier": verifier}, "method": {"name": method, "refiner": "icp", "iterations": 2}}
     return resolve(settings | {"hypotheses": {"max_per_object": 2}} | more)
 
 

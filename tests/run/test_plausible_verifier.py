@@ -213,7 +213,7 @@ def session(w: float, method: str = "rir"):  # type: ignore[no-untyped-def]
         {
             "scene": {"demo": "clutter"},
             "hypotheses": {"max_per_object": 2},
-            "method": {"name": method, "iterations": 2},
+            "method": {"name": method, "refiner": "icp", "iterations": 2},
             "score": {"plausibility_weight": w},
         }
     )
