@@ -12,9 +12,10 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import verefine_viz
+from verefine_viz.run.versions import BULLET
 
 PACKAGES = (
-    "numpy", "scipy", "numba", "open3d", "trimesh", "pybullet", "coacd", "moderngl", "onnxruntime",
+    "numpy", "scipy", "numba", "open3d", "trimesh", BULLET, "coacd", "moderngl", "onnxruntime",
     "viser", "rerun-sdk",
 )  # fmt: skip
 SHARE = 0.8

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import platform
+import sys
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_refiners import weights_of
 
+BULLET = "pybullet" if sys.version_info < (3, 12) else "pybullet-arm64"
+"""The package that brings the module pybullet (pyproject.toml)."""
 PACKAGES = (
     "verefine-viz",
     "numpy",
     "numba",
     "scipy",
-    "pybullet",
+    BULLET,
     "open3d",
     "coacd",
     "trimesh",
