@@ -26,7 +26,7 @@ NAMES = {
     "rendered": "rendered_m", "angle": "angle_rad", "f_d": "f_d", "f_n": "f_n",
     "classes": "classes", "counted": "counted",
 }  # fmt: skip
-COLOURS = {"correlation": "correlation", "rendered_rgb": "rendered_rgb", "observed_rgb": "observed_rgb"}
+COLOURS = {"correlation": "correlation", "rendered_rgb": "rendered_rgb"}
 
 
 def opened(demo: str, **settings: dict[str, Any]) -> Workspace:

@@ -39,6 +39,7 @@ STEPS: dict[str, tuple[float, type]] = {
     "angle": (math.radians(1), np.uint8),
     "f_d": (0.01, np.uint8),
     "f_n": (0.01, np.uint8),
+    "correlation": (0.01, np.int16),
 }
 """What maps are rounded to, their least significant digit on the page; the highest whole number is no value."""
 SHADED_QUALITY = 85
@@ -275,7 +276,7 @@ def _rounded(data: bytes, arrays: Sequence[Sequence[Any]], blobs: InlinedBlobs) 
         if name in STEPS:
             least, small = STEPS[name]
             no_value = np.iinfo(small).max
-            step = max(least, float(np.nanmax(values, initial=0.0)) / (no_value - 1))
+            step = max(least, float(np.nanmax(np.abs(values), initial=0.0)) / (no_value - 1))
             values = np.where(np.isfinite(values), np.round(values / step), no_value).astype(small)
         table.append([name, values.dtype.name, len(content), n, step])
         content += values.tobytes()

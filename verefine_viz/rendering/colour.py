@@ -57,6 +57,12 @@ def rgb_of(colours: NDArray[np.floating]) -> NDArray[np.uint8]:
     return np.clip(np.rint(255 * colours @ np.linalg.inv(OPPONENT).T), 0, 255).astype(np.uint8)
 
 
+def smoothed(rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Return an image (H, W, 3) as the colour term compares it: blurred, in the opponent space."""
+    blurred = gaussian_filter(rgb.astype(np.float32) / 255, (SIGMA_PX, SIGMA_PX, 0))
+    return np.ascontiguousarray(opponent(blurred), np.float32)
+
+
 @dataclass(frozen=True, eq=False)
 class ColourGrid:
     """The colours of a model's surface; a cell without surface has those of the nearest one that has some."""
@@ -254,8 +260,7 @@ class ColourStore:
     def _image(self, observation: Observation) -> NDArray[np.float32]:
         if observation not in self._images:
             assert observation.rgb is not None
-            smooth = gaussian_filter(observation.rgb.astype(np.float32) / 255, (SIGMA_PX, SIGMA_PX, 0))
-            self._images[observation] = np.ascontiguousarray(opponent(smooth), np.float32)
+            self._images[observation] = smoothed(observation.rgb)
         return self._images[observation]
 
 

@@ -22,6 +22,7 @@ from verefine_viz.page.views.rows import initial_poses, pose_list
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.pictures.contours import contour_lines
 from verefine_viz.refiners.registry import REFINERS
+from verefine_viz.rendering.colour import rgb_of, smoothed
 
 Json = dict[str, Any]
 ESTIMATORS = ("ppf", "pcs", "densefusion", "session")
@@ -50,6 +51,7 @@ def frame_message(space: Workspace, blobs: Blobs, demos: Sequence[str], sessions
         "camera": {"w": w, "h": h, "K": [camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0]},
         "rgb": None if observation.rgb is None else blobs.put(_png(observation.rgb), "image/png"),
         "depth": blobs.put(np.ascontiguousarray(observation.depth_m, np.float32).tobytes()),
+        "smoothed": _smoothed(problem, blobs),
         "objects": [*_objects(branch), *(_left_out(one) for one in problem.left_out)],
         "support": _support(observation),
         "order": order_of(problem),
@@ -71,6 +73,14 @@ def frame_message(space: Workspace, blobs: Blobs, demos: Sequence[str], sessions
             "settings": editable_settings(branch.settings),
         },
     }
+
+
+def _smoothed(problem: Problem, blobs: Blobs) -> str | None:
+    """Return the key of the colour image as the score sees it; None where no model has colours."""
+    rgb = problem.observation.rgb
+    if rgb is None or not any(target.model.has_colors for target in problem.targets):
+        return None
+    return blobs.put(rgb_of(smoothed(rgb)).tobytes())
 
 
 def _objects(branch: Branch) -> list[Json]:

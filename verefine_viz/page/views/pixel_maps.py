@@ -105,7 +105,6 @@ def cut(pixels: ScoreMaps, region: list[int]) -> dict[str, NDArray[Any]]:
         "counted": pixels.counted.view(np.uint8),
         "correlation": pixels.correlation,
         "rendered_rgb": pixels.rendered_rgb,
-        "observed_rgb": pixels.observed_rgb,
     }
     there = {name: image for name, image in named.items() if image is not None}
     return {name: image[v0 : v0 + height, u0 : u0 + width] for name, image in there.items()}

@@ -284,7 +284,7 @@ function Foot({ name, tiles, sides }) {
     ${isRead ? html`<div class="line values">
         ${values.map((v) => html`<${Value} ...${v} isAlone=${tiles.length === 1} />`)}
         ${tiles[0][0] === name && map.unit && html`<small>${map.unit}</small>`}</div>`
-      : html`<div class="line"><${Ticks} map=${map} side=${like} /></div>`}
+      : html`<div class="line ticks"><${Ticks} map=${map} side=${like} /></div>`}
   </div>`;
 }
 

@@ -34,16 +34,23 @@ function wholeScene(moment) {
     b: true_.length ? { name: "true scene", label: "ground truth", poses: true_ } : null };
 }
 
-// The arrays with the depth difference [m], NaN where either depth is missing; null until the observed depth is there.
-function withDifference(arrays, region) {
+// The arrays with those that the images of the frame give: the depth difference [m], NaN where either depth is missing,
+// and where colour counts the observed one. Null until these images are there.
+function withObserved(arrays, region) {
   const depth = observedDepth();
-  if (!arrays || !depth) return null;
+  const smoothed = arrays?.correlation && blob(state.frame.smoothed);
+  if (!arrays || !depth || smoothed === null) return null;
   if (!arrays.difference) {
     const [u0, v0, w] = region;
+    const at = (i) => (v0 + Math.floor(i / w)) * state.frame.camera.w + u0 + (i % w);
     arrays.difference = arrays.rendered.map((rendered, i) => {
-      const observed = depth[(v0 + Math.floor(i / w)) * state.frame.camera.w + u0 + (i % w)];
+      const observed = depth[at(i)];
       return observed > 0 && rendered > 0 ? observed - rendered : NaN;
     });
+    if (smoothed) {
+      const image = new Uint8Array(smoothed);
+      arrays.observed_rgb = arrays.rendered_rgb.map((_, i) => image[3 * at(Math.floor(i / 3)) + (i % 3)]);
+    }
   }
   return arrays;
 }
@@ -53,7 +60,7 @@ const shown = {}; // by letter, the maps that came last
 function sideOf(moment, pose, letter) {
   if (!pose?.T && !pose?.poses) return null;
   const answer = want(wantOfMaps(moment, pose), pose.name === "edited" ? "edited" : `maps-${letter}`);
-  const arrays = withDifference(arraysOf(answer), answer?.region);
+  const arrays = withObserved(arraysOf(answer), answer?.region);
   const place = `${state.frame.id} ${pose.poses ? "all" : moment.obj}`;
   if (arrays) {
     const { region, score, scale } = answer;

@@ -180,9 +180,10 @@ export function blob(key) {
 }
 
 const TYPES = {
-  float32: Float32Array, uint8: Uint8Array, int32: Int32Array, uint16: Uint16Array, float64: Float64Array,
+  float32: Float32Array, uint8: Uint8Array, int32: Int32Array, uint16: Uint16Array, int16: Int16Array,
+  float64: Float64Array,
 };
-const NO_VALUE = { uint8: 255, uint16: 65535 }; // among whole numbers of a step
+const NO_VALUE = { uint8: 255, uint16: 65535, int16: 32767 }; // among whole numbers of a step
 const unpacked = new WeakMap(); // buffer → arrays by name: they go when the blob does
 // The arrays of an answer by name, or null until they are there.
 export function arraysOf(answer) {

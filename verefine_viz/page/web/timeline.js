@@ -47,7 +47,7 @@ function Controls() {
         title="The answer is shown. The last iteration may have tried another pose: show it" onClick=${(e) => {
           e.currentTarget.blur();
           setView({ stage: moment.run.rows.at(-1).stages.at(-1).name, obj: moment.run.rows.at(-1).obj });
-        }}>last iteration</button>`
+        }}>show last</button>`
       : k > 0 && isCurrent
         ? html`<${StageDots} stages=${stages} stage=${stage} accepted=${row.accepted} />`
         : k === 0 ? "initial poses" : `latest of ${moment.object.label}: ${row ? row.k : "none"}`}</span>
