@@ -200,6 +200,11 @@ class PhysicsSettings(Settings, frozen=True):
     """Lateral friction of objects; the plane has 1.0."""
     collider: Literal["decomposition", "hull"] = "decomposition"
     """Convex decomposition keeps bowls and mugs hollow; the authors use one hull per object."""
+    collider_folder: InputPath = ""
+    """Folder of convex parts that take its place, obj_000005.obj for object 5 with a part in each of the file's objects
+    (as V-HACD writes them); models without a file follow `collider`."""
+    collider_unit_m: Annotated[float, Meta(gt=0, le=1000)] = 1.0
+    """One unit of these files [m]; 0.001 for millimetres."""
     inertia: Literal["mesh", "box"] = "mesh"
     """Whose centre of mass and moments of inertia an object has: its mesh's, or its bounding box's along the axes of
     the model (authors' code: Bullet's default)."""

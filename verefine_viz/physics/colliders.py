@@ -59,12 +59,12 @@ class Collider:
     """(4, 4) centre of mass and principal axes of inertia [m]."""
     inertia_m2: Float
     """(3,) principal moments of inertia per kilogram [m²]."""
-    deviation_m: float
-    """How far the surfaces of collider and mesh are from each other, at worst [m]: with a hull, the depth of the bowl
-    that physics takes for solid. Sampled, so a good fit reads as about 1 % of the diameter."""
     mass_from: Literal["mesh", "parts", "box"]
     """Whether centre of mass and inertia come from the closed mesh, from the parts because the mesh has holes, or from
     the bounding box."""
+    deviation_m: float
+    """How far the surfaces of collider and mesh are from each other, at worst [m]: with a hull, the depth of the bowl
+    that physics takes for solid. Sampled, so a good fit reads as about 1 % of the diameter."""
     took_too_long: bool = False
     """Whether it is the hull only because taking the mesh apart takes more than ``decomposition.LIMIT_S``."""
 
@@ -148,7 +148,7 @@ def build(model: ObjectModel, kind: ColliderKind, progress: ProgressToken = NEVE
         ) from None
     if exact.volume < 1e-6 * model.diameter_m**3:
         raise ShapeError(f"{name} is flat; a solid mesh is needed for physics, or physics.enabled = false")
-    surface = np.vstack([mesh.vertices, trimesh.sample.sample_surface(mesh, 20_000, seed=0)[0]])
+    surface = _surface(mesh)
     parts, took_too_long = [hull], False
     deviation_m = deviation(parts, surface)
     pockets = deviation_m > CONVEX_ENOUGH * model.diameter_m and not _fills(mesh, float(exact.volume))
@@ -163,8 +163,13 @@ def build(model: ObjectModel, kind: ColliderKind, progress: ProgressToken = NEVE
                 'set physics.collider = "hull"'
             )
         deviation_m = deviation(parts, surface)
-    T_obj_com, inertia_m2, mass_from = _mass_properties(mesh, parts)
-    return Collider(tuple(parts), T_obj_com, inertia_m2, deviation_m, mass_from, took_too_long)
+    return Collider(tuple(parts), *_mass_properties(mesh, parts), deviation_m, took_too_long)
+
+
+def solid_of(model: ObjectModel, parts: list[Float]) -> Collider:
+    """Return the collider of a model that has these convex parts, each (n, 3) vertices [m]."""
+    mesh = trimesh.Trimesh(model.vertices, model.faces, process=True)
+    return Collider(tuple(parts), *_mass_properties(mesh, parts), deviation(parts, _surface(mesh)))
 
 
 def boxed(solid: Collider) -> Collider:
@@ -182,6 +187,11 @@ def lies_on(parts: list[Float] | tuple[Float, ...], model: ObjectModel) -> bool:
     mesh_m = (model.vertices[np.unique(model.faces)] @ directions).max(axis=0)
     beyond_m = (np.vstack(parts) @ directions).max(axis=0) - mesh_m
     return bool(beyond_m.max() < BEYOND * model.diameter_m and beyond_m.min() > -SHORT * model.diameter_m)
+
+
+def _surface(mesh: trimesh.Trimesh) -> Float:
+    """Dense points (N, 3) of a mesh [m]."""
+    return np.vstack([mesh.vertices, trimesh.sample.sample_surface(mesh, 20_000, seed=0)[0]])
 
 
 def _fills(mesh: trimesh.Trimesh, hull_m3: float) -> bool:
@@ -279,8 +289,8 @@ def _unpacked(arrays: Arrays) -> Collider:
         tuple(np.split(arrays["vertices"], arrays["splits"])),
         arrays["T_obj_com"],
         arrays["inertia_m2"],
-        float(arrays["deviation_m"]),
         "mesh" if arrays["closed"] else "parts",
+        float(arrays["deviation_m"]),
         "took_too_long" in arrays and bool(arrays["took_too_long"]),
     )
 

@@ -24,6 +24,7 @@ from verefine_viz.core.records import Contacts, SimulatedPath
 from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.core.surroundings import SUPPORT_ID, SupportSurface, Surroundings
 from verefine_viz.physics.colliders import Collider, boxed, collider
+from verefine_viz.physics.given_parts import given_collider
 from verefine_viz.physics.stability import Motion, Touch
 from verefine_viz.physics.world import PLANE_FRICTION, BodyKey, PlacedBody, World, pybullet
 
@@ -76,12 +77,16 @@ class BulletSimulator:
 
         Raises:
             ShapeError: the mesh has no volume.
+            InputError: the file of its parts in ``physics.collider_folder`` does not do.
             Cancelled: through the progress token.
         """
         built = self._colliders.get(model.mesh_hash)
         if built is None:
-            built = collider(model, self._settings.collider, self._cache, progress or self._progress)
-            built = boxed(built) if self._settings.inertia == "box" else built
+            settings, built = self._settings, None
+            if settings.collider_folder:
+                built = given_collider(model, Path(settings.collider_folder), settings.collider_unit_m)
+            built = built or collider(model, settings.collider, self._cache, progress or self._progress)
+            built = boxed(built) if settings.inertia == "box" else built
             self._colliders[model.mesh_hash] = built
         return built
 

@@ -36,6 +36,7 @@ FILES = (
     ("densefusion", "weights"),
     ("densefusion", "refiner_weights"),
     ("physics", "mesh"),
+    ("physics", "collider_folder"),
     ("grasp", "folder"),
     ("scene", "layout"),
 )
