@@ -65,7 +65,7 @@ class Verdict:
     def numbers(self) -> str:
         """The difference and its interval in points, with as many digits as it takes to tell them from 0."""
         s = self.spread
-        known = [100 * v for v in (s.value, s.low, s.high) if v is not None]
+        known = [round(100 * v, MOST_DIGITS) + 0.0 for v in (s.value, s.low, s.high) if v is not None]  # no -0.0
         digits = next((d for d in range(1, MOST_DIGITS) if all(v == 0 or round(v, d) != 0 for v in known)), MOST_DIGITS)
         value, *ends = (f"{v:+.{digits}f}" for v in known)
         return f"{value} ({ends[0]} to {ends[1]})" if ends else value
