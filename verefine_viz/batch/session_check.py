@@ -9,6 +9,7 @@ from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.grasping.grasp_poses import grasp_files
 from verefine_viz.observation.given_order import Entries, checked, read_orders
+from verefine_viz.physics.given_parts import check_collider_folder
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.environment_mesh import environment_mesh
 from verefine_viz.scenes.frames import frame_name, parse_frame
@@ -23,7 +24,8 @@ def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
     Raises:
         VerefineError: the data set, a frame, the method, a given order, the mesh of the surroundings, the folder of
-            grasps or another name in the session is wrong, or the results files are of other frames or objects.
+            colliders or of grasps or another name in the session is wrong, or the results files are of other frames or
+            objects.
     """
     toolbox = Toolbox(session)
     frames = toolbox.frames
@@ -34,6 +36,8 @@ def check(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     _ = toolbox.method  # With its refiner and its verifier.
     if session.physics.support == "mesh":
         environment_mesh(session.physics)
+    if session.physics.collider_folder:
+        check_collider_folder(Path(session.physics.collider_folder))
     if session.grasp.answers and session.grasp.folder:
         grasp_files(Path(session.grasp.folder))
     return frames, notes

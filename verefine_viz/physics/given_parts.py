@@ -18,6 +18,12 @@ UNITS_M = (1.0, 0.01, 0.001)
 """What a unit of a file may be [m], where another than the given one would fit."""
 
 
+def check_collider_folder(folder: Path) -> None:
+    """Raise InputError where there is no such folder."""
+    if not folder.is_dir():
+        raise InputError(f"physics.collider_folder: {folder} is no folder; expected one with obj_000001.obj …")
+
+
 def given_collider(model: ObjectModel, folder: Path, unit_m: float) -> Collider | None:
     """Return the collider of a model from a file such as ``obj_000005.obj``, as V-HACD and CoACD write it.
 
@@ -32,8 +38,7 @@ def given_collider(model: ObjectModel, folder: Path, unit_m: float) -> Collider 
     Raises:
         InputError: the folder is not there, a file cannot be read, or its parts do not lie on the model.
     """
-    if not folder.is_dir():
-        raise InputError(f"physics.collider_folder: {folder} is no folder; expected one with obj_000001.obj …")
+    check_collider_folder(folder)
     path = folder / f"obj_{model.obj_id:06d}.obj"
     if not path.exists():
         return None

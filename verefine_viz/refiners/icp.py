@@ -49,6 +49,8 @@ class _Observed:
     """(N, 3), or (0, 3) where sides are not checked."""
     gates_m: Float
     """(max_iterations,)."""
+    n_shrinking: int
+    """Iterations in which no small step ends the loop."""
 
 
 class Icp:
@@ -74,7 +76,7 @@ class Icp:
             index,
             normals,
             observed.gates_m,
-            n_shrinking(observed.gates_m, self.settings),
+            observed.n_shrinking,
             STOP_RULES[self.settings.stop],
             self.settings.metric == "plane",
         )
@@ -88,7 +90,10 @@ class Icp:
             checks_sides = self.settings.matches == "same_side"
             normals_cam = observed_normals(target.observation, points_cam) if checks_sides else np.empty((0, 3))
             gates_m = gate_schedule_m(largest_extent_m(points_cam), self.settings)
-            observed = self._observed[target] = _Observed(writable(points_cam), writable(normals_cam), gates_m)
+            observed = _Observed(
+                writable(points_cam), writable(normals_cam), gates_m, n_shrinking(gates_m, self.settings)
+            )
+            self._observed[target] = observed
         return observed
 
     def _model(self, model: ObjectModel) -> tuple[NearestIndex, Float]:

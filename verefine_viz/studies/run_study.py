@@ -15,12 +15,12 @@ import msgspec
 
 from verefine_viz.batch.folder import LOCK_FILE
 from verefine_viz.batch.runs import file_stem
+from verefine_viz.batch.session_check import check
 from verefine_viz.batch.worker_pool import interrupts_ignored
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError, unknown
 from verefine_viz.core.files import read_json
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import atomic, check_folder, clear_parts, try_lock, write_json
-from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.studies.ablation import ablation, robustness
 from verefine_viz.studies.grasping_study import grasping
 from verefine_viz.studies.paper_tables import tables
@@ -201,7 +201,7 @@ def saved_outcomes(
 
 
 def _units(request: StudyRequest, sessions: Mapping[str, Session], seeds: int) -> list[Unit]:
-    return units_of(request.study(), {name: Toolbox(session).frames for name, session in sessions.items()}, seeds)
+    return units_of(request.study(), {name: check(session)[0] for name, session in sessions.items()}, seeds)
 
 
 def _about(request: StudyRequest, sessions: Mapping[str, Session]) -> Mapping[str, object]:
