@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from verefine_viz.core.algorithm_settings import IcpSettings, TricpSettings
-from verefine_viz.core.arrays import Float
+from verefine_viz.core.arrays import Float, writable
 from verefine_viz.core.geometry import transform
-from verefine_viz.refiners.icp import STOP_RULES, gate_schedule_m, largest_extent_m, n_shrinking, writable
+from verefine_viz.refiners.icp import STOP_RULES, gate_schedule_m, largest_extent_m, n_shrinking
 from verefine_viz.refiners.icp_kernel import icp_loop
 from verefine_viz.refiners.nearest import Leaves, NearestIndex
 from verefine_viz.refiners.trimmed_icp import FEWEST_POINTS, trimmed_loop

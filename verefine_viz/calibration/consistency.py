@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.calibration.camera_check import camera_notes
-from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.arrays import Float, Mask, writable
 from verefine_viz.core.geometry import axis_angle, inverse, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Problem
@@ -89,7 +89,7 @@ class Seen:
         out = np.zeros(self.mask.shape, np.float32)
         mesh = _mesh(self.model, self.model_times)
         fx, fy, cx, cy = (float(self.K[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
-        draw_depth(np.ascontiguousarray(self.T_cam_obj), *mesh.arrays, fx, fy, cx, cy, out)
+        draw_depth(writable(self.T_cam_obj), *mesh.arrays, fx, fy, cx, cy, out)
         return out
 
     def fit(self) -> float:

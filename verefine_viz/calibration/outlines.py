@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, optimize
 
-from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.arrays import Float, Mask, writable
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.model import ObjectModel
@@ -123,7 +123,7 @@ def _draw(model: ObjectModel, T_cam_obj: Float, camera: Camera) -> Drawn | None:
     width, height = (np.ceil((high - low) / pitch).astype(int) + 2 * MARGIN).tolist()
     depth_m = np.zeros((height, width), np.float32)
     fx, fy, cx, cy = (np.array([camera.fx, camera.fy, *(camera.K[:2, 2] - corner_px)]) / pitch).tolist()
-    draw_depth(np.ascontiguousarray(T_cam_obj), *_mesh(model).arrays, fx, fy, cx, cy, depth_m)
+    draw_depth(writable(T_cam_obj), *_mesh(model).arrays, fx, fy, cx, cy, depth_m)
     shown = depth_m > 0
     if not shown.any():
         return None

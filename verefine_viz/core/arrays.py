@@ -42,6 +42,11 @@ def frozen(value: ArrayLike, name: str, shape: tuple[int | None, ...], dtype: DT
     return array
 
 
+def writable(value: ArrayLike) -> Float:
+    """Return a plain copy of float64: numba compiles a kernel for read-only arrays once more."""
+    return np.array(value, dtype=np.float64, order="C")
+
+
 def finite(value: ArrayLike, name: str, shape: tuple[int | None, ...]) -> Float:
     """:func:`frozen` float64, and every element finite.
 

@@ -66,7 +66,7 @@ def _draw(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, height, 
         face_of = np.empty((rows, columns), np.int32)
         draw(
             T, vertices, faces, normals, offsets, closed, projected, n_front,
-            fx, fy, cx, cy, inv_z, face_of, x0, y0, 0,
+            fx, fy, cx, cy, inv_z, face_of, x0, y0, np.int64(0),
         )  # fmt: skip
     for y in range(rows):
         for x in range(columns):

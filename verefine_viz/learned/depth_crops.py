@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float
+from verefine_viz.core.arrays import Float, writable
 from verefine_viz.core.camera import Camera
 from verefine_viz.rendering.mesh import RenderMesh
 from verefine_viz.rendering.rasterizer import draw_depth
@@ -87,10 +87,8 @@ def crops_at(
     Rs_crop_cam, is_usable = np.empty((n, 3, 3)), np.zeros(n, np.bool_)
     pinhole = camera.fx, camera.fy, camera.cx, camera.cy
     depth_m, mask = _read_only(depth_m), _read_only(mask)
-    vertices, faces, normals, offsets, closed = map(_read_only, mesh.arrays)
-    drawn = vertices, faces, normals, offsets, closed
     for k in range(n):
-        T = np.array(Ts_cam_obj[k], dtype=np.float64, order="C")
+        T, drawn = writable(Ts_cam_obj[k]), mesh.arrays
         is_usable[k] = fill_crop(
             depth_m, mask, *pinhole, *drawn, extent.centre_obj, extent.radius_m, T, channels[k], Rs_crop_cam[k]
         )

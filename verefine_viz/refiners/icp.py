@@ -18,7 +18,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from verefine_viz.core.algorithm_settings import IcpSettings
-from verefine_viz.core.arrays import Float, finite
+from verefine_viz.core.arrays import Float, finite, writable
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
@@ -102,11 +102,6 @@ class Icp:
             index = model_index(model)
             ready = self._models[model] = index, writable(model.point_normals[index.order])
         return ready
-
-
-def writable(array: Float) -> Float:
-    """A plain copy: to numba a read-only array is another type, for which it would compile everything again."""
-    return np.array(array, dtype=np.float64, order="C")
 
 
 def largest_extent_m(points: Float) -> float:

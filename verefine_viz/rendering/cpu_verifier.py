@@ -13,7 +13,7 @@ import numpy as np
 from numba.core import config
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float
+from verefine_viz.core.arrays import Float, writable
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
@@ -126,7 +126,7 @@ class CpuVerifier(RenderingVerifier):
         meshes = self._meshes.together([target.model for target in targets])
         pinhole, shape = intrinsics(camera, self.settings), (len(at.rows), len(at.columns))
         depth_m, faces = np.zeros(shape, np.float32), np.zeros(shape, np.int32)
-        Ts = np.ascontiguousarray(Ts)
+        Ts = writable(Ts)
         draw_at(Ts, meshes.arrays, pinhole, camera.shape, far_m(self.settings), at.rows, at.columns, depth_m, faces)
         prepared, placed_m = self._targets.scene(targets, whole_frame), self._placed_depth(targets, placed)
         maps = score_maps(meshes, Ts, at, depth_m, faces, pinhole, prepared, placed_m, self.settings)
@@ -146,7 +146,7 @@ class CpuVerifier(RenderingVerifier):
             camera = targets[0].observation.camera
             depth_m = np.zeros(camera.shape, np.float32)
             for p in others:
-                T = np.ascontiguousarray(p.T_cam_obj, dtype=np.float64)
+                T = writable(p.T_cam_obj)
                 draw_depth(T, *self._meshes.get(p.model).arrays, *intrinsics(camera, self.settings), depth_m)
             self._placed_m, self._placed_key = depth_m, key
         return self._placed_m

@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from verefine_viz.core.arrays import writable
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
@@ -76,7 +77,7 @@ class ExplainedPixels:
         inv_z, face_of = np.zeros(camera.shape, np.float32), np.empty(camera.shape, np.int32)
         for placed in scene:
             mesh = self._meshes.get(placed.model)
-            T = np.array(placed.T_cam_obj, dtype=np.float64, order="C")
+            T = writable(placed.T_cam_obj)
             draw_frame(T, *mesh.arrays, *intrinsics(camera, self._settings), inv_z, face_of)
         return inv_z
 

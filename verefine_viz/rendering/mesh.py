@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float
+from verefine_viz.core.arrays import Float, writable
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,7 @@ def render_mesh(vertices: Float, faces: NDArray[np.int32], closed: NDArray[np.bo
     faces = np.ascontiguousarray(faces[solid], dtype=np.int32)
     normals = np.ascontiguousarray(normals[solid] / length[solid, None])
     return RenderMesh(
-        vertices=np.ascontiguousarray(vertices, dtype=np.float64),
+        vertices=writable(vertices),
         faces=faces,
         face_normals=normals,
         face_offsets=np.einsum("ij,ij->i", normals, vertices[faces[:, 0]]),

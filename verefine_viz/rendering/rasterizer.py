@@ -29,6 +29,9 @@ BLOCK_PX = 1 << BLOCK_BITS
 FAR_AWAY_M = 1e6
 """A pose with a number larger than this is not drawn [m]."""
 
+# Kernels of others call these with arrays that can be written to (``core.arrays.writable``) and with ``np.int64(0)``: a
+# read-only array and a bare 0 are types of their own to numba, for which it compiles everything once more.
+
 
 @njit(cache=True)
 def is_drawable(T):  # noqa: D103
@@ -288,7 +291,7 @@ def draw_frame(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, inv
     if columns > 0:
         draw(
             T, vertices, faces, normals, offsets, closed, projected, n_front,
-            fx, fy, cx, cy, inv_z, face_of, 0, 0, 0,
+            fx, fy, cx, cy, inv_z, face_of, np.int64(0), np.int64(0), np.int64(0),
         )  # fmt: skip
 
 
@@ -301,7 +304,10 @@ def draw_depth(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, dep
     if columns == 0:
         return
     inv_z, face_of = np.zeros((rows, columns), np.float32), np.empty((rows, columns), np.int32)
-    draw(T, vertices, faces, normals, offsets, closed, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0, 0)
+    draw(
+        T, vertices, faces, normals, offsets, closed, projected, n_front,
+        fx, fy, cx, cy, inv_z, face_of, x0, y0, np.int64(0),
+    )  # fmt: skip
     for y in range(rows):
         for x in range(columns):
             if inv_z[y, x] > 0.0:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
-from verefine_viz.core.arrays import Float
+from verefine_viz.core.arrays import Float, writable
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.problem import Placed
@@ -49,7 +49,7 @@ def render_scene(placed: Sequence[Placed], camera: Camera) -> Rendering:
     for index, item in enumerate(placed):
         mesh = render_mesh(item.model.vertices, item.model.faces)
         face_of = np.full(camera.shape, -1, np.int32)
-        T = np.ascontiguousarray(item.T_cam_obj)
+        T = writable(item.T_cam_obj)
         draw_frame(T, *mesh.arrays, camera.fx, camera.fy, camera.cx, camera.cy, inv_z, face_of)
         rows, columns = np.nonzero(face_of >= 0)
         face = face_of[rows, columns]

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float
+from verefine_viz.core.arrays import Float, writable
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
@@ -129,12 +129,12 @@ def rule_of(settings: ScoreSettings) -> tuple[int, float, float]:
 
 
 def as_poses(Ts_cam_obj: Float) -> Float:
-    """The poses as a contiguous (N, 4, 4) array.
+    """A copy of the poses as a contiguous (N, 4, 4) array.
 
     Raises:
         ShapeError: another shape.
     """
-    Ts = np.ascontiguousarray(Ts_cam_obj, dtype=np.float64)
+    Ts = writable(Ts_cam_obj)
     if Ts.ndim != 3 or Ts.shape[1:] != (4, 4):
         raise ShapeError(f"the poses to score have shape {Ts.shape}, expected n×4×4")
     return Ts
@@ -221,7 +221,7 @@ def score_maps(
     f_d, f_n = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     counted, classes = np.zeros(shape, np.bool_), np.zeros(shape, np.uint8)
     maps = normals, difference_m, angle_rad, f_d, f_n, counted, classes
-    Ts, seen, rule = np.ascontiguousarray(Ts_cam_obj), prepared.arrays(placed_m), rule_of(settings)
+    Ts, seen, rule = writable(Ts_cam_obj), prepared.arrays(placed_m), rule_of(settings)
     fill_maps(Ts, meshes.arrays, at.rows, at.columns, depth_m, faces, camera, seen, rule, maps)
     return ScoreMaps(depth_m, *maps)
 

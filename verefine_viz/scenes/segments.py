@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.arrays import Float, Mask, writable
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.model import ObjectModel
@@ -250,7 +250,7 @@ def draw_placed(placed: Iterable[Placed], camera: Camera) -> tuple[NDArray[np.fl
         if id(one.model) not in meshes:
             meshes[id(one.model)] = render_mesh(one.model.vertices, one.model.faces)
         face_of, pinhole = np.full(camera.shape, -1, np.int32), (camera.fx, camera.fy, camera.cx, camera.cy)
-        draw_frame(np.ascontiguousarray(one.T_cam_obj), *meshes[id(one.model)].arrays, *pinhole, inv_z, face_of)
+        draw_frame(writable(one.T_cam_obj), *meshes[id(one.model)].arrays, *pinhole, inv_z, face_of)
         owner[face_of >= 0] = one.instance_id
     return np.divide(1.0, inv_z, out=np.zeros_like(inv_z), where=inv_z > 0), owner
 

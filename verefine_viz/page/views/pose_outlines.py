@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float
+from verefine_viz.core.arrays import Float, writable
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.settings import ScoreSettings
@@ -72,7 +72,7 @@ def _drawn(mesh: RenderMesh, T_cam_obj: Float, camera: Camera, finer: int) -> tu
     """The silhouette (h + 2, w + 2) in finer pixels with a rim of zeros, and its first column and row."""
     pinhole = camera.fx * finer, camera.fy * finer, (camera.cx + 0.5) * finer - 0.5, (camera.cy + 0.5) * finer - 0.5
     shape = camera.height * finer, camera.width * finer
-    x0, y0, silhouette = _silhouette(np.ascontiguousarray(T_cam_obj), *mesh.arrays, *pinhole, *shape)
+    x0, y0, silhouette = _silhouette(writable(T_cam_obj), *mesh.arrays, *pinhole, *shape)
     return (silhouette, np.array([x0, y0])) if silhouette.size else None
 
 
@@ -83,7 +83,10 @@ def _silhouette(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, he
     if columns == 0:
         return 0, 0, np.zeros((0, 0), np.float32)
     inv_z, face_of = np.zeros((rows, columns), np.float32), np.empty((rows, columns), np.int32)
-    draw(T, vertices, faces, normals, offsets, closed, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0, 0)
+    draw(
+        T, vertices, faces, normals, offsets, closed, projected, n_front,
+        fx, fy, cx, cy, inv_z, face_of, x0, y0, np.int64(0),
+    )  # fmt: skip
     out = np.zeros((rows + 2, columns + 2), np.float32)
     for y in range(rows):
         for x in range(columns):
