@@ -10,7 +10,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "VerefineError": "core.errors",
     **dict.fromkeys(("Frame", "OpenedFrame", "open_dataset", "open_frame"), "library.frame_to_solve"),
-    **dict.fromkeys(("estimator", "refiner", "verifier"), "library.plugins"),
+    **dict.fromkeys(("estimator", "refiner", "simulator", "verifier"), "library.plugins"),
     **dict.fromkeys(("estimate", "evaluate", "refine", "score", "score_maps", "settle"), "library.single_calls"),
     **dict.fromkeys(("Run", "solve", "step"), "library.solving"),
     "show": "page.notebook",

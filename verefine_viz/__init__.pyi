@@ -7,6 +7,7 @@ from verefine_viz.library.frame_to_solve import open_dataset as open_dataset
 from verefine_viz.library.frame_to_solve import open_frame as open_frame
 from verefine_viz.library.plugins import estimator as estimator
 from verefine_viz.library.plugins import refiner as refiner
+from verefine_viz.library.plugins import simulator as simulator
 from verefine_viz.library.plugins import verifier as verifier
 from verefine_viz.library.single_calls import estimate as estimate
 from verefine_viz.library.single_calls import evaluate as evaluate

@@ -182,7 +182,7 @@ UNREADABLE: list[tuple[list[str], str]] = [
     (["--dependency.cut", "1"], "[INT INT [INT INT ...]]"),
     (
         ["--hypotheses.estimate", "50/1", "x", "ppf", "--scene.seed", "1"],
-        "[STR INT {ppf,pcs,densefusion} [STR INT {ppf,pcs,densefusion} ...]]",
+        "[STR INT STR [STR INT STR ...]]",
     ),
 ]
 

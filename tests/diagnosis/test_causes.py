@@ -146,9 +146,13 @@ class Nudge:
         return transform(T_cam_obj[:3, :3], T_cam_obj[:3, 3] + np.median(observed - nearest, axis=0))
 
 
-def with_refiner(name: str, session: str) -> tuple[Diagnosis, Run]:
+FROM_WHERE_ICP_GETS_THERE = {"rotation_deg": 60.0, "translation_mm": 15.0, "seed": 2}
+
+
+def with_refiner(name: str, session: str, **hypotheses: float) -> tuple[Diagnosis, Run]:
     """Why the only object of a shipped session fails when it is solved with another refiner."""
-    toolbox = Toolbox(load_session(SESSIONS / f"{session}.toml", {"method": {"refiner": name}}))
+    settings = {"method": {"refiner": name}, "hypotheses": hypotheses}
+    toolbox = Toolbox(load_session(SESSIONS / f"{session}.toml", settings))
     run = toolbox.run(toolbox.problem(toolbox.frames[0]))
     run.finish()
     (diagnosis,) = diagnose(run, toolbox, every_cause=True)
@@ -160,7 +164,7 @@ def test_a_refiner_is_blamed_where_icp_gets_there_from_the_same_hypotheses(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(REFINERS, "nudge", lambda session: Nudge())
-    diagnosis, run = with_refiner(name, "mug")
+    diagnosis, run = with_refiner(name, "mug", **FROM_WHERE_ICP_GETS_THERE)
     assert (diagnosis.main.cause, diagnosis.main.is_confirmed) == (Cause.REFINER, True)
     assert f"The refiner {name} does not bring the mug to the ground truth" in diagnosis.main.text
     assert "with ICP from the same hypotheses the error is 0%" in diagnosis.main.text

@@ -19,6 +19,7 @@ from tests.fakes import BOX_M, box_problem
 from verefine_viz import cli
 from verefine_viz.commands.batch import Batch
 from verefine_viz.commands.view import View
+from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.settings import Session
@@ -38,6 +39,12 @@ GUIDE = (ROOT / "docs" / "guide.md").read_text(encoding="utf-8")
 
 def blocks(language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", f"{README}\n{GUIDE}", re.MULTILINE | re.DOTALL)
+
+
+def example(name: str) -> str:
+    """Return the program of the guide that registers a part by this name."""
+    (code,) = (code for code in blocks("python") if re.search(rf'^@vv\.\w+\("{name}"\)', code, re.MULTILINE))
+    return code
 
 
 def make_targets() -> set[str]:
@@ -131,7 +138,7 @@ def test_its_traces_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 
 @pytest.mark.usefixtures("processes")
 def test_its_refiner_runs(tmp_path: Path) -> None:
-    *_, code, _, _ = blocks("python")
+    code = example("nudge")
     assert len([line for line in code.splitlines() if line.strip()]) <= 20
     script, out = tmp_path / "nudge.py", tmp_path / "out"
     script.write_text(code)
@@ -149,7 +156,7 @@ def test_its_refiner_runs(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("processes")
 def test_its_verifier_scores_poses(tmp_path: Path) -> None:
-    *_, code = blocks("python")
+    code = example("crops")
     assert len([line for line in code.splitlines() if line.strip()]) <= 30
     script, out = tmp_path / "crops.py", tmp_path / "out"
     script.write_text(code)
@@ -167,8 +174,32 @@ def test_its_verifier_scores_poses(tmp_path: Path) -> None:
     assert "no difference in 25 iterations" in done.stdout, done.stderr
 
 
+@pytest.mark.usefixtures("processes")
+@pytest.mark.parametrize("option", ["--physics.simulator drop", "--hypotheses.source sweep"])
+def test_its_simulator_and_its_estimator_run(option: str, tmp_path: Path) -> None:
+    name = option.split()[-1]
+    script, out = tmp_path / f"{name}.py", tmp_path / "out"
+    script.write_text(example(name))
+    words = ["batch", "mug", "--out", out, "--workers", "1", *option.split()]
+    words += ["--hypotheses.rotation-deg", "20"]
+    done = subprocess.run([sys.executable, script, *words], capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert done.returncode == 0, done.stderr
+    with (out / "frames.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert row["status"] == "ok"
+    assert float(row["add_s_mm"]) < 0.1 * float(row["diameter_mm"])
+    (recording,) = out.rglob("*.rrd")
+    verify = ["replay", str(recording), "--verify"]
+    done = subprocess.run([sys.executable, script, *verify], capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert "no difference" in done.stdout, done.stderr
+    kind = "simulator" if name == "drop" else "estimator"
+    with pytest.raises(SettingsError, match=f"made with the {kind} '{name}', which this program does not have"):
+        cli.parse(verify).run(verify[1:])
+
+
 def test_its_refiner_explains_itself(monkeypatch: pytest.MonkeyPatch) -> None:
-    *_, code, explained, _ = blocks("python")
+    code = example("nudge")
+    (explained,) = (code for code in blocks("python") if "class ExplainedNudge" in code)
     names: dict[str, Any] = {"__name__": "nudge"}
     with monkeypatch.context() as patched:
         patched.setitem(REFINERS, "nudge", None)

@@ -34,7 +34,8 @@ class Estimator:
 @pytest.fixture
 def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Session:
     """Frames "7/3" and "8/3" with the same three instances."""
-    monkeypatch.setattr(registry, "make_estimator", lambda name, session: Estimator())
+    for name in registry.ESTIMATORS:
+        monkeypatch.setitem(registry.ESTIMATORS, name, lambda session: Estimator())
     made = make(tmp_path / "data", targets=False)
     shutil.copytree(made.scene, made.scene.parent / "000008")
     raw: dict[str, Any] = {

@@ -24,7 +24,7 @@ from verefine_viz.recording.verify import first_difference, verify
 from verefine_viz.refiners.registry import WEIGHTS, make_refiner
 from verefine_viz.run.run_file import RunFile
 from verefine_viz.run.session_file import resolve
-from verefine_viz.run.session_refiners import weights_of
+from verefine_viz.run.session_parts import weights_of
 from verefine_viz.run.toolbox import Toolbox
 
 TARGET = coloured_target()

@@ -29,7 +29,8 @@ class Estimator:
 @pytest.fixture
 def dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """Frame "7/3" with instances 0, 1 and 2."""
-    monkeypatch.setattr(registry, "make_estimator", lambda name, session: Estimator())
+    for name in registry.ESTIMATORS:
+        monkeypatch.setitem(registry.ESTIMATORS, name, lambda session: Estimator())
     return str(make(tmp_path).root)
 
 

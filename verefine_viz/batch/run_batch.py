@@ -39,7 +39,7 @@ from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import first_of
 from verefine_viz.run.record import RunRecord, failed_run
-from verefine_viz.run.session_refiners import weights_of
+from verefine_viz.run.session_parts import weights_of
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.source import SceneSource

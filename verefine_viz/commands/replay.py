@@ -70,10 +70,10 @@ def _verify(recording: Path) -> int:
     from verefine_viz.recording.verify import run_again, verify
     from verefine_viz.run.engine import Run
     from verefine_viz.run.record import RunRecord, session_of
-    from verefine_viz.run.session_refiners import check_refiners
+    from verefine_viz.run.session_parts import check_parts
 
     def again(record: RunRecord) -> Run:
-        check_refiners(session_of(record.header), f"recording {recording}", "verify", f"replay {recording} --verify")
+        check_parts(session_of(record.header), f"recording {recording}", "verify", f"replay {recording} --verify")
         return run_again(record)
 
     _check_file(recording)

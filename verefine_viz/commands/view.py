@@ -71,7 +71,7 @@ class View:
         elif self.session is not None and self.session.is_dir():
             from verefine_viz.batch.index import find_runs
             from verefine_viz.page.gallery import read_gallery
-            from verefine_viz.run.session_refiners import check_refiners
+            from verefine_viz.run.session_parts import check_parts
 
             if note := find_runs(self.session).note:
                 print(note, file=sys.stderr)
@@ -79,7 +79,7 @@ class View:
             for missing in batch.notes:
                 print(f"note: {missing}", file=sys.stderr)
             session = batch.session(batch.worst.run)
-            check_refiners(session, f"run {batch.worst.run}", "open", f"view {self.session}")
+            check_parts(session, f"run {batch.worst.run}", "open", f"view {self.session}")
         else:
             _check_kind(self.session)
             from verefine_viz.run.session_file import load_session

@@ -37,6 +37,18 @@ class Simulator(Protocol):
         ...
 
 
+class PoseSimulator(Protocol):
+    """Moves an object in place of Bullet: what a simulator of another program has to have."""
+
+    def settle(self, moving: Placed, fixed: Sequence[Placed], support: Support, n_steps: int) -> Float:
+        """(n_steps + 1, 4, 4) T_cam_obj [m]: where ``moving`` is, and where it is after each step of 1/60 s.
+
+        ``fixed`` are the objects already placed. The plane of ``support`` goes through the origin of the world, with a
+        normal of its own; gravity pulls against the world's z.
+        """
+        ...
+
+
 class PoseScorer(Protocol):
     """Scores poses in place of Eq. 1: what a verifier of another program has to have."""
 

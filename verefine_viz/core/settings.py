@@ -73,13 +73,17 @@ class SceneSettings(Settings, frozen=True):
     """How: drawn at random, or evenly, each the farthest from those before (as the authors' clouds are)."""
 
 
+POSES_GIVEN = ("results", "perturb", "recorded")
+"""Sources of initial poses that are no estimators."""
+
+
 class HypothesesSettings(Settings, frozen=True):
     """Where the initial poses come from."""
 
-    source: Literal["results", "perturb", "ppf", "pcs", "densefusion", "recorded"] = "perturb"
+    source: str = "perturb"
     """results: BOP results files, a row per hypothesis. perturb: ground truth, disturbed as in the paper's ablation.
-    ppf: point pair features. pcs: congruent point sets (Super4PCS). densefusion: the network, with weights of yours.
-    recorded: those of source folder, all of them."""
+    recorded: those of source folder, all of them. Or an estimator: ppf, point pair features; pcs, congruent point sets
+    (Super4PCS); densefusion, the network, with weights of yours; one of your own by its name (docs/guide.md)."""
     files: tuple[InputPath, ...] = ()
     """Results files (CSV), relative to the session file; the most trusted first: they take turns in the pool, the best
     row of each, then the second best, …"""
@@ -95,7 +99,7 @@ class HypothesesSettings(Settings, frozen=True):
     """Whether a promising pose's flips, at which the shape looks nearly the same (a box turned over, a can turned about
     its axis), compete with it: scored, without a call of the refiner. Only where colour counts, for depth alone often
     chooses the wrong one (docs/methods.md 1.11). Preset recommended: true with depth_net_icp."""
-    estimate: tuple[tuple[str, Index, Literal["ppf", "pcs", "densefusion"]], ...] = ()
+    estimate: tuple[tuple[str, Index, str], ...] = ()
     """Instances whose initial poses come from an estimator instead, each with its frame, as [["50/1", 4, "ppf"]]."""
 
 
@@ -181,11 +185,17 @@ class ScoreSettings(Settings, frozen=True):
     scores of real frames by up to 0.001, and takes two thirds of the time."""
 
 
+BULLET = "bullet"
+"""The simulator that this package has."""
+
+
 class PhysicsSettings(Settings, frozen=True):
     """The simulator. Paper Sec. V: Bullet, 1/60 s, 10 solver iterations, 4 sub-steps, 1 kg, 3 steps."""
 
     enabled: bool = True
     """Off: simulated pose = current pose."""
+    simulator: str = BULLET
+    """bullet, or a simulator of your own (docs/guide.md); what is said of colliders and solver below is Bullet's."""
     steps: Count = 3
     """Steps per iteration; 60 for the Extended APC experiments."""
     step_s: Annotated[float, Meta(ge=1e-5, le=1)] = 1 / 60

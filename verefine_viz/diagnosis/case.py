@@ -34,7 +34,7 @@ from verefine_viz.methods.object_method import ObjectMethod
 from verefine_viz.methods.physim_mcts import mcts_physics, mcts_tricp
 from verefine_viz.methods.registry import make_method, method_of
 from verefine_viz.observation.observed_frame import segment_cloud
-from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.physics.registry import make_simulator
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
 from verefine_viz.run.engine import Run
 from verefine_viz.run.toolbox import Toolbox
@@ -159,21 +159,19 @@ class Lab:
             self.refiner = toolbox.refiner
         self.verifier = toolbox.verifier
         self.n_reruns = 0
-        self._simulators: dict[PhysicsSettings, BulletSimulator] = {}
+        self._simulators: dict[PhysicsSettings, Simulator | None] = {}
         if toolbox.simulator is not None:
             self._simulators[session.physics] = toolbox.simulator
 
     @property
-    def simulator(self) -> BulletSimulator | None:
+    def simulator(self) -> Simulator | None:
         """The run's own."""
         return self.simulator_with(self.physics)
 
-    def simulator_with(self, physics: PhysicsSettings) -> BulletSimulator | None:
+    def simulator_with(self, physics: PhysicsSettings) -> Simulator | None:
         """One with other settings; None where they switch physics off."""
-        if not physics.enabled:
-            return None
         if physics not in self._simulators:
-            self._simulators[physics] = BulletSimulator(physics)
+            self._simulators[physics] = make_simulator(physics)
         return self._simulators[physics]
 
     def method(

@@ -15,6 +15,7 @@ from verefine_viz.core.problem import Hypothesis, Placed
 from verefine_viz.core.records import Iteration
 from verefine_viz.diagnosis.case import Case, ErrorOf, Rerun
 from verefine_viz.diagnosis.causes import Cause, Finding, instead
+from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.scenes.frame_surroundings import with_surroundings
 
 TILT_DEG = 4.0
@@ -96,7 +97,9 @@ def plane(case: Case) -> Finding | None:
 def collider(case: Case) -> Finding | None:
     """The solid that physics moves is far from the mesh; decided by a re-run with convex parts instead of a hull."""
     simulator = case.lab.simulator
-    if simulator is None or case.target.observation.support is None or case.lab.physics.collider != "hull":
+    if not isinstance(simulator, BulletSimulator) or case.lab.physics.collider != "hull":
+        return None
+    if case.target.observation.support is None:
         return None
     models = [case.target.model, *(p.model for p in case.placed)]
     coarse = [

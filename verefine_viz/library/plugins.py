@@ -6,15 +6,17 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from verefine_viz.core.errors import InputError, quoted
-from verefine_viz.core.protocols import Estimator, PoseScorer, Refiner
-from verefine_viz.core.settings import EQ_1
+from verefine_viz.core.protocols import Estimator, PoseScorer, PoseSimulator, Refiner
+from verefine_viz.core.settings import BULLET, EQ_1, POSES_GIVEN
 from verefine_viz.estimators.registry import ESTIMATORS
+from verefine_viz.physics.registry import SIMULATORS
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.rendering.registry import VERIFIERS
 
 R = TypeVar("R", bound=Callable[[], Refiner])
 E = TypeVar("E", bound=Callable[[], Estimator])
 V = TypeVar("V", bound=Callable[[], PoseScorer])
+S = TypeVar("S", bound=Callable[[], PoseSimulator])
 _REGISTRIES = ("verefine_viz.refiners.registry", "verefine_viz.estimators.registry")
 
 
@@ -47,13 +49,16 @@ def estimator(name: str) -> Callable[[E], E]:
     see :class:`~verefine_viz.core.protocols.Estimator`.
 
     Args:
-        name: the name that ``vv.estimate(frame, "mug", "mine")`` takes.
+        name: the name in settings, ``hypotheses={"source": "mine"}``, and in ``vv.estimate(frame, "mug", "mine")``.
 
     Raises:
-        InputError: a part of this package has the name, or the class has no method ``hypotheses``.
+        InputError: it is the name of another source of initial poses, or of a part of this package, or the class has no
+            method ``hypotheses``.
     """
 
     def register(kind: E) -> E:
+        if name in POSES_GIVEN:
+            raise InputError(f"{name!r} is the name of another source of initial poses; choose another")
         _check(name, "hypotheses", kind)
         ESTIMATORS[name] = lambda session: kind()
         return kind
@@ -79,6 +84,30 @@ def verifier(name: str) -> Callable[[V], V]:
             raise InputError(f"{name!r} is the name of Eq. 1; choose another")
         _check(name, "scores", kind)
         VERIFIERS[name] = lambda settings: kind()
+        return kind
+
+    return register
+
+
+def simulator(name: str) -> Callable[[S], S]:
+    """Register a class as a simulator, which moves objects in place of Bullet: ``@vv.simulator("drop")`` above it.
+
+    The class takes no arguments and has ``settle(moving, fixed, support, n_steps)``, which gives the poses T_cam_obj
+    (n_steps + 1, 4, 4) [m] before and after each step; see :class:`~verefine_viz.core.protocols.PoseSimulator`.
+    Settings name it: ``physics={"simulator": "drop"}``.
+
+    Args:
+        name: the name in settings.
+
+    Raises:
+        InputError: it is Bullet's name or that of another part, or the class has no method ``settle``.
+    """
+
+    def register(kind: S) -> S:
+        if name == BULLET:
+            raise InputError(f"{name!r} is the name of the simulator of this package; choose another")
+        _check(name, "settle", kind)
+        SIMULATORS[name] = lambda settings: kind()
         return kind
 
     return register

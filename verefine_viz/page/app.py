@@ -33,10 +33,12 @@ from verefine_viz.page.thumbnails import Painter, Thumbnails
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.worker import Job, Jobs, Worker
 from verefine_viz.page.workspace import HULLS, Checks, Workspace, no_records
+from verefine_viz.physics.registry import simulator_names
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.rendering.registry import verifier_names
 from verefine_viz.run.edits import edits_elsewhere
 from verefine_viz.run.session_file import changed
+from verefine_viz.run.session_parts import check_source
 
 if TYPE_CHECKING:
     from verefine_viz.batch.watch import Watch
@@ -330,6 +332,9 @@ def check_method(session: Session) -> None:
         raise SettingsError(unknown("refiner", session.method.refiner, REFINERS))
     if session.score.verifier not in verifier_names():
         raise SettingsError(unknown("verifier", session.score.verifier, verifier_names()))
+    if session.physics.simulator not in simulator_names():
+        raise SettingsError(unknown("simulator", session.physics.simulator, simulator_names()))
+    check_source(session)
 
 
 def check_names(session: Session) -> tuple[str, ...]:

@@ -143,7 +143,8 @@ class Estimate(Verb):
     """New initial poses of one object, as a new branch."""
 
     obj: int
-    estimator: Literal["ppf", "pcs", "densefusion", "session"]
+    estimator: str
+    """Its name; "session": as the session has it."""
     branch: Index = 0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.errors import InputError, meant
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -25,5 +25,6 @@ def named_session(path: Path) -> Path:
         return path
     known = built_in_sessions()
     if path.name not in known:
-        raise InputError(f"{path} does not exist, and is no session: {unknown('session', path.name, known)}")
+        names = ", ".join(known)  # All of them: one cannot be asked for elsewhere.
+        raise InputError(f"{path} does not exist, and is no session; {meant(path.name, known)}sessions: {names}")
     return known[path.name]

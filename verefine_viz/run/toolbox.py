@@ -15,16 +15,19 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
-from verefine_viz.core.protocols import Estimator, Method, Refiner, Verifier, Watcher
-from verefine_viz.core.settings import PhysicsSettings, Session, TrackedPose
+from verefine_viz.core.protocols import Estimator, Method, Refiner, Simulator, Verifier, Watcher
+from verefine_viz.core.settings import Session, TrackedPose
 from verefine_viz.core.side_by_side import side_by_side
+from verefine_viz.estimators.registry import make_estimator
 from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
 from verefine_viz.methods.object_method import Flips
 from verefine_viz.methods.physim_mcts import make_physim_mcts, mcts_physics, mcts_tricp
 from verefine_viz.methods.registry import make_method, method_of
 from verefine_viz.observation.dependency_graph import dependency_graph
+from verefine_viz.physics.colliders import Collider
 from verefine_viz.physics.plausibility import centre_of_mass, plausibility
 from verefine_viz.physics.proximity import Surfaces
+from verefine_viz.physics.registry import make_simulator
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.refiners.registry import make_refiner
 from verefine_viz.refiners.trimmed_icp import TrimmedIcp
@@ -36,6 +39,7 @@ from verefine_viz.run.edits import check_edits, edits_elsewhere, edits_of
 from verefine_viz.run.engine import Run
 from verefine_viz.run.plausible_verifier import Check, PlausibleVerifier
 from verefine_viz.run.session_file import AT_ITS_START, changed
+from verefine_viz.run.session_parts import estimators_of
 from verefine_viz.run.track import EarlierPose, Track, answers_of, tracked_poses, with_tracked
 from verefine_viz.scenes.frame_surroundings import AROUND, with_surroundings
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
@@ -84,9 +88,9 @@ class Toolbox:
         return share
 
     @cached_property
-    def simulator(self) -> BulletSimulator | None:
+    def simulator(self) -> Simulator | None:
         """None where the session switches physics off."""
-        return self._simulator(self.session.physics)
+        return make_simulator(self.session.physics, self._progress)
 
     @cached_property
     def surfaces(self) -> Surfaces:
@@ -99,13 +103,12 @@ class Toolbox:
 
     @cached_property
     def estimators(self) -> Mapping[str, Estimator]:
-        """Those that the session's initial poses come from, by name."""
-        h = self.session.hypotheses
-        from verefine_viz.estimators.registry import ESTIMATORS, make_estimator
+        """Those that the session's initial poses come from, by name.
 
-        names = {h.source} & ESTIMATORS.keys() | {name for *_, name in h.estimate}
-
-        return {name: make_estimator(name, self.session) for name in sorted(names)}
+        Raises:
+            SettingsError: there is none of that name.
+        """
+        return {name: make_estimator(name, self.session) for name in sorted(estimators_of(self.session))}
 
     @cached_property
     def method(self) -> Method[Any]:
@@ -114,7 +117,7 @@ class Toolbox:
             physics, tricp = mcts_physics(s.mcts, s.physics), mcts_tricp(s.mcts, s.tricp)
             pixels = ExplainedPixels(s.mcts.explained_m, s.score, progress=self._progress)
             return make_physim_mcts(
-                s.mcts, self._simulator(physics), TrimmedIcp(tricp), self.verifier, pixels, physics.steps
+                s.mcts, make_simulator(physics, self._progress), TrimmedIcp(tricp), self.verifier, pixels, physics.steps
             )
         return make_method(s.method, self.simulator, self.refiner, self.verifier, s.physics.steps, self.flips)
 
@@ -124,9 +127,6 @@ class Toolbox:
         if not self.session.hypotheses.flips:
             return None
         return cache(lambda model: flips(near_symmetries(model, progress=self._progress)))
-
-    def _simulator(self, physics: PhysicsSettings) -> BulletSimulator | None:
-        return BulletSimulator(physics, progress=self._progress) if physics.enabled else None
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -230,12 +230,12 @@ class Toolbox:
             left_out=(*problem.left_out, *left_out),
         )
 
-    def _simulator_for(self, problem: Problem) -> BulletSimulator | None:
-        """What may simulate its objects. None where nothing does: what repeats recorded steps opens at once, and a fork
-        to a method that simulates makes the solids when it begins.
+    def _solids_for(self, problem: Problem) -> Callable[[ObjectModel, ProgressToken], Collider] | None:
+        """What makes the solids of its objects. None where Bullet simulates nothing: what repeats recorded steps opens
+        at once, and a fork to a method that simulates makes the solids when it begins.
         """
-        is_solved = not method_of(self.session.method.name).repeats
-        return self.simulator if is_solved and problem.observation.support is not None else None
+        is_simulated = not method_of(self.session.method.name).repeats and problem.observation.support is not None
+        return self.simulator.collider if is_simulated and isinstance(self.simulator, BulletSimulator) else None
 
     def _solids(self, problem: Problem) -> tuple[dict[int, str], tuple[str, ...]]:
         """Objects of which no collider can be built, with the reason, and notes on those that are built; building takes
@@ -243,10 +243,10 @@ class Toolbox:
         """
         broken: dict[int, str] = {}
         notes: list[str] = []
-        simulator = self._simulator_for(problem)
-        if simulator is not None:
+        solid_of = self._solids_for(problem)
+        if solid_of is not None:
             models = list(problem.models.values())
-            solids = [partial(simulator.collider, model) for model in models]
+            solids = [partial(solid_of, model) for model in models]
             meshes = [partial(_score_mesh, model, self.session.score.simplify_mm) for model in models]
             has_flips = self.flips is not None and self.session.score.colour_weight > 0
             turns = [partial(_near_symmetries, model) for model in models if has_flips and model.has_colors]
@@ -331,10 +331,10 @@ class Toolbox:
         Raises:
             ShapeError: a mesh from which no solid can be made.
         """
-        simulator = self._simulator_for(problem)
-        if simulator is not None:
+        solid_of = self._solids_for(problem)
+        if solid_of is not None:
             for target in problem.targets:
-                simulator.collider(target.model)
+                solid_of(target.model, self._progress)
 
     def run(self, problem: Problem, watchers: Sequence[Watcher[Any]] = ()) -> Run:
         """A run of the session's method on ``problem``, with its frame's edits and the changes of the session."""

@@ -8,7 +8,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
 from verefine_viz.core.settings import Session
-from verefine_viz.run.session_refiners import weights_of
+from verefine_viz.run.session_parts import weights_of
 
 BULLET = "pybullet" if sys.version_info < (3, 12) else "pybullet-arm64"
 """The package that brings the module pybullet (pyproject.toml)."""

@@ -224,6 +224,6 @@ def _reason(table: PaperTable, session: Session, n_frames: int) -> str:
     elif table.n_frames not in (None, n_frames):
         reasons.append(f"needs its {table.n_frames} frames, these are {n_frames}")
     if session.hypotheses.source != table.source:
-        given = GIVEN[session.hypotheses.source]
+        given = GIVEN.get(session.hypotheses.source, f"those of {session.hypotheses.source}")
         reasons.append(f'needs initial poses by {SOURCES[table.source]} (source = "{table.source}"), these are {given}')
     return "; ".join(reasons)

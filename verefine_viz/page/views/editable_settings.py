@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import Any, Literal, get_args, get_origin
 
 from verefine_viz.core.setting_types import descriptions, kinds_of
-from verefine_viz.core.settings import SURROUNDINGS, Session
+from verefine_viz.core.settings import POSES_GIVEN, SURROUNDINGS, Session
+from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
+from verefine_viz.physics.registry import simulator_names
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.rendering.registry import verifier_names
 from verefine_viz.run.session_file import DURING_A_RUN
@@ -42,6 +44,10 @@ def _row(name: str, of: Any, value: Any) -> dict[str, Any] | None:
         choices = list(REFINERS)
     elif name == "score.verifier":
         choices = list(verifier_names())
+    elif name == "physics.simulator":
+        choices = list(simulator_names())
+    elif name == "hypotheses.source":
+        choices = [*POSES_GIVEN, *ESTIMATORS]
     elif get_origin(of) is Literal:
         choices = list(get_args(of))
     if isinstance(value, bool):

@@ -13,6 +13,7 @@ from PIL import Image
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.presets import PRESETS
 from verefine_viz.core.problem import LeftOut, Problem, Target
+from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.methods.registry import ALL_METHOD_NAMES, method_of
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.branch import Branch
@@ -25,7 +26,6 @@ from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.rendering.colour import rgb_of, smoothed
 
 Json = dict[str, Any]
-ESTIMATORS = ("ppf", "pcs", "densefusion", "session")
 
 
 def frame_message(space: Workspace, blobs: Blobs, demos: Sequence[str], sessions: Sequence[Json]) -> Json:
@@ -69,7 +69,7 @@ def frame_message(space: Workspace, blobs: Blobs, demos: Sequence[str], sessions
             ],
             "refiners": list(REFINERS),
             "presets": list(PRESETS),
-            "estimators": ESTIMATORS,
+            "estimators": [*ESTIMATORS, "session"],
             "settings": editable_settings(branch.settings),
         },
     }

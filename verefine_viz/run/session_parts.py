@@ -1,20 +1,22 @@
-"""Refiners and verifiers of a session: whether this program has them; and the weights of all that is learned in it."""
+"""Parts of a session that may be plugged in: whether this program has them; and the weights of what is learned."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from verefine_viz.core.errors import SettingsError
-from verefine_viz.core.settings import Session
+from verefine_viz.core.errors import SettingsError, unknown
+from verefine_viz.core.settings import POSES_GIVEN, Session
+from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.estimators.registry import WEIGHTS as ESTIMATOR_WEIGHTS
 from verefine_viz.methods.registry import method_of
+from verefine_viz.physics.registry import simulator_names
 from verefine_viz.refiners.registry import REFINERS, WEIGHTS
 from verefine_viz.rendering.registry import verifier_names
 from verefine_viz.run.session_file import changed
 
 
-def check_refiners(session: Session, what: str, to_do: str, words: str) -> None:
-    """Checks that this program has every refiner and every verifier with which something was made.
+def check_parts(session: Session, what: str, to_do: str, words: str) -> None:
+    """Checks that this program has every refiner, verifier, simulator and estimator with which something was made.
 
     Args:
         session: how it was made.
@@ -27,13 +29,32 @@ def check_refiners(session: Session, what: str, to_do: str, words: str) -> None:
     """
     refiners = [("refiner", stage.method.refiner, tuple(REFINERS)) for stage in _with_refiner(session)]
     verifiers = [("verifier", stage.score.verifier, verifier_names()) for stage in _stages(session)]
-    for kind, name, names in (*refiners, *verifiers):
+    simulators = [("simulator", stage.physics.simulator, simulator_names()) for stage in _stages(session)]
+    sources = [("estimator", name, tuple(ESTIMATORS)) for name in estimators_of(session)]
+    for kind, name, names in (*refiners, *verifiers, *simulators, *sources):
         if name not in names:
             raise SettingsError(
                 f"{what} was made with the {kind} {name!r}, which this program does not have "
                 f"(it has {', '.join(names)}); {to_do} it through the program that does, as in docs/guide.md, "
                 f'"Your own {kind}": python PROGRAM.py {words}'
             )
+
+
+def estimators_of(session: Session) -> set[str]:
+    """Return the names of the estimators that initial poses come from."""
+    h = session.hypotheses
+    return ({h.source} - {*POSES_GIVEN}) | {name for *_, name in h.estimate}
+
+
+def check_source(session: Session) -> None:
+    """Check that this program knows where the initial poses come from.
+
+    Raises:
+        SettingsError: it does not; lists what it knows.
+    """
+    source, known = session.hypotheses.source, (*POSES_GIVEN, *ESTIMATORS)
+    if source not in known:
+        raise SettingsError(unknown("hypotheses.source", source, known))
 
 
 def weights_of(session: Session) -> dict[str, str]:
@@ -44,11 +65,8 @@ def weights_of(session: Session) -> dict[str, str]:
         SettingsError: weights are not named.
         InputError: a file of weights cannot be read.
     """
-    h = session.hypotheses
-    sources = {h.source, *(name for *_, name in h.estimate)}
-    estimators = {
-        f"{name} estimator weights": ESTIMATOR_WEIGHTS[name](session) for name in sources & ESTIMATOR_WEIGHTS.keys()
-    }
+    learned = estimators_of(session) & ESTIMATOR_WEIGHTS.keys()
+    estimators = {f"{name} estimator weights": ESTIMATOR_WEIGHTS[name](session) for name in learned}
     hashes: dict[str, str] = {}
     for stage in _with_refiner(session):
         if stage.method.refiner in WEIGHTS:

@@ -1,0 +1,143 @@
+"""Simulators of other programs: they say where an object goes, and all else goes on as with Bullet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+import verefine_viz as vv
+from tests.fakes import box_problem
+from tests.physics.bodies import placed, ring, table
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, SettingsError, ShapeError
+from verefine_viz.core.observation import Support
+from verefine_viz.core.problem import Placed
+from verefine_viz.core.settings import PhysicsSettings, Session
+from verefine_viz.page.app import check_method
+from verefine_viz.page.protocol import Fork, Run
+from verefine_viz.page.verbs import Debugger
+from verefine_viz.page.workspace import Workspace
+from verefine_viz.physics.registry import SIMULATORS, make_simulator
+from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.recording.verify import first_difference
+from verefine_viz.run.session_file import resolve
+from verefine_viz.run.toolbox import Toolbox
+
+OWN = PhysicsSettings(simulator="own")
+
+
+class Rises:
+    """Lifts an object by a millimetre a step."""
+
+    def settle(self, moving: Placed, fixed: Sequence[Placed], support: Support, n_steps: int) -> Float:
+        path = np.tile(moving.T_cam_obj, (n_steps + 1, 1, 1))
+        path[:, :3, 3] += 1e-3 * np.arange(n_steps + 1)[:, None] * support.T_world_cam[2, :3]
+        return path
+
+
+class WrappedBullet:
+    """Bullet, as if it were another program's."""
+
+    def settle(self, moving: Placed, fixed: Sequence[Placed], support: Support, n_steps: int) -> Float:
+        return BulletSimulator(PhysicsSettings(collider="hull")).settle(moving, fixed, support, n_steps).Ts_cam_obj
+
+
+@pytest.fixture(autouse=True)
+def own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(SIMULATORS, "own", lambda settings: Rises())
+
+
+def session(**physics: Any) -> Session:
+    return resolve(
+        {
+            "scene": {"demo": "duck"},
+            "method": {"name": "sir", "refiner": "icp", "iterations": 2},
+            "hypotheses": {"max_per_object": 2},
+            "physics": {"collider": "hull"} | physics,
+        }
+    )
+
+
+def poses_of(one: Session) -> list[bytes]:
+    tools = Toolbox(one)
+    run = tools.run(tools.problem(tools.frames[0]))
+    run.finish()
+    return [stage.T_cam_obj.tobytes() for i in run.iterations for stage in i.stages]
+
+
+def test_a_path_of_it_is_poses_without_contacts():
+    simulator = make_simulator(OWN)
+    assert simulator is not None
+    start = placed(ring(), (0, 0, 0.1))
+    path = simulator.settle(start, (), table(), 4)
+    assert [len(contacts.points_cam) for contacts in path.contacts] == [0] * 4
+    assert path.tipping is None
+    up = table().T_world_cam @ path.Ts_cam_obj
+    np.testing.assert_allclose(np.diff(up[:, 2, 3]), 1e-3)
+    assert np.array_equal(path.Ts_cam_obj[0], start.T_cam_obj)
+
+
+@pytest.mark.usefixtures("processes")
+def test_bullet_through_it_gives_the_run_of_bullet(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(SIMULATORS, "own", lambda settings: WrappedBullet())
+    ours, theirs = poses_of(session()), poses_of(session(simulator="own"))
+    assert ours == theirs
+    assert len(ours) >= 6
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (np.eye(4), r"poses of shape \(4, 4\) for 3 steps, expected 4×4×4"),
+        (np.full((4, 4, 4), np.nan), "pose 0 of simulator own holds NaN"),
+        (np.tile(2 * np.eye(4), (4, 1, 1)), "pose 0 of simulator own"),
+    ],
+)
+def test_what_is_no_path_is_refused(given: Float, words: str, monkeypatch: pytest.MonkeyPatch):
+    class Wrong:
+        def settle(self, moving: Placed, fixed: Sequence[Placed], support: Support, n_steps: int) -> Float:
+            return given
+
+    monkeypatch.setitem(SIMULATORS, "own", lambda settings: Wrong())
+    simulator = make_simulator(OWN)
+    assert simulator is not None
+    with pytest.raises(ShapeError, match=words):
+        simulator.settle(placed(ring(), (0, 0, 0.1)), (), table(), 3)
+
+
+@pytest.mark.usefixtures("processes")
+def test_the_page_forks_from_bullet_to_it():
+    space = Workspace(session(), None, Toolbox)
+    debugger = Debugger(space).carry_out([Run(0), Fork(1, changes={"physics.simulator": "own"}, run=True)])
+    first, fork = (branch.run.iterations for branch in debugger.space.work.branches.values())
+    assert first_difference(first[0], fork[0]) is None
+    path = fork[1].path
+    assert path is not None
+    assert len(path.contacts[-1].points_cam) == 0
+    assert fork[1].stages[1].T_cam_obj[1, 3] != first[1].stages[1].T_cam_obj[1, 3]
+
+
+@pytest.mark.usefixtures("processes")
+def test_a_name_that_is_not_there_lists_those_that_are():
+    with pytest.raises(
+        SettingsError, match=r"unknown simulator 'bulet'; did you mean 'bullet'\? available: bullet, own"
+    ):
+        make_simulator(PhysicsSettings(simulator="bulet"))
+    with pytest.raises(SettingsError, match="unknown simulator 'mujoco'"):
+        check_method(session(simulator="mujoco"))
+    with pytest.raises(
+        SettingsError, match=r"unknown hypotheses.source 'pff'; did you mean 'ppf'\? available: results"
+    ):
+        check_method(resolve({"hypotheses": {"source": "pff"}}))
+
+
+def test_names_of_the_package_are_taken():
+    with pytest.raises(InputError, match="name of the simulator of this package"):
+        vv.simulator("bullet")(Rises)
+    with pytest.raises(InputError, match="has no method settle"):
+        vv.simulator("box")(type(box_problem()))  # type: ignore[type-var]
+    with pytest.raises(InputError, match="another source of initial poses"):
+        vv.estimator("perturb")(Rises)  # type: ignore[type-var]

@@ -1,0 +1,73 @@
+"""Simulators by name: Bullet, and those of other programs, which say where an object goes and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import SettingsError, ShapeError, unknown
+from verefine_viz.core.geometry import as_rigid
+from verefine_viz.core.observation import Support
+from verefine_viz.core.problem import Placed
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.core.protocols import PoseSimulator, Simulator
+from verefine_viz.core.records import Contacts, SimulatedPath
+from verefine_viz.core.settings import BULLET, PhysicsSettings
+from verefine_viz.physics.simulator import BulletSimulator
+
+SIMULATORS: dict[str, Callable[[PhysicsSettings], PoseSimulator]] = {}
+"""Beside Bullet. A new one is a class with ``settle`` (core.protocols.PoseSimulator) and a line here; docs/guide.md,
+"Your own simulator"."""
+NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
+
+
+def simulator_names() -> tuple[str, ...]:
+    """What ``physics.simulator`` may be."""
+    return (BULLET, *SIMULATORS)
+
+
+def make_simulator(settings: PhysicsSettings, progress: ProgressToken = NEVER_CANCELLED) -> Simulator | None:
+    """The simulator that the settings ask for; None where they switch physics off.
+
+    Args:
+        settings: of physics.
+        progress: asked while Bullet's collider of a model is built.
+
+    Raises:
+        SettingsError: no simulator has that name; lists those that exist.
+    """
+    if not settings.enabled:
+        return None
+    if settings.simulator == BULLET:
+        return BulletSimulator(settings, progress=progress)
+    if settings.simulator not in SIMULATORS:
+        raise SettingsError(unknown("simulator", settings.simulator, simulator_names()))
+    return PluggedSimulator(settings.simulator, SIMULATORS[settings.simulator](settings))
+
+
+class PluggedSimulator:
+    """A simulator (core.protocols) out of what moves an object: without contacts, and so without word of tipping.
+
+    Args:
+        name: in settings.
+        simulator: of another program.
+    """
+
+    def __init__(self, name: str, simulator: PoseSimulator) -> None:
+        self.name = name
+        self._simulator = simulator
+
+    def settle(self, moving: Placed, fixed: Sequence[Placed], support: Support, n_steps: int) -> SimulatedPath:
+        """The path of ``moving`` over ``n_steps`` steps.
+
+        Raises:
+            ShapeError: the simulator gives another number of poses, or something that is no pose.
+        """
+        who = f"simulator {self.name}"
+        poses: Float = np.asarray(self._simulator.settle(moving, fixed, support, n_steps), dtype=np.float64)
+        if poses.shape != (n_steps + 1, 4, 4):
+            raise ShapeError(f"{who} gave poses of shape {poses.shape} for {n_steps} steps, expected {n_steps + 1}×4×4")
+        path = np.stack([as_rigid(T, f"pose {k} of {who}") for k, T in enumerate(poses)])
+        return SimulatedPath(path, (NO_CONTACTS,) * n_steps)
