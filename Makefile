@@ -13,7 +13,7 @@ BIN = $(VENV)/bin
 PARALLEL = -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 SETUP = pyproject.toml scripts/install scripts/find-python
 
-.PHONY: help tables scores docs app test test-fast durations resolve-lowest test-lowest lint bench clean system-app system-test
+.PHONY: help tables measured scores docs app test test-fast durations resolve-lowest test-lowest lint bench clean system-app system-test
 .DEFAULT_GOAL := help
 
 help:
@@ -24,6 +24,7 @@ help:
 	@echo "make test-lowest  run quick tests with the lowest versions that pyproject.toml allows"
 	@echo "make lint   check format, style, types and layers"
 	@echo "make tables  write the columns of frames.csv into docs/tables.md"
+	@echo "make measured  draw the figures of docs/measured.md from docs/measured/*.csv, and fill in its tables"
 	@echo "make scores  draw docs/scores.png: poses and their scores"
 	@echo "make docs   write documents, tutorials and the reference of the library as web pages: site/index.html"
 	@echo "make bench  measure this machine, print a table, write bench.json"
@@ -59,6 +60,9 @@ lint: $(VENV)/.ready-dev
 
 tables: $(VENV)/.ready-dev
 	$(BIN)/python scripts/write-tables
+
+measured: $(VENV)/.ready-dev
+	$(BIN)/python scripts/draw_measured.py
 
 scores: $(VENV)/.ready-dev
 	$(BIN)/python scripts/draw-scores
