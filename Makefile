@@ -13,7 +13,7 @@ BIN = $(VENV)/bin
 PARALLEL = -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 SETUP = pyproject.toml scripts/install scripts/find-python
 
-.PHONY: help tables measured scores docs app test test-fast durations resolve-lowest test-lowest lint bench clean system-app system-test
+.PHONY: help tables measured tour scores docs app test test-fast durations resolve-lowest test-lowest lint bench clean system-app system-test
 .DEFAULT_GOAL := help
 
 help:
@@ -25,6 +25,7 @@ help:
 	@echo "make lint   check format, style, types and layers"
 	@echo "make tables  write the columns of frames.csv into docs/tables.md"
 	@echo "make measured  draw the figures of docs/measured.md from docs/measured/*.csv, and fill in its tables"
+	@echo "make tour   take the pictures of README and docs/causes.md in a headless Chromium"
 	@echo "make scores  draw docs/scores.png: poses and their scores"
 	@echo "make docs   write documents, tutorials and the reference of the library as web pages: site/index.html"
 	@echo "make bench  measure this machine, print a table, write bench.json"
@@ -63,6 +64,9 @@ tables: $(VENV)/.ready-dev
 
 measured: $(VENV)/.ready-dev
 	$(BIN)/python scripts/draw_measured.py
+
+tour: $(VENV)/.ready-dev
+	$(BIN)/python scripts/draw_tour.py
 
 scores: $(VENV)/.ready-dev
 	$(BIN)/python scripts/draw-scores

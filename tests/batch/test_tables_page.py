@@ -1,4 +1,4 @@
-"""docs/tables.md says what every column, cause, number of evidence and event means."""
+"""docs/tables.md and docs/causes.md say what every column, cause, number of evidence and event means."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import get_args
 
 from verefine_viz.core.records import EventKind
-from verefine_viz.diagnosis.causes import TITLES, Cause
+from verefine_viz.diagnosis.causes import ADVICE, TITLES, Cause
 from verefine_viz.run.answers import COLUMNS
+from verefine_viz.run.built_in_sessions import built_in_sessions
 from verefine_viz.run.record import Status
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "tables.md").read_text("utf-8")
+CAUSES = (ROOT / "docs" / "causes.md").read_text("utf-8")
 
 
 def rows_of(heading: str) -> dict[str, list[str]]:
@@ -37,11 +39,17 @@ def test_every_status_is_defined() -> None:
         assert f"`{status}`: " in said
 
 
-def test_every_cause_is_defined_under_its_title() -> None:
-    causes = rows_of("Causes")
-    assert list(causes) == list(Cause)
-    assert {name: said[0] for name, said in causes.items()} == {str(cause): title for cause, title in TITLES.items()}
-    assert all(len(said) == 3 for said in causes.values())
+def test_every_cause_is_defined_under_its_title_with_what_to_try() -> None:
+    sections = re.findall(r"^## (.+)\n\n`(\w+)`: .+\n\n(.+)\.\n", CAUSES, re.MULTILINE)
+    said = [(title[0].lower() + title[1:], name, advice[0].lower() + advice[1:]) for title, name, advice in sections]
+    assert said == [(TITLES[cause], cause.value, ADVICE[cause]) for cause in Cause]
+
+
+def test_a_cause_has_the_picture_of_the_session_beneath_it() -> None:
+    shown = re.findall(r"!\[.+\]\((causes/\w+\.png)\)\n\n`verefine-viz view (\w+)`", CAUSES)
+    assert len(shown) >= 9
+    assert all((ROOT / "docs" / picture).is_file() for picture, _ in shown)
+    assert {session for _, session in shown} == {n for n in built_in_sessions() if n.startswith("failure_")}
 
 
 def numbers_of_evidence() -> set[str]:

@@ -1,0 +1,137 @@
+"""The pictures of README and docs/causes.md: the page itself, in a headless Chromium (make tour)."""
+
+from __future__ import annotations
+
+import io
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from msgspec import structs
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from tests.browser.conftest import SESSIONS, Screen  # noqa: E402
+from tests.headless_chromium import headless_chromium  # noqa: E402
+from verefine_viz import cli  # noqa: E402
+from verefine_viz.core.algorithm_settings import BreakpointSettings  # noqa: E402
+from verefine_viz.page.app import App  # noqa: E402
+from verefine_viz.page.what_lies_at import what_lies_at  # noqa: E402
+
+DOCS = ROOT / "docs"
+SIZE = {"width": 1280, "height": 760}
+WIDTH_PX = 960
+"""Of the pictures of README."""
+STILL_MS, LAST_MS = 1100, 4000
+CAUSES = {
+    "failure_no_hypothesis_near": ("pool", ".pane.image .stage"),
+    "failure_icp_slides": ("refiner", ".pane.image .stage"),
+    "failure_simulation_topples": ("simulation", ".pane.scene"),
+    "failure_score_prefers_wrong": ("score", ".pane.image .stage"),
+    "failure_score_prefers_flip": ("symmetric", ".pane.image .stage"),
+    "failure_arm_starved": ("arm_starved", ".timeline"),
+    "failure_mask_leaks": ("mask", ".pane.image .stage"),
+    "failure_out_of_range": ("out_of_range", ".pane.image .stage"),
+    "failure_wrong_plane": ("plane", ".pane.scene"),
+}
+"""Of each session the cause that it shows, and where the page shows it."""
+
+
+@contextmanager
+def shown(browser: Any, path: Path, **size: int) -> Iterator[Screen]:
+    """Open what lies at a path in a window of the page."""
+    there = what_lies_at(path)
+    session = structs.replace(there.session, breakpoints=BreakpointSettings())
+    app = App(session, there.session_path, port=0, gallery=there.gallery).start()
+    try:
+        app.wait_until_ready(300)
+        page = browser.new_page(viewport=SIZE | size, color_scheme="dark")
+        yield Screen(page, app.url, app)
+        page.close()
+    finally:
+        app.stop()
+
+
+def picture(screen: Screen, where: str = "") -> Image.Image:
+    """Return what is on the screen, once 3D and maps are drawn; of a part, where one is named."""
+    screen.page.wait_for_timeout(2500)
+    what = screen.page.locator(where).first if where else screen.page
+    return Image.open(io.BytesIO(what.screenshot())).convert("RGB")
+
+
+def save(image: Image.Image, path: Path, width_px: int = WIDTH_PX) -> None:
+    """Write a picture with a palette of its own, no wider than that."""
+    path.parent.mkdir(exist_ok=True)
+    if image.width > width_px:
+        image = image.resize((width_px, round(image.height * width_px / image.width)), Image.Resampling.LANCZOS)
+    image.quantize(192, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+def film(browser: Any) -> None:
+    """Step, run, verdict: the mug, whose fourth hypothesis wins."""
+    with shown(browser, SESSIONS / "mug.toml") as screen:
+        stills = [picture(screen)]
+        for k in (1, 2, 3):
+            screen.click("Step")
+            screen.until("state.view.k === arg", k)
+            stills.append(picture(screen))
+        screen.finish()
+        end = picture(screen)
+        best = (
+            screen.state("moment.run.rows.findIndex((row) => row.best.k === row.k && row.best.score > 0.9) + 1") or 16
+        )
+        for k in (best - 1, best):
+            screen.view(k=k, stage=None)
+            screen.until("state.view.k === arg", k)
+            stills.append(picture(screen))
+        stills.append(end)
+    small = [
+        still.resize((WIDTH_PX, round(still.height * WIDTH_PX / still.width)), Image.Resampling.LANCZOS)
+        for still in stills
+    ]
+    frames = [still.quantize(160, dither=Image.Dither.NONE) for still in small]
+    times = [STILL_MS] * (len(frames) - 1) + [LAST_MS]
+    frames[0].save(
+        DOCS / "tour" / "tour.gif", save_all=True, append_images=frames[1:], duration=times, loop=0, optimize=True
+    )
+
+
+def tour(browser: Any) -> None:
+    """The three pictures of README."""
+    with shown(browser, SESSIONS / "failure_score_prefers_wrong.toml") as screen:
+        screen.finish()
+        save(picture(screen), DOCS / "tour" / "verdict.png")
+        screen.click("Maps")
+        save(picture(screen), DOCS / "tour" / "maps.png")
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "runs"
+        sessions = [str(SESSIONS / f"{name}.toml") for name in (*CAUSES, "clutter")]
+        if cli.main(["batch", *sessions, "--out", str(out), "--workers", "2"]):
+            raise SystemExit("the batch failed")
+        with shown(browser, out) as screen:
+            screen.click("Gallery")
+            screen.page.wait_for_timeout(20_000)  # Thumbnails are drawn one after the other.
+            save(picture(screen), DOCS / "tour" / "gallery.png")
+
+
+def causes(browser: Any) -> None:
+    """A picture of each cause that a built-in session shows."""
+    for session, (cause, where) in CAUSES.items():
+        with shown(browser, SESSIONS / f"{session}.toml", width=1440, height=860) as screen:
+            screen.finish()
+            if cause == "mask":
+                screen.page.get_by_role("button", name="mask", exact=True).first.click()
+            save(picture(screen, where), DOCS / "causes" / f"{cause}.png", 720 if where == ".timeline" else 480)
+
+
+if __name__ == "__main__":
+    (DOCS / "tour").mkdir(exist_ok=True)
+    with headless_chromium() as chromium:
+        for each in (film, tour, causes):
+            if len(sys.argv) == 1 or each.__name__ in sys.argv[1:]:
+                each(chromium)
