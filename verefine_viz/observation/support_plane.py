@@ -91,21 +91,21 @@ def _moments(points: Float, normal: Float, offset_m: float, tolerance_m: float) 
 
     Compiled, as it takes all pixels of a frame.
     """
-    centre, scatter, offset = np.zeros(3), np.zeros((3, 3)), np.empty(3)
-    n = 0
-    for p in points:
-        if abs(p[0] * normal[0] + p[1] * normal[1] + p[2] * normal[2] + offset_m) < tolerance_m:
-            centre += p
-            n += 1
-    centre /= max(n, 1)
-    for p in points:
-        if abs(p[0] * normal[0] + p[1] * normal[1] + p[2] * normal[2] + offset_m) < tolerance_m:
-            for i in range(3):
-                offset[i] = p[i] - centre[i]
-            for i in range(3):
-                for j in range(3):
-                    scatter[i, j] += offset[i] * offset[j]
-    return n, centre, scatter
+    a, b, c = normal[0], normal[1], normal[2]
+    x, y, z, n = 0.0, 0.0, 0.0, 0
+    for k in range(len(points)):
+        px, py, pz = points[k, 0], points[k, 1], points[k, 2]
+        if abs(px * a + py * b + pz * c + offset_m) < tolerance_m:
+            x, y, z, n = x + px, y + py, z + pz, n + 1
+    x, y, z = x / max(n, 1), y / max(n, 1), z / max(n, 1)
+    xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(len(points)):
+        px, py, pz = points[k, 0], points[k, 1], points[k, 2]
+        if abs(px * a + py * b + pz * c + offset_m) < tolerance_m:
+            dx, dy, dz = px - x, py - y, pz - z
+            xx, xy, xz = xx + dx * dx, xy + dx * dy, xz + dx * dz
+            yy, yz, zz = yy + dy * dy, yz + dy * dz, zz + dz * dz
+    return n, np.array([x, y, z]), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def find_support(
