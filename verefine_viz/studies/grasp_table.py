@@ -58,8 +58,8 @@ class GraspOrder:
     def __str__(self) -> str:
         return (
             f"{self.claim.better} over {self.claim.worse}: {100 * self.difference:+.0f} % "
-            f"({100 * self.low:+.0f} to {100 * self.high:+.0f}), {self.better_alone} trials won, {self.worse_alone} lost, "
-            f"p = {self.p:.2g}: {self.word}"
+            f"({100 * self.low:+.0f} to {100 * self.high:+.0f}), {self.better_alone} trials won and "
+            f"{self.worse_alone} lost, p = {self.p:.2g}: {self.word}"
         )
 
 
