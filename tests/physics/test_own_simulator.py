@@ -12,10 +12,11 @@ import verefine_viz as vv
 from tests.fakes import box_problem
 from tests.physics.bodies import placed, ring, table
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, SettingsError, ShapeError
+from verefine_viz.core.errors import InputError, PartError, SettingsError, ShapeError
 from verefine_viz.core.observation import Support
-from verefine_viz.core.problem import Placed
-from verefine_viz.core.settings import PhysicsSettings, Session
+from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.settings import PhysicsSettings, ScoreSettings, Session
+from verefine_viz.estimators.registry import ESTIMATORS, make_estimator
 from verefine_viz.page.app import check_method
 from verefine_viz.page.protocol import Fork, Run
 from verefine_viz.page.verbs import Debugger
@@ -23,6 +24,8 @@ from verefine_viz.page.workspace import Workspace
 from verefine_viz.physics.registry import SIMULATORS, make_simulator
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.recording.verify import first_difference
+from verefine_viz.refiners.registry import REFINERS, make_refiner
+from verefine_viz.rendering.registry import VERIFIERS, make_verifier
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 
@@ -94,6 +97,7 @@ def test_bullet_through_it_gives_the_run_of_bullet(monkeypatch: pytest.MonkeyPat
         (np.eye(4), r"poses of shape \(4, 4\) for 3 steps, expected 4×4×4"),
         (np.full((4, 4, 4), np.nan), "pose 0 of simulator own holds NaN"),
         (np.tile(2 * np.eye(4), (4, 1, 1)), "pose 0 of simulator own"),
+        (np.tile(np.eye(4), (4, 1, 1)), "path of simulator own does not begin at the given pose"),
     ],
 )
 def test_what_is_no_path_is_refused(given: Float, words: str, monkeypatch: pytest.MonkeyPatch):
@@ -134,10 +138,73 @@ def test_a_name_that_is_not_there_lists_those_that_are():
         check_method(resolve({"hypotheses": {"source": "pff"}}))
 
 
+def test_a_path_ends_where_the_object_leaves_the_reach_of_the_camera(monkeypatch: pytest.MonkeyPatch):
+    class Throws:
+        def settle(self, moving: Placed, fixed: Sequence[Placed], support: Support, n_steps: int) -> Float:
+            path = np.tile(moving.T_cam_obj, (n_steps + 1, 1, 1))
+            path[2:, 2, 3] += 1e4
+            return path
+
+    monkeypatch.setitem(SIMULATORS, "own", lambda settings: Throws())
+    simulator = make_simulator(OWN)
+    assert simulator is not None
+    path = simulator.settle(placed(ring(), (0, 0, 0.1)), (), table(), 5)
+    assert (len(path.Ts_cam_obj), len(path.contacts)) == (2, 1)
+
+
+def test_what_a_part_raises_names_it_and_the_line(monkeypatch: pytest.MonkeyPatch):
+    class Broken:
+        def settle(self, *_: Any) -> Any:
+            raise ValueError("no such body")
+
+        refine = hypotheses = scores = settle
+
+    (target,) = box_problem().targets
+    T = target.instance.hypotheses[0].T_cam_obj
+    for registry in (REFINERS, ESTIMATORS, VERIFIERS):
+        monkeypatch.setitem(registry, "broken", None)
+    for register in (vv.refiner, vv.estimator, vv.verifier, vv.simulator):
+        register("broken")(Broken)
+    calls = {
+        "refiner": lambda: make_refiner("broken", Session()).refine(target, T),
+        "estimator": lambda: make_estimator("broken", Session()).hypotheses(target, 3),
+        "verifier": lambda: make_verifier(ScoreSettings(verifier="broken")).score(target, T[None]),
+        "simulator": lambda: make_simulator(PhysicsSettings(simulator="broken")).settle(  # type: ignore[union-attr]
+            placed(ring(), (0, 0, 0.1)), (), table(), 3
+        ),
+    }
+    for kind, call in calls.items():
+        words = rf"^{kind} broken raised ValueError: no such body \(test_own_simulator.py, line \d+\)$"
+        with pytest.raises(PartError, match=words):
+            call()
+
+
+def test_answers_of_refiners_and_estimators_are_checked(monkeypatch: pytest.MonkeyPatch):
+    class Wrong:
+        def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+            return T_cam_obj[:3]
+
+        def hypotheses(self, target: Target, n: int, progress: object = None) -> list[Any]:
+            return [np.eye(4)] if n == 1 else [*target.instance.hypotheses] * 9
+
+    (target,) = box_problem(n_hypotheses=2).targets
+    for registry in (REFINERS, ESTIMATORS):
+        monkeypatch.setitem(registry, "wrong", None)
+    vv.refiner("wrong")(Wrong)
+    vv.estimator("wrong")(Wrong)
+    with pytest.raises(ShapeError, match=r"pose of refiner wrong has shape \(3, 4\)"):
+        make_refiner("wrong", Session()).refine(target, np.eye(4))
+    estimator = make_estimator("wrong", Session())
+    with pytest.raises(ShapeError, match="estimator wrong gave ndarray, expected Hypothesis"):
+        estimator.hypotheses(target, 1)
+    assert len(estimator.hypotheses(target, 5)) == 5
+
+
 def test_names_of_the_package_are_taken():
     with pytest.raises(InputError, match="name of the simulator of this package"):
         vv.simulator("bullet")(Rises)
     with pytest.raises(InputError, match="has no method settle"):
         vv.simulator("box")(type(box_problem()))  # type: ignore[type-var]
-    with pytest.raises(InputError, match="another source of initial poses"):
-        vv.estimator("perturb")(Rises)  # type: ignore[type-var]
+    for name in ("perturb", "session"):
+        with pytest.raises(InputError, match="another source of initial poses"):
+            vv.estimator(name)(Rises)  # type: ignore[type-var]

@@ -14,7 +14,7 @@ from msgspec import structs
 
 from verefine_viz.commands.flags import AnySettings, SessionFlags, given
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.core.settings import BULLET, MethodSettings, Session
 
 if TYPE_CHECKING:
     from verefine_viz.page.gallery import Gallery
@@ -190,7 +190,8 @@ def _hint(a: Path | None, b: Path) -> str:
 def _recorded_session(path: Path, other: Path | None) -> Session:
     """The frame of a recording, on which the page opens before it shows the recording itself.
 
-    The method with which it was made is left out: this program need not have its refiner to show what it did.
+    The method with which it was made is left out, and the simulator: this program need not have them, nor the refiner,
+    to show what they did.
 
     Raises:
         InputError: one of the recordings cannot be read, or the other is of another frame.
@@ -206,7 +207,8 @@ def _recorded_session(path: Path, other: Path | None) -> Session:
         check_same_frame(other, (session_of(theirs), theirs.frame), (session, header.frame))
     scene = structs.replace(session.scene, frames=(header.frame,))
     method = MethodSettings(name="refine", refiner="identity")
-    return structs.replace(session, scene=scene, method=method, edits=(), changes=())
+    physics = structs.replace(session.physics, simulator=BULLET)
+    return structs.replace(session, scene=scene, method=method, physics=physics, edits=(), changes=())
 
 
 def _has_desktop() -> bool:

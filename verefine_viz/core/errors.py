@@ -39,6 +39,10 @@ class UnavailableError(VerefineError):
     """An optional package, a device or a port that the request needs is not there."""
 
 
+class PartError(VerefineError):
+    """A refiner, verifier, estimator or simulator of a user's program raised an error."""
+
+
 class Cancelled(BaseException):
     """The result is not wanted any more; see :class:`core.progress_token.ProgressToken`.
 

@@ -40,6 +40,9 @@ class Contacts(Struct, frozen=True, eq=False):
         )
 
 
+NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
+
+
 class Tipping(Struct, frozen=True):
     """That a simulated object does not stand: it touches something, and its centre of mass is not supported."""
 

@@ -1,11 +1,20 @@
-"""Parts of your own, registered by a name that settings then take."""
+"""Parts of your own, registered by a name that settings then take.
+
+What such a part raises, and an answer that is none, is one line that names the part.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import islice
 from typing import Any, TypeVar
 
-from verefine_viz.core.errors import InputError, quoted
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import InputError, ShapeError, quoted
+from verefine_viz.core.geometry import as_rigid
+from verefine_viz.core.own_parts import own_part
+from verefine_viz.core.problem import Hypothesis, Placed, Target
+from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Estimator, PoseScorer, PoseSimulator, Refiner
 from verefine_viz.core.settings import BULLET, EQ_1, POSES_GIVEN
 from verefine_viz.estimators.registry import ESTIMATORS
@@ -36,7 +45,7 @@ def refiner(name: str) -> Callable[[R], R]:
 
     def register(kind: R) -> R:
         _check(name, "refine", kind)
-        REFINERS[name] = lambda session: kind()
+        REFINERS[name] = lambda session: _checked_refiner(name, kind)()
         return kind
 
     return register
@@ -57,10 +66,10 @@ def estimator(name: str) -> Callable[[E], E]:
     """
 
     def register(kind: E) -> E:
-        if name in POSES_GIVEN:
+        if name in (*POSES_GIVEN, "session"):
             raise InputError(f"{name!r} is the name of another source of initial poses; choose another")
         _check(name, "hypotheses", kind)
-        ESTIMATORS[name] = lambda session: kind()
+        ESTIMATORS[name] = lambda session: _CheckedEstimator(name, kind())
         return kind
 
     return register
@@ -111,6 +120,34 @@ def simulator(name: str) -> Callable[[S], S]:
         return kind
 
     return register
+
+
+def _checked_refiner(name: str, kind: Any) -> Callable[[], Refiner]:
+    """Return the class of a refiner, with its poses checked; what else it has stays."""
+
+    class Checked(kind):
+        def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+            with own_part(f"refiner {name}"):
+                T_refined = super().refine(target, T_cam_obj, fixed)
+            return as_rigid(T_refined, f"pose of refiner {name}")
+
+    return Checked
+
+
+class _CheckedEstimator:
+    """An estimator of another program, whose answers are checked."""
+
+    def __init__(self, name: str, estimator: Estimator) -> None:
+        self._who, self._estimator = f"estimator {name}", estimator
+
+    def hypotheses(self, target: Target, n: int, progress: ProgressToken = NEVER_CANCELLED) -> tuple[Hypothesis, ...]:
+        with own_part(self._who):
+            pool = tuple(islice(self._estimator.hypotheses(target, n, progress), n))
+        other = next((one for one in pool if not isinstance(one, Hypothesis)), None)
+        if other is not None:
+            kind = type(other).__name__
+            raise ShapeError(f"{self._who} gave {kind}, expected Hypothesis(T_cam_obj, confidence, source)")
+        return pool
 
 
 def _check(name: str, method: str, kind: Any) -> None:

@@ -124,7 +124,7 @@ def estimate(
         sections: settings: ``ppf={"step_m": 0.005}``.
 
     Returns:
-        Hypotheses with ``T_cam_obj`` (4, 4) [m] and ``score``, the best first.
+        Hypotheses with ``T_cam_obj`` (4, 4) [m] and ``confidence``, the best first.
 
     Raises:
         InputError: there is no such object, or the estimator lacks what it needs.

@@ -8,19 +8,19 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import SettingsError, ShapeError, unknown
-from verefine_viz.core.geometry import as_rigid
+from verefine_viz.core.geometry import RIGID_TOLERANCE, as_rigid
 from verefine_viz.core.observation import Support
+from verefine_viz.core.own_parts import own_part
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import PoseSimulator, Simulator
-from verefine_viz.core.records import Contacts, SimulatedPath
+from verefine_viz.core.records import NO_CONTACTS, SimulatedPath
 from verefine_viz.core.settings import BULLET, PhysicsSettings
-from verefine_viz.physics.simulator import BulletSimulator
+from verefine_viz.physics.simulator import BulletSimulator, n_within_reach
 
 SIMULATORS: dict[str, Callable[[PhysicsSettings], PoseSimulator]] = {}
 """Beside Bullet. A new one is a class with ``settle`` (core.protocols.PoseSimulator) and a line here; docs/guide.md,
 "Your own simulator"."""
-NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
 
 
 def simulator_names() -> tuple[str, ...]:
@@ -60,14 +60,20 @@ class PluggedSimulator:
         self._simulator = simulator
 
     def settle(self, moving: Placed, fixed: Sequence[Placed], support: Support, n_steps: int) -> SimulatedPath:
-        """The path of ``moving`` over ``n_steps`` steps.
+        """The path of ``moving`` over ``n_steps`` steps; it ends where the object leaves the reach of the camera.
 
         Raises:
-            ShapeError: the simulator gives another number of poses, or something that is no pose.
+            ShapeError: the simulator gives another number of poses, something that is no pose, or a path that does not
+                begin at the given pose.
+            PartError: it raises something.
         """
         who = f"simulator {self.name}"
-        poses: Float = np.asarray(self._simulator.settle(moving, fixed, support, n_steps), dtype=np.float64)
+        with own_part(who):
+            poses: Float = np.asarray(self._simulator.settle(moving, fixed, support, n_steps), dtype=np.float64)
         if poses.shape != (n_steps + 1, 4, 4):
             raise ShapeError(f"{who} gave poses of shape {poses.shape} for {n_steps} steps, expected {n_steps + 1}×4×4")
         path = np.stack([as_rigid(T, f"pose {k} of {who}") for k, T in enumerate(poses)])
-        return SimulatedPath(path, (NO_CONTACTS,) * n_steps)
+        if not np.allclose(path[0], moving.T_cam_obj, rtol=0, atol=RIGID_TOLERANCE):
+            raise ShapeError(f"the path of {who} does not begin at the given pose; expected that pose first")
+        path = path[: n_within_reach(path)]
+        return SimulatedPath(path, (NO_CONTACTS,) * (len(path) - 1))

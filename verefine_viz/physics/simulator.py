@@ -145,7 +145,7 @@ class BulletSimulator:
         solid, Ts_world_com = self.collider(moving.model), _transforms(poses)
         Ts = ground.T_cam_world @ Ts_world_com @ solid.T_com_obj
         Ts[0] = T_cam_obj
-        n = _n_within_reach(Ts)
+        n = n_within_reach(Ts)
         if n < len(Ts):
             Ts, Ts_world_com, ends = Ts[:n], Ts_world_com[:n], ends[: n - 1]
             touched = touched[: ends[-1] if ends else 0]
@@ -277,7 +277,7 @@ def plane_of(support: Support) -> SupportSurface:
     return SupportSurface(normal, 0.0, np.zeros((0, 2)))
 
 
-def _n_within_reach(Ts_cam_obj: Float) -> int:
+def n_within_reach(Ts_cam_obj: Float) -> int:
     """How many poses (N, 4, 4) of a path come before the first that is too far away, or is none; its start counts."""
     far = np.flatnonzero(~(np.linalg.norm(Ts_cam_obj[1:, :3, 3], axis=1) <= FARTHEST_M))
     return 1 + int(far[0]) if len(far) else len(Ts_cam_obj)

@@ -11,8 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.records import Contacts, Iteration, Stage
-from verefine_viz.run.run_file import NO_CONTACTS
+from verefine_viz.core.records import NO_CONTACTS, Contacts, Iteration, Stage
 
 
 class Block:

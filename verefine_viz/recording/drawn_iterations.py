@@ -10,7 +10,7 @@ import rerun as rr
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.palette import ARM_COLORS, EVENT_COLORS, STAGE_COLORS
-from verefine_viz.core.records import EventKind, Iteration
+from verefine_viz.core.records import NO_CONTACTS, EventKind, Iteration
 from verefine_viz.core.surroundings import SUPPORT_ID
 from verefine_viz.recording import curves, entities
 from verefine_viz.recording.block import Block, last_contacts
@@ -19,7 +19,6 @@ from verefine_viz.recording.graphs import TreeGraphs
 from verefine_viz.recording.iteration_text import describe
 from verefine_viz.recording.layout import Branch, Layout
 from verefine_viz.recording.recording_file import RecordingFile
-from verefine_viz.run.run_file import NO_CONTACTS
 
 ARROW_M_PER_N = 0.002
 """Length of a contact's arrow; 1 kg at rest presses with 9.81 N."""

@@ -9,6 +9,7 @@ import numpy as np
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import SettingsError, ShapeError, UnavailableError, unknown
 from verefine_viz.core.geometry import apply
+from verefine_viz.core.own_parts import own_part
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import PoseScorer, Verifier
@@ -113,7 +114,8 @@ class ScoringVerifier:
         """None, as :meth:`maps`."""
 
     def _scores(self, target: Target, Ts: Float, placed: Sequence[Placed]) -> Float:
-        scores = np.asarray(self._scorer.scores(target, Ts, placed), dtype=np.float64)
+        with own_part(f"verifier {self.name}"):
+            scores = np.asarray(self._scorer.scores(target, Ts, placed), dtype=np.float64)
         if scores.shape != (len(Ts),):
             raise ShapeError(f"verifier {self.name} gave scores of shape {scores.shape} for {len(Ts)} poses")
         return scores

@@ -25,12 +25,11 @@ from verefine_viz.core.errors import InputError, ShapeError, in_one_line
 from verefine_viz.core.files import read_file
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.protocols import RunState
-from verefine_viz.core.records import Contacts, Iteration, SimulatedPath
+from verefine_viz.core.records import NO_CONTACTS, Iteration, SimulatedPath
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import FORMAT, RunEnd, RunHeader, RunRecord, header_of, session_of
 
 SUFFIX = ".vfrun"
-NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
 MAGIC = b"VEREFINE RUN\n"
 _HEAD = struct.Struct("<II")
 _HEADER, _ITERATION, _END = b"H", b"I", b"E"

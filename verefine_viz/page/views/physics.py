@@ -14,6 +14,7 @@ from verefine_viz.core.geometry import apply
 from verefine_viz.core.observation import TILT_SHOWN_DEG, Support
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.records import Contacts, SimulatedPath
+from verefine_viz.core.settings import BULLET
 from verefine_viz.core.surroundings import SUPPORT_ID, UnknownObject
 from verefine_viz.diagnosis.data_doubts import plane_doubt
 from verefine_viz.methods.registry import method_of
@@ -172,6 +173,7 @@ def _path(moment: Moment, support: Support | None) -> Json | None:
         "moved_mm": [moved_by_mm(T_0, T, points) for T in path.Ts_cam_obj],
         "turned_deg": [turned_by(T_0, T)[0] for T in path.Ts_cam_obj],
         "contacts": [_contacts(moment, contacts) for contacts in path.contacts],
+        "has_contacts": moment.branch.settings.physics.simulator == BULLET,
         "tipping": _tipping(path),
         "words": _path_words(moment, path),
     }

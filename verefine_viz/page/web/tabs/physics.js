@@ -121,7 +121,8 @@ function Path({ path, moment }) {
       { title: "points", of: (c) => c.n },
       { title: "force N", of: (c) => number(c.force_n, 1) },
       { title: "depth mm", hint: "penetration, positive: overlapping", of: (c) => number(c.depth_mm, 2) },
-    ]} />${contacts.length === 0 && html`<p class="dim">It touches nothing at step ${shown}.</p>`}`}`;
+    ]} />${contacts.length === 0 && html`<p class="dim">${path.has_contacts
+      ? `It touches nothing at step ${shown}.` : "This simulator gives no contacts."}</p>`}`}`;
 }
 
 function Scene({ answer, moment }) {
