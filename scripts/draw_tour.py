@@ -16,10 +16,12 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from scripts.cause_scenes import SCENES, commands, session_of  # noqa: E402
 from tests.browser.conftest import SESSIONS, Screen  # noqa: E402
 from tests.headless_chromium import headless_chromium  # noqa: E402
 from verefine_viz import cli  # noqa: E402
 from verefine_viz.core.algorithm_settings import BreakpointSettings  # noqa: E402
+from verefine_viz.diagnosis.causes import Cause  # noqa: E402
 from verefine_viz.page.app import App  # noqa: E402
 from verefine_viz.page.what_lies_at import what_lies_at  # noqa: E402
 
@@ -43,11 +45,9 @@ CAUSES = {
 
 
 @contextmanager
-def shown(browser: Any, path: Path, **size: int) -> Iterator[Screen]:
-    """Open what lies at a path in a window of the page."""
-    there = what_lies_at(path)
-    session = structs.replace(there.session, breakpoints=BreakpointSettings())
-    app = App(session, there.session_path, port=0, gallery=there.gallery).start()
+def window_of(browser: Any, app: App, **size: int) -> Iterator[Screen]:
+    """Open a window of the page, whose server is stopped at the end."""
+    app.start()
     try:
         app.wait_until_ready(300)
         page = browser.new_page(viewport=SIZE | size, color_scheme="dark")
@@ -55,6 +55,15 @@ def shown(browser: Any, path: Path, **size: int) -> Iterator[Screen]:
         page.close()
     finally:
         app.stop()
+
+
+@contextmanager
+def shown(browser: Any, path: Path, **size: int) -> Iterator[Screen]:
+    """Open what lies at a path in a window of the page."""
+    there = what_lies_at(path)
+    session = structs.replace(there.session, breakpoints=BreakpointSettings())
+    with window_of(browser, App(session, there.session_path, port=0, gallery=there.gallery), **size) as screen:
+        yield screen
 
 
 def picture(screen: Screen, where: str = "") -> Image.Image:
@@ -129,9 +138,24 @@ def causes(browser: Any) -> None:
             save(picture(screen, where), DOCS / "causes" / f"{cause}.png", 720 if where == ".timeline" else 480)
 
 
+def spoilt(browser: Any) -> None:
+    """A picture of each cause that takes options, or a frame of its own."""
+    for cause in map(Cause, (*SCENES, *commands())):
+        with tempfile.TemporaryDirectory() as folder:
+            session = session_of(cause, Path(folder))
+            with window_of(browser, App(session, port=0, folder=Path(folder)), width=1440, height=860) as screen:
+                if cause != Cause.NO_HYPOTHESIS:  # There nothing is run.
+                    screen.finish()
+                # Of several objects the last one is meant: it was placed after the one that is to blame.
+                screen.view(obj=screen.state("Math.max(...state.frame.objects.map((o) => o.id))"))
+                if cause == Cause.DEPTH:
+                    screen.click("Depth")
+                save(picture(screen, ".pane.image .stage"), DOCS / "causes" / f"{cause}.png", 480)
+
+
 if __name__ == "__main__":
     (DOCS / "tour").mkdir(exist_ok=True)
     with headless_chromium() as chromium:
-        for each in (film, tour, causes):
+        for each in (film, tour, causes, spoilt):
             if len(sys.argv) == 1 or each.__name__ in sys.argv[1:]:
                 each(chromium)

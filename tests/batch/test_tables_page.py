@@ -52,6 +52,12 @@ def test_a_cause_has_the_picture_of_the_session_beneath_it() -> None:
     assert {session for _, session in shown} == {n for n in built_in_sessions() if n.startswith("failure_")}
 
 
+def test_every_cause_has_a_picture() -> None:
+    shown = re.findall(r"!\[.+\]\(causes/(\w+)\.png\)", CAUSES)
+    assert shown == [cause.value for cause in Cause]
+    assert all((ROOT / "docs" / "causes" / f"{name}.png").is_file() for name in shown)
+
+
 def numbers_of_evidence() -> set[str]:
     """The names in the table."""
     names = {name for cell in rows_of("Evidence") for name in re.findall(r"\w+", cell)}

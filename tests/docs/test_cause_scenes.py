@@ -1,0 +1,29 @@
+"""The commands with options in docs/causes.md, and the frames that its pictures are of, show their causes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scripts.cause_scenes import SCENES, commands, session_of
+from verefine_viz.diagnosis.causes import Cause
+from verefine_viz.diagnosis.diagnose import diagnose
+from verefine_viz.diagnosis.impossible import impossible_answers
+from verefine_viz.physics.proximity import Surfaces
+from verefine_viz.run.toolbox import Toolbox
+
+
+def causes_in(cause: Cause, folder: Path) -> set[Cause]:
+    """The main causes in the frame that is made for one."""
+    tools = Toolbox(session_of(cause, folder))
+    run = tools.run(tools.problem(tools.frames[0]))
+    answers = [best and best.T_cam_obj for best in run.finish().best]
+    impossible = impossible_answers(run.problem, answers, tools.session.physics, Surfaces())
+    return {one.main.cause for one in diagnose(run, tools)} | {finding.cause for finding in impossible.values()}
+
+
+@pytest.mark.usefixtures("long_run", "processes")
+@pytest.mark.parametrize("cause", [*SCENES, *map(Cause, commands())])
+def test_what_is_spoilt_shows_its_cause(cause: Cause, tmp_path: Path) -> None:
+    assert cause in causes_in(cause, tmp_path)
