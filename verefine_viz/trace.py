@@ -50,7 +50,7 @@ COPIED = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp", ".gif", ".tga", ".tif
 
 
 def _never_raises(call: Callable[Concatenate[S, P], None]) -> Callable[Concatenate[S, P], None]:
-    """The same, but what goes wrong in it is counted."""
+    """Return the call, in which what goes wrong is counted."""
 
     def guarded(self: S, *args: P.args, **kwargs: P.kwargs) -> None:
         try:
@@ -91,7 +91,7 @@ class Trace:
         """Calls, or parts of them, that could not be written."""
         self._problems: list[str] = []
         self._has_warned = False
-        """Of a call after the end."""
+        """Whether it has warned of a call after the end."""
         self._n_objects = 0
         self._shape = depth.shape
         self._started = time.perf_counter()

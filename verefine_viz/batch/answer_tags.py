@@ -14,7 +14,7 @@ from verefine_viz.run.record import Answer
 
 TAGS_FILE = "tags.json"
 MOST_LETTERS = 40
-"""Of a tag."""
+"""Letters of a tag at most."""
 
 
 class TagFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -204,7 +204,7 @@ class ClusterWorkers:
             return self._client.submit(solve_on_worker, self._tools.name, frame, key=key, pure=False)
 
     def _done(self, running: list[Future]) -> list[Future]:
-        """Those that are done; none where nothing was done for a while."""
+        """The futures that are done; none where nothing was done for a while."""
         try:
             with suppress(TimeoutError):
                 wait(running, timeout=COUNT_S, return_when="FIRST_COMPLETED")

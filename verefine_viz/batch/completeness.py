@@ -27,7 +27,7 @@ class BatchFiles:
     """What is there and what is not."""
 
     totals: Totals
-    """Of the frames that are finished."""
+    """Totals of the frames that are finished."""
     missing: tuple[str, ...] = ()
     """Frames that are not."""
     damaged: tuple[str, ...] = ()

@@ -26,7 +26,7 @@ class WorkerTools(WorkerPlugin):
         self, name: str, session: Session, out: Path, task: TaskName, must_see: tuple[str, ...], version: str
     ) -> None:
         self.name = name
-        """Of the plugin and of the executor that its tasks ask for."""
+        """Name of the plugin and of the executor that its tasks ask for."""
         self._session = msgspec.json.encode(session)
         self._out, self._must_see, self._version = str(out), must_see, version
         self._task: TaskName = task

@@ -19,7 +19,7 @@ PACKAGES = (
     "viser", "rerun-sdk",
 )  # fmt: skip
 SHARE = 0.8
-"""Of the machine's memory that all workers together may take, unless a limit is given."""
+"""Share of the machine's memory that all workers together may take, unless a limit is given."""
 CGROUP_LIMITS = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"))
 
 

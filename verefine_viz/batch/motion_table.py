@@ -136,7 +136,7 @@ def _objects(scene: Sequence[RunRecord]) -> list[tuple[int, int | None]]:
 def _track_rows(
     scene: Sequence[RunRecord], obj_id: int, instance_id: int | None, shapes: Shapes
 ) -> Iterator[MotionRow]:
-    """Of one object, from the first frame on that has it."""
+    """Rows of one object, from the first frame on that has it."""
     rows: dict[str, Answer] = {}
     poses: list[PosedFrame] = []
     middle_m = np.zeros(3)

@@ -127,7 +127,7 @@ class Outcome:
 
     folder: Path
     totals: dict[str, Any]
-    """As in run.json."""
+    """Totals, as in run.json."""
     failures: tuple[tuple[str, str], ...]
     """Frame and reason of the first failed frames."""
     n_resumed: int
@@ -272,7 +272,7 @@ class _Batch:
         )
 
     def _counts_without(self, frames: Sequence[str]) -> Counts:
-        """Of the frames that are done and not to be solved again."""
+        """Counts of the frames that are done and not to be solved again."""
         counts, again = Counts(), {*frames}
         for record in self.folder.runs.records(frame for frame in self.frames if frame not in again):
             if record.end is not None:

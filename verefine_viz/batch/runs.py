@@ -99,7 +99,7 @@ class RunTotals(msgspec.Struct, frozen=True, omit_defaults=True):
     """What the frames came to. None = unknown: the batch runs, or was killed."""
 
     frames: Number | None = None
-    """Of the session."""
+    """Number of frames of the session."""
     frames_done: Number | None = None
     frames_failed: Number | None = None
     objects: Number | None = None
@@ -125,14 +125,14 @@ class BatchInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     """The content of run.json. A file of another version may have other fields."""
 
     version: str = ""
-    """Of verefine-viz; empty = unknown."""
+    """Version of verefine-viz; empty = unknown."""
     status: str = "unknown"
     """running (or killed), stopped, incomplete (frames were lost while it ran), finished."""
     title: str = ""
     begun: str = ""
     """When the last start began, as in 2026-01-02T03:04:05+00:00."""
     seconds: Positive = 0.0
-    """Of all starts together [s]."""
+    """Time of all starts together [s]."""
     totals: RunTotals = RunTotals()
     workers: Number | None = None
     cluster: str = ""

@@ -36,9 +36,9 @@ class SequenceOutput:
     """Writes it."""
 
     folder: Path
-    """Of the batch."""
+    """Folder of the batch."""
     source: SceneSource
-    """Of its problems."""
+    """Where its problems come from."""
     _models: dict[int, ObjectModel | None] = field(default_factory=dict)
     _turns: dict[int, Float] = field(default_factory=dict)
 

@@ -58,7 +58,7 @@ def solve_frame(toolbox: Toolbox, frame: str, out: Path, compiling: Callable[[],
 
 
 def explain_frame(toolbox: Toolbox, frame: str, out: Path, compiling: Callable[[], None] = lambda: None) -> RunRecord:
-    """The same, with the causes of wrong answers where ground truth is known; their re-runs take time."""
+    """Solve a frame and name the causes of wrong answers where ground truth is known; their re-runs take time."""
     return _result(partial(_solved, toolbox, frame, out, True), toolbox, frame, out, compiling)
 
 

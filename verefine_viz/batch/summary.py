@@ -203,7 +203,7 @@ def worst_iteration(target: Target, iterations: Sequence[Iteration], answer: Bes
 
     @cache
     def error_mm(pose: bytes) -> float:
-        """Of a T_cam_obj. An iteration starts where an earlier one ended: half of the poses come twice."""
+        """ADD(-S) of a T_cam_obj [mm]. An iteration starts where an earlier one ended: half of the poses come twice."""
         assert T_gt is not None
         return add_s_mm(target.model, np.frombuffer(pose).reshape(4, 4), T_gt)
 

@@ -131,7 +131,7 @@ class Counts:
     objects_left_out: int = 0
     """Without a mask or a model that can be used, or not detected."""
     objects_unreadable: int = 0
-    """Those of them whose mask or model is missing or damaged."""
+    """Left-out objects whose mask or model is missing or damaged."""
     objects_in_failed_frames: int = 0
     objects_with_truth: int = 0
     objects_correct: int = 0
@@ -166,7 +166,7 @@ class Totals:
     failures: list[tuple[str, str]] = field(default_factory=list)
     """Frame and reason of the first failed ones."""
     doubts: Doubts = field(default_factory=Doubts)
-    """Of the frames' data."""
+    """Doubts about the frames' data."""
     notes: Notes = field(default_factory=Notes)
     _scores: array[float] = field(default_factory=lambda: array("d"))
     _errors_mm: array[float] = field(default_factory=lambda: array("d"))

@@ -52,9 +52,9 @@ class Watched:
     """Folder of the run."""
     session: Session
     frames: tuple[str, ...] = ()
-    """Those that are there, in the order in which they came."""
+    """Frames that are there, in the order in which they came."""
     results: dict[str, RunRecord] = field(default_factory=dict)
-    """Of the frames that are solved, and of those that are given up."""
+    """Records of the frames that are solved, and of those that are given up."""
     tries: dict[str, int] = field(default_factory=dict)
     begun_ns: dict[str, int] = field(default_factory=dict)
     """When a frame was last given to a worker [ns since 1970]."""
@@ -74,7 +74,7 @@ class Watched:
 
     @property
     def ready(self) -> tuple[str, ...]:
-        """Those of them that can be solved now."""
+        """Frames that can be solved now."""
         now = time.monotonic()
         return tuple(frame for frame in self.waiting if self.not_before.get(frame, 0.0) <= now)
 

@@ -37,7 +37,7 @@ MASK_PX, PLAIN_PX = 4, 2
 BESIDE, LITTLE = 0.015, 0.25
 """Least displacement (share of the image's width), and least share of its larger side at which the other is named."""
 FEW = 3
-"""Of fewer objects chance may look like a rule."""
+"""With fewer objects chance may look like a rule."""
 OFF_DEPTH, OTHER_UNIT = 0.05, 5.0
 """Estimators' own distances may all be off by this share; what is off by a larger factor is of another unit."""
 IN_ORDER = "objects appear as large as their models in their ground-truth poses"

@@ -89,7 +89,7 @@ def _smooth(rgb: NDArray[np.uint8]) -> NDArray[np.floating]:
 
 
 def _correlation(centred: NDArray[np.floating], colours: NDArray[np.floating]) -> float:
-    """Of colours (N, 3), the first with zero mean."""
+    """Correlation of colours (N, 3), the first with zero mean."""
     other = colours - colours.mean(axis=0)
     squares = float((centred**2).sum() * (other**2).sum())
     return float((centred * other).sum()) / squares**0.5 if squares > 0 else 0.0

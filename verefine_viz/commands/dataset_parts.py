@@ -31,7 +31,7 @@ class Parts:
     models: bool = False
     depth: bool = False
     masks: tuple[str, ...] = ()
-    """Of mask_visib, mask, and detections files."""
+    """Which of mask_visib, mask and detections files there are."""
     detections: bool = False
     """Whether some of the masks are detections, which name their object."""
     ground_truth: bool = False

@@ -30,7 +30,7 @@ class Entry:
 
 
 AUTHORS = "the archive that the README of github.com/dornik/verefine links"
-"""Of VeREFINE: what they made of the data sets."""
+"""What the authors of VeREFINE made of the data sets."""
 DENSEFUSION = "official weights of DenseFusion: github.com/j96w/DenseFusion, Trained checkpoints"
 CATALOGUE = (
     Entry(

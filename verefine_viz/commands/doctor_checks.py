@@ -31,8 +31,8 @@ FALL_MM = 13.28
 """Free fall over 12 sub-steps of 1/240 s: g·dt²·(1 + 2 + … + 12)."""
 
 SCORES = np.array([1.0, 0.5 * (0.5 + 1) * (33 * 27) / (35 * 27)])
-"""Of the box where it was observed, and half of τ behind: depth fits half, normals fit, and of the 35×27 px of its face
-33×27 are covered."""
+"""Scores of the box where it was observed, and half of τ behind: depth fits half, normals fit, and of the 35×27 px of
+its face 33×27 are covered."""
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,7 @@ def write_pools(
 
 
 def _only_estimating(session: Session) -> Session:
-    """The same without what estimators do not need, and what could only fail: simulator, order, tracking."""
+    """The session without what estimators do not need, and what could only fail: simulator, order, tracking."""
     physics = structs.replace(session.physics, enabled=False)
     method = structs.replace(session.method, track=False)
     return structs.replace(session, physics=physics, dependency=DependencySettings(), method=method)

@@ -137,7 +137,7 @@ def _clusters(order: tuple[tuple[int | str, ...], ...]) -> Any:
 MOST_PER_CORE = 4
 """More than the cores save no time, and a process takes up to 1 GB; a few more do no harm."""
 MOST_SEEDS = 1000
-"""Of a sweep or a study; the paper has 10 to 20 repetitions."""
+"""Seeds of a sweep or a study; the paper has 10 to 20 repetitions."""
 MOST_MEMORY_GB = 100_000
 
 

@@ -37,7 +37,7 @@ SHORTEST = 12
 OWN = {"run": "only the images that each run covered", "file": "only the images that each file names"}
 """Which images a score is about that is not about all targets, by how these are known."""
 OWN_OBJECTS = "only the images and objects that each run was to solve"
-"""The same, where a run was to solve some objects only."""
+"""Heading where a run was to solve some objects only."""
 
 
 def print_scores(

@@ -31,7 +31,7 @@ class Train:
     steps: int | None = None
     """Number of steps instead; with the same seed it gives the same weights again on the same machine."""
     seed: int = 0
-    """Of weights and views."""
+    """Seed of weights and views."""
     dataset: Path | None = None
     """densefusion: folder of a BOP data set whose models it learns; without, it learns the objects of the built-in
     scenes."""

@@ -123,7 +123,7 @@ class PcsSettings(Settings, frozen=True):
     samples: Annotated[int, Meta(ge=1, le=2000)] = 300
     """Points of the model, spread evenly, of which those that lie on the segment are counted."""
     spacing_m: LengthOrNone = 0.014
-    """Those of them that are at least so far apart make up the quads [m]; the number of quads grows with the fourth
+    """Points that are at least so far apart make up the quads [m]; the number of quads grows with the fourth
     power of the number of points. 0 takes all (published code)."""
     bases: LargeCount = 100
     """Bases tried; the published code goes on for 1 s, so that its results depend on the machine."""

@@ -80,7 +80,7 @@ def read(file: Path, unpack: Callable[[Arrays], T]) -> T | None:
 
 @lru_cache(maxsize=128)
 def _read_as_of(file: Path, changed_ns: int, unpack: Callable[[Arrays], T]) -> T | None:
-    """The same of a file that was last changed then, which is not read twice."""
+    """Arrays of a file that was last changed then, which is not read twice."""
     if not file.exists():
         return None
     try:

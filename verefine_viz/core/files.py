@@ -25,7 +25,7 @@ from verefine_viz.core.errors import InputError, ShapeError, VerefineError, in_o
 MOST_BYTES = 2_000_000_000
 """Size of a file that is read, unless its reader says less."""
 MOST_JSON_BYTES = 1_000_000_000
-"""The same for JSON, and for what a .json.gz unpacks to."""
+"""Largest JSON file, and largest text that a .json.gz unpacks to."""
 MOST_YAML_BYTES = 50_000_000
 LONGEST = 300
 """What is shown of an error of a library [characters]."""

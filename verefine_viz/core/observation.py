@@ -51,7 +51,7 @@ class Support:
 
     @cached_property
     def with_first_endless(self) -> Support | None:
-        """The same where the first surface has no end: the world of what stays over it. None where nothing ends it."""
+        """The support whose first surface has no end: the world of what stays over it. None where nothing ends it."""
         around = self.surroundings
         if around is None or not around.catches or not around.surfaces:
             return None

@@ -67,7 +67,7 @@ SIDE_COLORS: dict[str, RGB] = {"A": (0, 190, 205), "B": (205, 255, 70)}
 """Two runs that are compared: A is drawn solid, B as an outline and dashed."""
 
 GRASP_COLORS: dict[str, RGB] = {"free": (40, 200, 80), "blocked": (190, 80, 70), "chosen": (255, 210, 60)}
-"""Of grasps: the approach meets nothing, meets something, is the one that is carried out."""
+"""Colours of grasps: the approach meets nothing, meets something, is the one that is carried out."""
 EVENT_COLORS: dict[str, RGB] = {
     "kept_simulated": (255, 140, 0),
     "kept_refined": (50, 110, 255),

@@ -64,7 +64,7 @@ class DependencyGraph:
         return next(k for k, cluster in enumerate(self.clusters) if instance_id in cluster)
 
     def only(self, instance_ids: Collection[int]) -> DependencyGraph:
-        """The same without the other instances; a cluster may get smaller, but is not split."""
+        """The graph without the other instances; a cluster may get smaller, but is not split."""
         clusters = tuple(tuple(i for i in cluster if i in instance_ids) for cluster in self.clusters)
         lists = tuple(tuple(i for i in supported if i in instance_ids) for supported in self.support_lists)
         edges = tuple(e for e in self.edges if e.first in instance_ids and e.second in instance_ids)
@@ -178,7 +178,7 @@ class Target:
     model: ObjectModel
 
     def left_out(self, why: str, is_unreadable: bool = False) -> LeftOut:
-        """The same object where it cannot be solved."""
+        """The object where it cannot be solved."""
         i, has_truth = self.instance, self.instance.T_cam_obj_gt is not None
         return LeftOut(i.instance_id, i.obj_id, self.model.name, why, has_truth, i.visib_fract, is_unreadable)
 
@@ -245,7 +245,7 @@ class Problem:
         return f"{self.scene_id}/{self.im_id}"
 
     def only(self, instance_ids: Collection[int]) -> Problem:
-        """The same frame with fewer instances to solve (the observation keeps all masks).
+        """The frame with fewer instances to solve (the observation keeps all masks).
 
         Raises:
             InputError: an id is not in this frame.

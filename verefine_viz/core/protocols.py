@@ -82,7 +82,7 @@ class Verifier(Protocol):
     def maps(
         self, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = (), at: PixelGrid | None = None
     ) -> ScoreMaps | None:
-        """The same score of one pose, pixel by pixel, for the screen and for recordings; ``at`` some pixels, or all.
+        """The score of one pose, pixel by pixel, for the screen and for recordings; ``at`` some pixels, or all.
 
         None where the score is not made of pixels.
         """
@@ -176,7 +176,7 @@ class Method(Protocol[S]):
         ...
 
     def edit(self, state: S, instance_id: int, arm: int, T_cam_obj: Float) -> S:
-        """The same state with the arm's current pose replaced by an edited one.
+        """The state with the arm's current pose replaced by an edited one.
 
         That arm is worked on next, or as soon as the method's order allows; without budget it is only scored.
         """
@@ -193,7 +193,7 @@ class Method(Protocol[S]):
         ...
 
     def rescored(self, state: S) -> S:
-        """The same state with every pose in it re-scored by :attr:`verifier`: another one had scored them.
+        """The state with every pose in it re-scored by :attr:`verifier`: another one had scored them.
 
         Raises:
             InputError: what the method goes by cannot be re-scored.

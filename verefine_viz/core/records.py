@@ -152,7 +152,7 @@ class SceneRecord(Struct, frozen=True, eq=False):
     """What closes a pass over the objects of a cluster: how well their poses explain the scene together."""
 
     poses: tuple[PlacedPose, ...]
-    """Of this pass, in dependency order."""
+    """Poses of this pass, in dependency order."""
     score: PoseScore
     """Scene score of this pass."""
     best_known: PoseScore

@@ -27,7 +27,7 @@ MapName = Literal[
 """What is shown of the pixels: the sensor's depth, and what :class:`ScoreMaps` holds."""
 MAP_NAMES: tuple[MapName, ...] = get_args(MapName)
 COLOUR_MAPS: tuple[MapName, ...] = ("observed_colour", "rendered_colour", "correlation")
-"""Those without a value where the colour term is off."""
+"""The maps without a value where the colour term is off."""
 
 
 class PoseScore(Struct, frozen=True, eq=False):

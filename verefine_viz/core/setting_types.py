@@ -21,15 +21,15 @@ class Settings(Struct, frozen=True, forbid_unknown_fields=True):
 Count = Annotated[int, Meta(ge=1, le=10_000)]
 """How many of something: iterations, hypotheses, steps."""
 LargeCount = Annotated[int, Meta(ge=1, le=1_000_000)]
-"""Of what there are thousands: points, bases, bins."""
+"""A number of points, bases, bins: of thousands."""
 Index = Annotated[int, Meta(ge=0, le=2**31 - 1)]
 """The number of an object, an instance, a hypothesis, an iteration."""
 Seed = Annotated[int, Meta(ge=0, le=2**32 - 1)]
-"""Of a random generator."""
+"""Seed of a random generator."""
 Length = Annotated[float, Meta(ge=1e-5, le=10)]
 """A distance that something is compared with or divided into [m]."""
 LengthOrNone = Annotated[float, Meta(ge=0, le=10)]
-"""The same where 0 switches something off [m]."""
+"""A length, where 0 switches something off [m]."""
 Share = Annotated[float, Meta(gt=0, lt=1)]
 """A part of a whole, neither none nor all of it."""
 Weight = Annotated[float, Meta(ge=0, le=1e6)]

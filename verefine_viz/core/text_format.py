@@ -8,7 +8,7 @@ from itertools import accumulate
 LONGEST = 220
 """A list of names in a message is cut when it is longer [characters]."""
 LONGEST_NUMBERS = 100
-"""The same of numbers, which say less."""
+"""Longest line of numbers, which say less."""
 MOST_NAMED = 6
 """Files or folders that a message names, where long paths would hide what it says."""
 

@@ -63,7 +63,7 @@ def check_folder(path: Path, option: str = "--out") -> None:
 
 
 def check_file(path: Path, example: str, option: str = "--out") -> None:
-    """The same for a file that an option names.
+    """Check that a file can be written that an option names.
 
     Args:
         path: the file.

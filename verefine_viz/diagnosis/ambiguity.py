@@ -118,7 +118,7 @@ def _within(curve: Curve) -> list[float]:
 
 
 def in_short(around: Landscape, other: OtherPose) -> str:
-    """As in "turn about the vertical undetermined within ±25°", or how far away the other pose is."""
+    """What is undetermined: "turn about the vertical undetermined within ±25°", or how far away the other pose is."""
     widest = around.least_certain
     if widest.width > widest.axis.steps[0]:
         return widest.in_words()
@@ -126,7 +126,7 @@ def in_short(around: Landscape, other: OtherPose) -> str:
 
 
 def in_words(name: str, around: Landscape, other: OtherPose, of_other: str = "another pose") -> str:
-    """As in: "The observation cannot tell the answer for the mug (score up to 0.913) from another pose 31 mm away"."""
+    """A sentence: "The observation cannot tell the answer for the mug (score up to 0.913) from another pose 31 mm away"."""
     one, two = distinct_texts(other.score_of_answer, other.score, 3)
     return (
         f"The observation cannot tell the answer for the {name} (score up to {one}) from {of_other} "

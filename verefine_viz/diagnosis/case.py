@@ -53,11 +53,11 @@ CONTROLS, FIRST_CONTROLS = 5, 3
 """Re-runs on other samples of the observed points, with nothing changed and as many with a repair; and after how many
 of them it is enough that none came out right."""
 CONTROLS_TOGETHER, FIRST_CONTROLS_TOGETHER = 3, 2
-"""The same where each solves a whole scene."""
+"""Re-runs at once, where each solves a whole scene."""
 HELPS = 0.5
 """A repair helps if it comes out right more often by this share of the re-runs."""
 LEFT_OUT = 0.1
-"""Of points that are all used, so that none can be chosen otherwise, this share is left out in another sample."""
+"""Share of points, where all are used and none can be chosen otherwise, that is left out in another sample."""
 
 
 class ErrorOf:
@@ -229,7 +229,7 @@ class Case:
     placed: tuple[Placed, ...]
     """Other objects as they were placed when this one was last worked on."""
     reruns: dict[str, Rerun] = field(default_factory=dict)
-    """Those made so far, by what was changed."""
+    """Re-runs made so far, by what was changed."""
     _again: dict[str, Again] = field(default_factory=dict)
     """How each is made again."""
     _controls: dict[str, Control] = field(default_factory=dict)
@@ -248,7 +248,7 @@ class Case:
 
     @cached_property
     def error(self) -> float:
-        """Of the answer, as a share of the diameter; infinite where there is none."""
+        """Error of the answer, as a share of the diameter; infinite where there is none."""
         return float("inf") if self.answer is None else self.error_of(self.answer.T_cam_obj)
 
     @cached_property
@@ -267,7 +267,7 @@ class Case:
 
     @cached_property
     def placed_at_gt(self) -> tuple[Placed, ...]:
-        """The same other objects at ground truth; those without as they were placed."""
+        """The other objects at ground truth; those without as they were placed."""
         return tuple(self.frame.placed.get(p.instance_id, p) for p in self.placed)
 
     def rerun(
@@ -335,7 +335,7 @@ class Case:
         return self._control(what, n, n)
 
     def _control(self, what: str, first: int, n: int) -> Control:
-        """Of ``n`` re-runs; of only the ``first`` of them if none of those comes out right."""
+        """How many of ``n`` re-runs come right; of only the ``first`` of them if none of those comes out right."""
         if what not in self._controls:
             n_made, n_right = first, self.n_right(what, range(1, first + 1))
             if n_right and n > first:

@@ -112,7 +112,7 @@ class Finding:
     try_: Mapping[str, float] | None = None
     """Settings that may help, such as ``method.exploration``."""
     short: str = ""
-    """The same in a few words, for one line; empty where the title of the cause says it."""
+    """The text in a few words, for one line; empty where the title of the cause says it."""
     detail: str = ""
     """Goes on behind ``title`` where there is room: a number."""
 

@@ -24,12 +24,12 @@ class Discarded:
     """A correct pose that a run had and gave up for a wrong one."""
 
     arm: int
-    """Of the hypothesis that it came from."""
+    """Index of the hypothesis that it came from."""
     iteration: int
     """Which made it; 0 = it is the initial pose of the hypothesis."""
     stage: Stage
     score: PoseScore
-    """The same pose's, as the iteration had it."""
+    """Score of the pose, as the iteration had it."""
     given_up: int
     """The first iteration from then on after which the object's best pose was a wrong one."""
     answer: Best
@@ -42,7 +42,7 @@ class Discarded:
 
     @property
     def where(self) -> str:
-        """As in: at iteration 3."""
+        """When it was there: "at iteration 3"."""
         return f"at iteration {self.iteration}" if self.iteration else "at the start"
 
     def in_words(self, name: str) -> str:
@@ -98,7 +98,7 @@ class Lost:
     """
 
     error: float
-    """Of that pose."""
+    """Error of that pose."""
     score: PoseScore | None
     iteration: int
     """Which came by it; 0 = it is the initial pose of the hypothesis."""

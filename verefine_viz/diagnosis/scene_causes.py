@@ -172,7 +172,7 @@ def _among_true_neighbours(case: Case) -> Rerun:
 
 
 def _error_of(case: Case, placed: Placed) -> float:
-    """Of another object as it was placed; 0 without ground truth."""
+    """Error of another object as it was placed; 0 without ground truth."""
     at_gt = case.frame.placed.get(placed.instance_id)
     return 0.0 if at_gt is None else ErrorOf(placed.model, at_gt.T_cam_obj)(placed.T_cam_obj)
 
@@ -233,4 +233,4 @@ def _stands_on(case: Case) -> str:
 
 
 WORLD_TESTS: tuple[Callable[[Case], Finding | None], ...] = (plane, collider)
-"""Of what physics was given."""
+"""Tests of what physics was given."""

@@ -21,7 +21,7 @@ is in the basin of ground truth: the 28 objects of eight YCB-V frames come to re
 AT_REST = 1e-6
 """The refiner moves such a pose no more."""
 WORTH_A_WAY_DEG = 5.0
-"""Of a smaller rotation it does not matter which way it goes."""
+"""Rotation [deg] below which it does not matter which way it goes."""
 BLAMED = ("missed", "protruding")
 """Classes that cost a pose its score."""
 

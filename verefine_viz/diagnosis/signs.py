@@ -57,7 +57,7 @@ class RunnerUp:
     """ADD(-S) between it and the answer [mm]."""
 
     def in_words(self) -> str:
-        """As in: 0.003 ahead of hypothesis 2."""
+        """Lead and runner-up: "0.003 ahead of hypothesis 2"."""
         lead, rival = self.lead, f"hypothesis {self.pose.arm + 1}"
         return f"level with {rival}" if lead < NO_LEAD else f"{lead:.{distinguishing_digits(lead)}f} ahead of {rival}"
 
@@ -71,9 +71,9 @@ class FinishedObject:
     answer: Best | None = None
     """None where it had no hypothesis."""
     errors: PoseErrors | None = None
-    """Of the answer."""
+    """Errors of the answer."""
     starts: tuple[PoseErrors | None, ...] = ()
-    """Of each hypothesis."""
+    """Errors of each hypothesis' initial pose."""
     n_tried: tuple[int, ...] = ()
     """Iterations of each hypothesis."""
     score_at_gt: PoseScore | None = None
@@ -108,7 +108,7 @@ class FinishedObject:
 
     @property
     def score(self) -> PoseScore:
-        """Of the answer, where there is one."""
+        """Score of the answer, where there is one."""
         assert self.answer is not None
         return self.answer.score
 

@@ -34,7 +34,7 @@ class UndeclaredTurn:
 
     turn_deg: float
     error: float
-    """Of the estimate, as a share of the diameter."""
+    """Error of the estimate, as a share of the diameter."""
     error_with_symmetry: float
     """What it would be if the model declared that turn."""
     colors_differ: float | None = None

@@ -44,7 +44,7 @@ class PcsModel(NamedTuple):
     points: Float
     """(samples, 3) evenly spread [m]: what the LCP counts."""
     pairs: PairTable
-    """Of the first of them: what quads are made of."""
+    """Pairs of the first of them: what quads are made of."""
 
     @staticmethod
     def build(model: ObjectModel, settings: PcsSettings) -> PcsModel:

@@ -27,7 +27,7 @@ class Base(NamedTuple):
     r1: float
     """Where on 0-1 it is nearest to 2-3: 0 at point 0, 1 at point 1. Affine maps do not change it."""
     r2: float
-    """The same on 2-3."""
+    """Ratio on the line 2-3."""
 
 
 def diameter(points: Float) -> float:

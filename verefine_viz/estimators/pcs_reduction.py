@@ -14,7 +14,7 @@ TRANSLATION_BIN_M = 0.01
 EULER_BIN_RAD = np.deg2rad(2.0)
 """… whose Euler angles lie in one cell of this side, are one. docs/methods.md 3.2."""
 RESTARTS = 10
-"""Of k-means; the tightest clusters win. docs/methods.md 3.2."""
+"""Starts of k-means; the tightest clusters win. docs/methods.md 3.2."""
 MEANS_ROUNDS = 20
 """Rounds of k-means per restart."""
 MEDOID_ROUNDS = 3

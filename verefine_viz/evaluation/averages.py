@@ -14,10 +14,10 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.evaluation.vsd import TAUS
 
 RELATIVE_THRESHOLDS = np.arange(0.05, 0.51, 0.05)
-"""Of VSD [-] and of MSSD [shares of the diameter]."""
+"""Thresholds of VSD [-] and of MSSD [shares of the diameter]."""
 
 PIXEL_THRESHOLDS = np.arange(5.0, 51.0, 5.0)
-"""Of MSPD [px of an image 640 wide]."""
+"""Thresholds of MSPD [px of an image 640 wide]."""
 
 THRESHOLDS = np.stack([RELATIVE_THRESHOLDS] * (len(TAUS) + 1) + [PIXEL_THRESHOLDS])
 """(12, 10) for VSD at each τ, MSSD and MSPD: in the order of ``PairErrors.kinds``."""
@@ -86,7 +86,7 @@ class Tally:
         return n, matched / float(n) if n else np.zeros(matched.shape)
 
     def recalls(self, scene_id: int | None = None, obj_id: int | None = None) -> Recalls:
-        """The same, for the kinds of error and thresholds of :data:`THRESHOLDS`."""
+        """Recalls for the kinds of error and thresholds of :data:`THRESHOLDS`."""
         n, shares = self.shares(scene_id, obj_id)
         shares = np.broadcast_to(shares, THRESHOLDS.shape)
         return Recalls(n, np.array(shares[: len(TAUS)]), np.array(shares[-2]), np.array(shares[-1]))
@@ -104,7 +104,7 @@ def average_recalls(kinds: Float) -> Recalls:
 
 
 MILLIMETRE_THRESHOLDS = np.arange(2.0, 21.0, 2.0)
-"""Of MSSD in the BOP'25 variant for industrial parts [mm]."""
+"""Thresholds of MSSD in the BOP'25 variant for industrial parts [mm]."""
 
 DETECTION_THRESHOLDS = np.stack([RELATIVE_THRESHOLDS, MILLIMETRE_THRESHOLDS, PIXEL_THRESHOLDS])
 """(3, 10) for MSSD as a share of the diameter, MSSD [mm] and MSPD."""
@@ -160,7 +160,7 @@ class Detections:
         )
 
     def summary(self, obj_id: int | None = None) -> Precision:
-        """Of one object, or the mean over all."""
+        """Precision of one object, or the mean over all."""
         wanted = self.obj_ids if obj_id is None else (obj_id,)
         n = sum(self.n_targets[i] for i in wanted)
         if not wanted:

@@ -29,7 +29,7 @@ class Spread:
 
     @property
     def is_clear(self) -> bool:
-        """Of a difference: the interval leaves out 0."""
+        """Whether the interval of a difference leaves out 0."""
         return self.low is not None and self.high is not None and (self.low > 0 or self.high < 0)
 
 
@@ -49,7 +49,7 @@ class Cells:
         return float(self.total.sum()) / n if n else None
 
     def where(self, others: Cells) -> Cells:
-        """The same without what ``others`` do not have."""
+        """The cells without what ``others`` do not have."""
         both = others.n > 0
         return Cells(self.total * both, self.n * both)
 

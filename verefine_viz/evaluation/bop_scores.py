@@ -83,7 +83,7 @@ class Scores:
     answers: tuple[Answer, ...]
     """Localization: one entry per instance asked for, images in the order of the targets."""
     own: Scores | None = None
-    """The same over the table's own part, as if nothing else were asked for; None where it has none."""
+    """Scores over the table's own part, as if nothing else were asked for; None where it has none."""
 
 
 def bop_scores(
@@ -149,7 +149,7 @@ class _Part:
     n_targets: int
     n_rows: int
     rows: tuple[int, ...]
-    """Those that are scored, by descending score."""
+    """Rows that are scored, by descending score."""
     matched: np.ndarray
     """Localization: (12, 10) instances matched. Detection: (3, 10, E) outcomes."""
     answers: tuple[Answer, ...] = ()

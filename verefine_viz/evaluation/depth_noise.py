@@ -191,7 +191,7 @@ class ScoreNoise:
         jumps = np.diff(scores.score, 2)
         self._resolution = float(np.sqrt(np.mean(jumps**2) / 6))
         self.score = float(scores.score[JITTERS])
-        """Of the pose compared with."""
+        """Score of the pose compared with."""
         self.least = float(np.sqrt(2) * self._resolution)
         """The noise of a difference to a pose that looks the same: how finely the score resolves."""
         slope = self._slope_of(T_cam_obj, int(scores.n_pixels[JITTERS]))

@@ -27,7 +27,7 @@ class Targets:
     """What is asked for, images of a scene together, in the file's order."""
 
     name: str
-    """Of the file."""
+    """Name of the file."""
     counts: Mapping[tuple[int, int], Mapping[int, int]]
     """(scene_id, im_id) → obj_id → instances; without objects where the task is detection."""
     task: Task
@@ -159,7 +159,7 @@ class BopGroundTruth:
         return self._models.get(obj_id)
 
     def images(self) -> list[tuple[int, int]]:
-        """Those of the split that have ground truth, (scene_id, im_id).
+        """Images of the split that have ground truth, (scene_id, im_id).
 
         Raises:
             InputError: a scene's files are damaged.
@@ -186,7 +186,7 @@ class BopGroundTruth:
         return tuple(notes)
 
     def _instances(self, scene_id: int, im_id: int) -> tuple[GtInstance, ...]:
-        """Those of an image; all count as visible where the scene has no scene_gt_info.json."""
+        """Instances of an image; all count as visible where the scene has no scene_gt_info.json."""
         truths, infos = self._dataset.truths(scene_id), self._dataset.infos(scene_id)
         assert truths is not None
         entries, where = truths[im_id], truths.where(im_id)

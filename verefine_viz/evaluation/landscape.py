@@ -60,7 +60,7 @@ class Axis:
     pivot_cam: Float
     """(3,) a point on the axis of a turn [m]."""
     words: str
-    """As in "turn about the vertical"."""
+    """What moves: "turn about the vertical"."""
 
     @property
     def unit(self) -> str:
@@ -100,13 +100,13 @@ class Curve:
         return max(-self.low, self.high)
 
     def in_words(self) -> str:
-        """As in "turn about the vertical undetermined within ±25°"."""
+        """What is undetermined: "turn about the vertical undetermined within ±25°"."""
         at_end = " or more" if self.axis.kind == "shift" and self.width >= SHIFTS_MM[-1] else ""
         return f"{self.axis.words} undetermined within {self.width_text}{at_end}"
 
     @property
     def width_text(self) -> str:
-        """As in "±25°" or "±0.3 mm"."""
+        """The width: "±25°" or "±0.3 mm"."""
         digits = 0 if self.width >= 10 else 1 if self.width >= 1 else 2
         return f"±{self.width:.{digits}f}{'°' if self.axis.kind == 'turn' else ' mm'}"
 
@@ -177,7 +177,7 @@ def landscape(verifier: Verifier, target: Target, T_cam_obj: Float, placed: Sequ
 
 
 def undetermined(verifier: Verifier, target: Target, T_cam_obj: Float, placed: Sequence[Placed] = ()) -> Landscape:
-    """The same as far as it takes to know the widths: curves end where the score tells. For batches."""
+    """The landscape as far as it takes to know the widths: curves end where the score tells. For batches."""
     return _Walk(verifier, target, T_cam_obj, placed).landscape()
 
 

@@ -93,7 +93,7 @@ class Answer:
     gt_id: int
     visib_fract: float
     row: int | None
-    """Of the results file, from 0; None = no estimate. Where an object is there several times, estimates take the
+    """Row of the results file, from 0; None = no estimate. Where an object is there several times, estimates take the
     nearest free instance, best score first."""
     score: float
     vsd: float

@@ -108,7 +108,7 @@ class NearSymmetry:
 def near_symmetries(
     model: ObjectModel, folder: Path | None = None, progress: ProgressToken = NEVER_CANCELLED
 ) -> tuple[NearSymmetry, ...]:
-    """Those of a model: continuous axes first, then by distance. A second's work, once per mesh.
+    """Near-symmetries of a model: continuous axes first, then by distance. A second's work, once per mesh.
 
     Args:
         model: only its mesh and its diameter are used.
@@ -315,7 +315,7 @@ def _centre(T: Float) -> Float:
 
 
 def _rounded(T: Float) -> Float:
-    """The same with a few digits."""
+    """The pose with a few digits."""
     vector = np.round(rotation_vector(T[:3, :3]), DIGITS)
     return transform(axis_angle(vector, float(np.linalg.norm(vector))), np.round(T[:3, 3], DIGITS))
 

@@ -155,7 +155,7 @@ class Turning:
     """Whether the tilt leaves the object as high as it is, as a lying can that rolls."""
 
     def in_words(self, digits: int = 1) -> str:
-        """As in: 3.6° of tilt against the table, 8.8° of turn on it."""
+        """Both parts: "3.6° of tilt against the table, 8.8° of turn on it"."""
         none_deg = 0.5 * 10.0**-digits
         tilt = "roll on the table" if self.rolls else "tilt against the table"
         if self.turn_deg < none_deg:
@@ -197,7 +197,7 @@ def _rolls(points_cam: Float, R: Float, up_cam: Float) -> bool:
 
 
 def turning_on(target: Target, T_est: Float) -> Turning | None:
-    """The same on the support plane; None where it, or ground truth, is unknown."""
+    """Tilt and turn on the support plane; None where it, or ground truth, is unknown."""
     T_gt, support = target.instance.T_cam_obj_gt, target.observation.support
     if T_gt is None or support is None:
         return None

@@ -47,10 +47,10 @@ class Motion:
     reference: Reference = "camera"
     """What ``moved_mm`` and ``turned_deg`` are relative to."""
     moved_mm: float = 0.0
-    """Of the object's middle."""
+    """Way of the object's middle."""
     turned_deg: float = 0.0
     lifted_mm: float | None = None
-    """Of the object's middle, away from the support plane; None where the plane of one of the frames is unknown."""
+    """Way of the object's middle, away from the support plane; None where the plane of one of the frames is unknown."""
     tilted_deg: float | None = None
     """Change of the angle at which the object stands on the support plane; a turn on it is none."""
     drift_mm: float | None = None
@@ -58,7 +58,7 @@ class Motion:
 
 
 NO_SYMMETRY = np.eye(4)[None]
-"""Of an object that has none declared."""
+"""Symmetries of an object that has none declared."""
 
 
 def motions(
@@ -147,7 +147,7 @@ class MotionCounts:
     no_pose: int
     """Frames without a pose."""
     median_mm: float | None
-    """Of the frames that neither flip nor jump; None of none."""
+    """Median over the frames that neither flip nor jump; None of none."""
     median_deg: float | None
     drift_mm: float | None
     """How far the last pose is from the first, in the world; None where that is unknown."""
@@ -161,7 +161,7 @@ class MotionCounts:
 
     @property
     def in_words(self) -> str:
-        """As in: 5 frames, 2 flips (40 per 100), 0 jumps; median 1.2 mm and 0.3° a frame."""
+        """A line: "5 frames, 2 flips (40 per 100), 0 jumps; median 1.2 mm and 0.3° a frame"."""
         parts = [f"{self.n_frames} frames", f"{_n(self.flips, 'flip')} ({self.flips_per_100:.3g} per 100)"]
         parts += [_n(self.jumps, "jump")]
         parts += [f"{self.no_pose} without a pose"] if self.no_pose else []

@@ -49,11 +49,11 @@ class Evaluation:
     scores: tuple[Scores, ...]
     """One for each file."""
     coverage: tuple[Coverage, ...]
-    """The same."""
+    """Coverage of each file."""
     own: tuple[OwnPart | None, ...]
-    """The same; where it is there, so are the ``own`` scores."""
+    """Part of each file that was asked for; where it is there, so are the ``own`` scores."""
     names: dict[int, str]
-    """Of the objects that occur."""
+    """Names of the objects that occur."""
     notes: tuple[str, ...]
     """How far the scores can be compared with others."""
     seconds: float

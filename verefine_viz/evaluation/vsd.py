@@ -82,7 +82,7 @@ DELTA_MM = 15.0
 """A surface is visible up to this far behind the measured one [mm]."""
 
 DELTA_MM_ITODD = 5.0
-"""The same for the ITODD data set [mm]."""
+"""Tolerance of visibility for the ITODD data set [mm]."""
 
 
 def vsd(

@@ -90,7 +90,7 @@ class GraspScene:
         self.bodies: tuple[Body, ...] = tuple(bodies)
 
     def grasps(self, instance_id: int, progress: ProgressToken = NEVER_CANCELLED) -> Grasps:
-        """Those of an object.
+        """Grasps of an object.
 
         Raises:
             InputError: its file cannot be used.

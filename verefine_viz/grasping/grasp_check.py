@@ -34,7 +34,7 @@ class Obstacles:
 
 
 def obstacles(observation: Observation, settings: GraspSettings) -> Obstacles:
-    """Of a frame.
+    """Obstacles of a frame.
 
     Raises:
         InputError: it has no support plane.

@@ -271,7 +271,7 @@ class GraspWorld:
         return "collided with the target" if hit == self._target else "collided with a neighbour"
 
     def _finger_forces(self) -> tuple[float, float]:
-        """Of each finger on the target [N]; 0 where they do not touch."""
+        """Force of each finger on the target [N]; 0 where they do not touch."""
         if self._target < 0:
             return 0.0, 0.0
         left, right = (

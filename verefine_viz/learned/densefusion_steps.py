@@ -24,7 +24,7 @@ from verefine_viz.learned.onnx_network import OnnxNetwork
 POSE_NET, REFINE_NET = "densefusion_pose", "densefusion_refine"
 """Names of the networks in model cards."""
 FORMAT = 1
-"""Of what goes in and comes out; weights of another one are refused."""
+"""Format of what goes in and comes out; weights of another one are refused."""
 SMALLEST_NORM = 1e-12
 """A quaternion shorter than this has no direction."""
 
@@ -54,13 +54,13 @@ class Classes:
 
 
 YCBV = Classes(tuple(range(1, 22)), 1000, dict(enumerate(YCBV_SHIFTS_MM, 1)))
-"""Of the official YCB-Video weights."""
+"""Classes of the official YCB-Video weights."""
 LINEMOD = Classes((1, 2, 4, 5, 6, 8, 9, 10, 11, 12, 13, 14, 15), 500, {})
-"""Of the official LINEMOD weights."""
+"""Classes of the official LINEMOD weights."""
 OFFICIAL_CLASSES = {len(known.obj_ids): known for known in (YCBV, LINEMOD)}
 """By the number of classes, which tells the official weights apart."""
 POINTS = 500
-"""Of a network that states no number."""
+"""Points of a network that states no number."""
 
 
 def classes_of(network: OnnxNetwork, settings: DenseFusionSettings) -> Classes:
@@ -140,7 +140,7 @@ class DenseFusionPose:
         return None if crop is None else self.poses_of(crop, target.model)
 
     def poses_of(self, crop: ObjectCrop, model: ObjectModel) -> PixelPoses:
-        """The same of a crop."""
+        """Poses of a crop."""
         index = index_of(self.classes, model, self.network)
         quats, offsets, confidences, described = self.network.answers(crop.image, crop.points, crop.chosen, index)
         points = crop.points.astype(np.float64)

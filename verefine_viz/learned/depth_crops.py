@@ -19,7 +19,7 @@ from verefine_viz.rendering.mesh import RenderMesh
 from verefine_viz.rendering.rasterizer import draw_depth
 
 FORMAT = 1
-"""Of crops and answers; weights of another one are refused."""
+"""Format of crops and answers; weights of another one are refused."""
 SIDE_PX = 40
 """Side of a crop [px]."""
 REACH = 1.5
@@ -29,8 +29,8 @@ DEEPEST = 1.5
 FINE = 0.25
 """Difference of depths at which its channel is clamped, in radii: there small differences are large numbers."""
 CHANNELS = ("observed", "rendered", "difference", "own", "drawn", "measured")
-"""Of a crop: depth of the frame and of the model, in radii from the object's centre; their difference, in units of
-``FINE``, where both are the object's; whether a pixel is measured and in the mask, is drawn, is measured at all."""
+"""Channels of a crop: depth of the frame and of the model, in radii from the object's centre; their difference, in
+units of ``FINE``, where both are the object's; whether a pixel is measured and in the mask, is drawn, is measured."""
 NEAREST_RADII = 1.2
 """Distance of an object's centre from the camera, in radii, below which it is not refined: the camera is inside."""
 ANSWERS = 7

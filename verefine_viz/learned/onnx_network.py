@@ -37,7 +37,7 @@ class ModelCard(msgspec.Struct, frozen=True):
     network: str
     """Its name: ``depth_net``."""
     format: int
-    """Of what goes in and comes out; a network of another one cannot be used."""
+    """Format of what goes in and comes out; a network of another one cannot be used."""
     trained_range: TrainedRange | None = None
     """How far its starts were from the ground truth; None where it does not say."""
     command: str = ""

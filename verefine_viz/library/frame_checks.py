@@ -26,7 +26,7 @@ part of an object, but not much more than the object."""
 LEAST_SEEN_M = 0.002
 """What a mask of a few pixels counts as covering."""
 UNITS_M = (0.001, 0.01, 0.0254, 1.0)
-"""Of mesh files: millimetres, centimetres, inches, metres."""
+"""Units of mesh files: millimetres, centimetres, inches, metres."""
 WHOLE = 0.9
 """Share of the image that no mask of one object covers."""
 TOO_FAR = 30.0

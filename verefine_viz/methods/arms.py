@@ -21,7 +21,7 @@ class Entry:
     score: PoseScore
     stage: StageName
     iteration: int
-    """Of the whole run; 0 = initial."""
+    """Iteration of the whole run; 0 = initial."""
 
     def as_best(self, arm: int) -> Best:
         """This pose of ``arm`` as an answer."""
@@ -47,7 +47,7 @@ class Arm:
 
     @property
     def entries_since_edit(self) -> tuple[Entry, ...]:
-        """Those that its plays and its mean are about: from the initial pose on, or from the last edited one."""
+        """Entries that its plays and its mean are about: from the initial pose on, or from the last edited one."""
         edited = max((k for k, entry in enumerate(self.entries) if entry.stage == "edited"), default=0)
         return self.entries[edited:]
 
@@ -89,12 +89,12 @@ class ObjectState:
 
     @property
     def plays(self) -> list[float]:
-        """Of each arm."""
+        """Plays of each arm."""
         return [arm.plays for arm in self.arms]
 
     @property
     def means(self) -> list[float]:
-        """Of each arm."""
+        """Mean of each arm."""
         return [arm.mean for arm in self.arms]
 
     def with_arm(self, j: int, arm: Arm, best: Best) -> ObjectState:

@@ -48,7 +48,7 @@ class ObjectMethod:
     placed_may_hide: bool = True
     """Whether objects placed before are rendered as what may hide the one being scored (docs/methods.md 1.8.2)."""
     flips: Flips | None = None
-    """Of which models a promising pose's flips compete with it; None = of none (docs/methods.md 1.11)."""
+    """Flips of a model, which compete with a promising pose; None = none (docs/methods.md 1.11)."""
 
     def start(self, target: Target, fixed: Sequence[Placed] = ()) -> ObjectState | None:
         """The state before the first iteration; None where the pool is empty."""
@@ -129,7 +129,7 @@ class ObjectMethod:
         return self.chain.draft(state.target, arm.current.T_cam_obj, arm.n_iterations + 1, fixed, begin)
 
     def rescored(self, state: ObjectState, fixed: Sequence[Placed] = ()) -> ObjectState:
-        """The same with all its poses scored by this method, among ``fixed`` objects.
+        """The state with all its poses scored by this method, among ``fixed`` objects.
 
         The mean of a hypothesis becomes that of its initial pose, or the edited one in its place, and of those that its
         iterations accepted since.
@@ -152,7 +152,7 @@ class ObjectMethod:
     def edit(
         self, state: ObjectState, arm: int, T_cam_obj: Float, index: int, fixed: Sequence[Placed] = ()
     ) -> ObjectState:
-        """The same state with the current pose of ``arm`` replaced, scored, and counted for the answer.
+        """The state with the current pose of ``arm`` replaced, scored, and counted for the answer.
 
         It is the next to be played, unless the object has used its budget.
         """

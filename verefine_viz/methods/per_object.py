@@ -42,7 +42,7 @@ class FrameState:
         return tuple(o.best if o else None for o in self.objects)
 
     def with_object(self, i: int, state: ObjectState, n_done: int | None = None) -> Self:
-        """The same with one object replaced, and ``n_done`` iterations made where that is given."""
+        """The state with one object replaced, and ``n_done`` iterations made where that is given."""
         objects = (*self.objects[:i], state, *self.objects[i + 1 :])
         return replace(self, objects=objects, n_done=self.n_done if n_done is None else n_done)
 

@@ -134,7 +134,7 @@ METHODS: dict[str, Method] = {
 }  # fmt: skip
 
 ALL_METHOD_NAMES = tuple(name for name, method in METHODS.items() if not method.repeats)
-"""Those that solve frames."""
+"""Names of the methods that solve frames."""
 METHOD_NAMES = tuple(name for name in ALL_METHOD_NAMES if METHODS[name].make is not None)
 """Composed here from the session's refiner and simulator."""
 SEARCH = next(name for name, method in METHODS.items() if method.has_tree)

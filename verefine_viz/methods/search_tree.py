@@ -165,7 +165,7 @@ class SearchTree:
         return tree
 
     def _deepest(self, children: tuple[int, ...], level: int) -> list[int]:
-        """Those below which the tree comes nearest to ``level``."""
+        """Children below which the tree comes nearest to ``level``."""
         depths = [self._depth(c, level) for c in children]
         return [c for c, depth in zip(children, depths, strict=True) if depth == max(depths)]
 

@@ -25,7 +25,7 @@ class Draft:
     stages: tuple[Stage, ...]
     """After "current", in order."""
     candidates: tuple[StageName, ...]
-    """Those that may be accepted; a name without a stage (no physics) does not matter."""
+    """Stages that may be accepted; a name without a stage (no physics) does not matter."""
     path: SimulatedPath | None = None
     lacks_physics: bool = False
     """Whether a simulation belongs here but was not possible."""

@@ -70,7 +70,7 @@ class DepthState(FrameState):
         return o
 
     def with_scene(self, k: int, scene: SceneState) -> DepthState:
-        """The same with the k-th cluster's scene replaced."""
+        """The state with the k-th cluster's scene replaced."""
         return replace(self, scenes=(*self.scenes[:k], scene, *self.scenes[k + 1 :]))
 
     def placed_at(self, members: Sequence[int], poses: Sequence[Best]) -> tuple[Placed, ...]:

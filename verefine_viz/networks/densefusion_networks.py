@@ -266,7 +266,7 @@ class PoseNet(nn.Module):
         return quats[0], offsets[0], confidences[0], colours
 
     def poses(self, points: Tensor, colours: Tensor, index: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """The same of the points (B, N, 3) and colours (B, E, N) of B objects: (B, N, 4), (B, N, 3) and (B, N)."""
+        """Poses of the points (B, N, 3) and colours (B, E, N) of B objects: (B, N, 4), (B, N, 3) and (B, N)."""
         seen = points - points.mean(dim=1, keepdim=True) if self._is_centred else points
         pairs, whole = self.feat(seen.transpose(1, 2) / self._unit_m, colours)
         features = torch.cat([pairs, whole.mean(dim=2, keepdim=True).expand_as(whole)], dim=1)
@@ -312,7 +312,7 @@ class PoseRefineNet(nn.Module):
         return quats[0], shifts[0]
 
     def steps(self, points: Tensor, colours: Tensor, index: Tensor) -> tuple[Tensor, Tensor]:
-        """The same of B poses at once: (B, 4) and (B, 3) [m] of (B, N, 3), (B, E, N) and (B,)."""
+        """Steps of B poses at once: (B, 4) and (B, 3) [m] of (B, N, 3), (B, E, N) and (B,)."""
         whole = self.feat(points.transpose(1, 2) / self._unit_m, colours)[1].mean(dim=2)
         r, t = (self._head(name, whole, index) for name in "rt")
         return r, t * self._unit_m
@@ -337,6 +337,6 @@ def pose_net_example() -> tuple[tuple[Tensor, ...], tuple[dict[int, Any] | None,
 
 
 def refine_net_example(n_colours: int) -> tuple[tuple[Tensor, ...], tuple[dict[int, Any] | None, ...]]:
-    """The same of PoseRefineNet, for colours that so many numbers describe."""
+    """Example inputs of PoseRefineNet, for colours that so many numbers describe."""
     n = torch.export.Dim("points", min=2, max=2**14)
     return (torch.zeros(1, 50, 3), torch.zeros(1, n_colours, 50), torch.tensor([0])), ({1: n}, {2: n}, None)

@@ -16,9 +16,9 @@ from verefine_viz.learned.densefusion_steps import POSE_NET, REFINE_NET, DenseFu
 from verefine_viz.learned.onnx_network import PACKAGED, hash_of, read_weights
 
 CACHE_FORMAT = 1
-"""Of the ONNX files in the cache: raise it where they are made in another way."""
+"""Format of the ONNX files in the cache: raise it where they are made in another way."""
 SLIM_FILES = {POSE_NET: "densefusion_slim.onnx", REFINE_NET: "densefusion_slim_refine.onnx"}
-"""Of the package: slim networks, trained on made-up views of the built-in objects."""
+"""Weights of the package: slim networks, trained on made-up views of the built-in objects."""
 _FIELDS = {POSE_NET: "weights", REFINE_NET: "refiner_weights"}
 
 

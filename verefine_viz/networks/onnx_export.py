@@ -19,7 +19,7 @@ from verefine_viz.core.writing import atomic
 from verefine_viz.learned.onnx_network import CARD
 
 OPSET = 18
-"""Of ONNX's operators: one that every onnxruntime of pyproject.toml knows."""
+"""Version of ONNX's operators: one that every onnxruntime of pyproject.toml knows."""
 
 
 def onnx_bytes(
@@ -53,7 +53,7 @@ def onnx_bytes(
 
 
 def with_card(content: bytes, card: Mapping[str, Any]) -> bytes:
-    """The same ONNX file with this model card instead of its own."""
+    """The ONNX file with this model card instead of its own."""
     network = onnx.load_from_string(content)
     onnx.helper.set_model_props(network, {CARD: json.dumps(card)})
     return network.SerializeToString(deterministic=True)

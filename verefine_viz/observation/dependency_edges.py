@@ -172,7 +172,7 @@ class _Stand:
 
     instance_id: int
     hull: ConvexHull
-    """Of its visible points, seen from above."""
+    """Hull of its visible points, seen from above."""
     samples: Float
     """(n, 2) points all over the footprint [m]."""
     lowest_m: float
@@ -187,7 +187,7 @@ class _Pair:
     lower: int
     upper: int
     share: float
-    """Of the upper's footprint that lies over the lower's."""
+    """Share of the upper's footprint that lies over the lower's."""
     above_m: float
     """How far the upper's lower end is above the lower's middle."""
     rise_m: float | None

@@ -26,7 +26,7 @@ class Ordering:
     """What follows from edges."""
 
     edges: tuple[Edge, ...]
-    """The same, with what does not count marked as such."""
+    """The edges, with what does not count marked as such."""
     clusters: Groups
     """Front to back, each in the order to solve it."""
     support_lists: Groups

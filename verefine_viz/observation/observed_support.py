@@ -52,15 +52,15 @@ STANDS_M = 0.05
 INSIDE_M, INSIDE_SHARE = 0.005, 0.001
 """No more than this share of the objects' points is further than that inside of it [m]."""
 SEEN_THROUGH = 0.15
-"""Of the rays through its hull at most this share may go on to something behind it."""
+"""Share of the rays through its hull that may at most go on to something behind it."""
 BLOCK_M = 0.05
 """Side of the blocks that become one convex solid each [m]."""
 THICK_M = 0.03
 """Thickness away from the camera of what else rises [m]."""
 THICKEST_M, THINNEST_M = 0.10, 0.005
-"""Of what is below a surface [m]."""
+"""Thickness of what is below a surface [m]."""
 MOST_CORNERS = 48
-"""Of a convex solid that stands for many points."""
+"""Corners of a convex solid that stands for many points."""
 
 
 def observed_surroundings(
@@ -135,7 +135,7 @@ class _View:
     support: Support
     plane: SupportSurface
     objects: KDTree
-    """Of points of the objects, world [m]."""
+    """Tree of points of the objects, world [m]."""
     low: Float
     """(2,) where what counts begins, seen from above …"""
     high: Float

@@ -125,7 +125,7 @@ def _another(tops: Float, left: NDArray[np.bool_]) -> SupportSurface | None:
 
 
 def _plane(points: Float) -> SupportSurface:
-    """That of least squares, endless."""
+    """The plane of least squares, endless."""
     centre = points.mean(axis=0)
     normal = np.linalg.eigh((points - centre).T @ (points - centre))[1][:, 0]
     normal = normal if normal[2] >= 0 else -normal

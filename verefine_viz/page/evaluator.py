@@ -35,7 +35,7 @@ Key = tuple[Any, ...]
 _CACHED_MAPS = 12
 _CACHED_NUMBERS = 20_000
 _near_symmetries: WeakKeyDictionary[ObjectModel, tuple[NearSymmetry, ...]] = WeakKeyDictionary()
-"""Of the models of all frames, which share them."""
+"""Near-symmetries of the models of all frames, which share them."""
 NEAR_M = 0.01
 """Objects further apart than this have nothing to do with each other [m]."""
 

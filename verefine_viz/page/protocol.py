@@ -69,7 +69,7 @@ class Look(Verb):
     """None = the object of the iteration."""
     arm: Index | None = None
     moment: Index | None = None
-    """Of the simulated path; None = it is not drawn."""
+    """Moment of the simulated path; None = it is not drawn."""
     edited: Pose | None = None
     grasp: Grasp | None = None
     b: Beside | None = None
@@ -246,7 +246,7 @@ class Landscape(Wanted):
     part: Literal["curves", "slice", "other"] = "curves"
     """Curves along all axes, the map over two of them, or what fits as well."""
     axes: tuple[Index, Index] = (5, 0)
-    """Of the map: across and up."""
+    """Axes of the map: across and up."""
 
 
 class Comparison(Wanted, tag="compare"):

@@ -104,5 +104,5 @@ def edits_made(branch: Branch, is_only_frame: bool = False) -> tuple[Edit, ...]:
 
 
 def _at_first(branch: Branch, is_only_frame: bool = False) -> tuple[Edit, ...]:
-    """Those that the session moves in the branch's frame, as it was opened."""
+    """Edits that the session moves in the branch's frame, as it was opened."""
     return edits_of(branch.start.edits, branch.run.problem, is_only_frame)

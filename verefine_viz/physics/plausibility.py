@@ -71,7 +71,7 @@ class Plausibility:
     light: Light
     """green: plausible; amber: within tolerance, or barely; red: cannot be."""
     sentence: str
-    """The same in words."""
+    """The check in words."""
 
     def __post_init__(self) -> None:
         n = len(self.contact_others)

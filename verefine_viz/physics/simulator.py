@@ -45,7 +45,7 @@ class _Ground:
     plane_position: tuple[float, float, float]
     plane_quat_xyzw: tuple[float, float, float, float]
     bodies: dict[PlacedBody, int]
-    """Of surroundings, each with its instance_id: all that supports is one, each unknown object one."""
+    """Bodies of surroundings, each with its instance_id: all that supports is one, each unknown object one."""
 
 
 class BulletSimulator:
@@ -68,7 +68,7 @@ class BulletSimulator:
         self._colliders: dict[str, Collider] = {}
         self._hulls: dict[str, tuple[Float, float]] = {}
         self._ground: _Ground | None = None
-        """Of the last call; it is mostly that of the next one as well."""
+        """Ground of the last call; it is mostly that of the next one as well."""
 
     def collider(self, model: ObjectModel, progress: ProgressToken | None = None) -> Collider:
         """The collider that stands for ``model``; built at its first use, which may take seconds.

@@ -30,7 +30,7 @@ SMALLEST_PX = 48
 SHADE = 0.4
 """Brightness of a surface seen from the side, where there is no photo."""
 QUALITY = 72
-"""Of WebP: a picture of this size takes 5 to 15 kB."""
+"""Quality of WebP: a picture of this size takes 5 to 15 kB."""
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ def step_picture(step: RefinerStep) -> Image:
 
 
 def step_words(step: RefinerStep) -> tuple[str, ...]:
-    """The same in numbers, a few words a line."""
+    """The step in numbers, a few words a line."""
     turn_deg, shift_mm = np.rad2deg(np.linalg.norm(step.turn)), 1e3 * np.linalg.norm(step.shift_m)
     lines = [f"{turn_deg:.1f}°, {shift_mm:.1f} mm" + ("" if step.is_taken else ", not taken")]
     if step.expected_mm is not None:

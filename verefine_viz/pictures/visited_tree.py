@@ -27,7 +27,7 @@ class Node:
     arm: int
     lcp: float
     iteration: int
-    """Of the run, in which it was added; 0 for the root."""
+    """Iteration of the run, in which it was added; 0 for the root."""
     visits: int = 0
     cost_px: float = 0.0
     """Sum over the visits."""

@@ -193,7 +193,7 @@ def _depth_range(depth: NDArray[np.uint16]) -> tuple[float, float]:
 
 
 def _cloud(observation: Observation, near_m: float, n_points: int) -> rr.Points3D:
-    """Of every ``step``-th pixel of the objects, every ``AROUND``-th of those around them, and then of every
+    """Points of every ``step``-th pixel of the objects, every ``AROUND``-th of those around them, and then of every
     ``SPARSE_PX``-th of the whole image.
     """
     mask = observation.object_mask

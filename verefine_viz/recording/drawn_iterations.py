@@ -174,7 +174,7 @@ space."""
 
 
 def _notable(kinds: Sequence[EventKind]) -> str:
-    """Of an iteration's events the one for the lane; empty where nothing stands out."""
+    """The one of an iteration's events for the lane; empty where nothing stands out."""
     return next((kind.replace("_", " ") for kind in _NOTABLE if kind in kinds), "")
 
 

@@ -26,7 +26,7 @@ class Branch:
 
     instance_id: int
     name: str
-    """Of its entities: ``3_mug``."""
+    """Name of its entities: ``3_mug``."""
     sources: tuple[str, ...]
     """Where each hypothesis comes from."""
     initial_scores: tuple[float, ...]
@@ -89,7 +89,7 @@ class Layout:
 
     @property
     def names(self) -> list[str]:
-        """Of the branches."""
+        """Names of the branches."""
         return [b.name for b in self.branches]
 
     @property

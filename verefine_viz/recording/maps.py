@@ -100,7 +100,7 @@ class Maps:
         self._scales = scales_of(depth_scale(near - reach, far + reach), verifier.settings.tau_m)
 
     def send_observed(self, file: RecordingFile, iteration: int) -> None:
-        """The same cut-out of what the sensor saw: colour and depth."""
+        """A cut-out of what the sensor saw: colour and depth."""
         scale, photo = self._scales["observed"], self._targets[0].observation.rgb
         right = rgb(depth_indices(self._observed_m, scale), scale.palette)
         left = right if photo is None else self._cut(photo)

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 BLOCK = 200
 """Iterations that are drawn together; the run file has each of them before."""
 BLOCK_WITH_MAPS = 10
-"""The same where score maps are recorded, which are large: of a file that is truncated, what lies before is saved."""
+"""Iterations of a block with score maps, which are large: what lies before it in a truncated file is saved."""
 
 
 class Recorder:

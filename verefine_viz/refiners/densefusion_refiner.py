@@ -38,7 +38,7 @@ class DenseFusionRefiner:
                 f"{len(theirs.obj_ids)}, or others; give those of one training"
             )
         self._seen: WeakKeyDictionary[Target, tuple[Colours | None]] = WeakKeyDictionary()
-        """Of each object, PoseNet's part, which is the same at every pose and takes most of the time."""
+        """For each object, PoseNet's part, which is the same at every pose and takes most of the time."""
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
         """The refined pose (4, 4); the given one where the mask holds no depth.

@@ -162,7 +162,7 @@ class DepthNetIcp:
 
     @property
     def trained_range(self) -> TrainedRange | None:
-        """That of the network, which comes first."""
+        """Trained range of the network, which comes first."""
         return self._net.trained_range
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:

@@ -29,7 +29,7 @@ from verefine_viz.refiners.nearest import NearestIndex, model_index, neighbours_
 FINAL_GATE = 0.1
 """Largest distance of a match as a share of the source's largest extent: the published one."""
 FIRST_GATE = 0.5
-"""The same, in the first iteration of the shrinking gate."""
+"""Largest distance of a match in the first iteration of the shrinking gate."""
 SHRINKING_ITERATIONS = 10
 """Iterations over which the gate shrinks."""
 PUBLISHED_ITERATIONS = 2

@@ -21,7 +21,7 @@ class Identity:
     """Returns the pose it was given: what a method does by physics and choice alone."""
 
     def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
-        """The same pose (4, 4)."""
+        """The given pose (4, 4)."""
         return T_cam_obj
 
 

@@ -129,7 +129,7 @@ class TrimmedIcp:
         return transform(R_new, t_cam_obj - R_new @ t)
 
     def unexplained(self, points_cam: Float, fixed: Sequence[Placed]) -> Float:
-        """Those of the points (N, 3) that are further than ``explained_m`` from all model points of ``fixed`` objects.
+        """The points (N, 3) that are further than ``explained_m`` from all model points of ``fixed`` objects.
 
         With ``explained_m = 0`` these are all.
         """

@@ -44,7 +44,7 @@ LEAST_CONTRAST = 0.08
 """A model, or an image of the object, with less contrast has no colour term: light and shadow in a texture reach it."""
 
 N_COLOUR_SUMS = 10
-"""Of each model: pixels, Σa (3), Σb (3), Σa², Σb², Σab; a rendered, b observed, products summed over the channels."""
+"""Sums of each model: pixels, Σa (3), Σb (3), Σa², Σb², Σab; a rendered, b observed, products over the channels."""
 
 
 def opponent(rgb: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -69,7 +69,7 @@ class CpuVerifier(RenderingVerifier):
         super().__init__(settings, cache_folder, progress)
         self._n_threads = config.NUMBA_NUM_THREADS  # pyright: ignore
         self._scene: _Scene | None = None
-        """Of the last call; it is mostly that of the next one as well."""
+        """Scene of the last call; it is mostly that of the next one as well."""
         self._placed_m = NOTHING_PLACED
 
     def begin(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Callable[[], Scores] | None:

@@ -25,7 +25,7 @@ class RenderMesh:
     closed: NDArray[np.bool_]
     """(F,) whether the face is part of a closed surface, whose back is never seen."""
     radius_m: float
-    """Of the sphere around the origin that holds all vertices [m]."""
+    """Radius of the sphere around the origin that holds all vertices [m]."""
 
     @property
     def arrays(self) -> tuple[Float, NDArray[np.int32], Float, Float, NDArray[np.bool_]]:

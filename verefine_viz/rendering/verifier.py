@@ -52,7 +52,7 @@ class RenderingVerifier(ABC):
         self._meshes = MeshStore(settings.simplify_mm, cache_folder, progress)
         self._colours = ColourStore(settings.colour_weight)
         self._placed_key: tuple[object, ...] | None = None
-        """Of the placed objects that are drawn."""
+        """Key of the placed objects that are drawn."""
 
     def score(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> Scores:
         """Scores of N poses (N, 4, 4); ``placed`` objects other than the target may hide parts (``classes``).
@@ -235,7 +235,7 @@ def with_colours(
     model_of: NDArray[np.integer],
     camera: tuple[float, float, float, float],
 ) -> ScoreMaps:
-    """The same maps with those of the colour term.
+    """The maps with those of the colour term.
 
     Args:
         maps: of m models.

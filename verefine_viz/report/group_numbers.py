@@ -22,7 +22,7 @@ Json = dict[str, Any]
 FEWEST_SCENES = 8
 """With at least so many scenes whole scenes are drawn, whose frames look alike; otherwise frames."""
 THRESHOLDS = np.linspace(0.0, 0.5, 101)
-"""Of the recall curve: ADD(-S) as a share of the diameter."""
+"""Thresholds of the recall curve: ADD(-S) as a share of the diameter."""
 MOST_HARD = 40
 """Objects that are listed as hard."""
 
@@ -40,7 +40,7 @@ class Column:
     better: int
     """1: more is better, −1: less, 0: neither."""
     value: Callable[[Answer], float | None] = lambda row: None
-    """Of one answer; None where it is unknown. The number is its mean."""
+    """Value of one answer; None where it is unknown. The number is its mean."""
 
 
 def _solved(name: str) -> Callable[[Answer], float | None]:
@@ -284,6 +284,6 @@ def hardest(section: Section) -> list[Json]:
 
 
 def score_misleads(group: Group) -> float | None:
-    """Of all pairs of a wrong and a right answer, the share in which the wrong one scores higher."""
+    """Share of all pairs of a wrong and a right answer in which the wrong one scores higher."""
     share = misranked_share(group.objects)
     return None if share is None else round(share, 4)

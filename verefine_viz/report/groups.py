@@ -39,7 +39,7 @@ class Group:
 
     @property
     def session(self) -> Session:
-        """Of the first run."""
+        """Session of the first run."""
         return self.runs[0].session
 
     @property

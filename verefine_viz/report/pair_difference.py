@@ -118,5 +118,5 @@ def _frames(changes: Sequence[Change]) -> list[Json]:
 
 
 def _percent(share: float) -> float | None:
-    """Of the diameter; None without an answer."""
+    """Share of the diameter in %; None without an answer."""
     return round(100 * share, 3) if math.isfinite(share) else None

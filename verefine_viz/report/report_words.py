@@ -16,7 +16,7 @@ from verefine_viz.report.groups import Group, Section, seeds_of
 from verefine_viz.run.record import Answer
 
 MOST_LETTERS = 48
-"""Of groups that a sentence names; more are counted."""
+"""Letters of the names of groups that a sentence names; more are counted."""
 FEW = 5
 """Wrong answers below this number say little about other frames."""
 _FIRST_ONLY = "each came right from another hypothesis than the first, the only one that this method looks at"

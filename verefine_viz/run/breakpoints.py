@@ -20,7 +20,7 @@ from verefine_viz.evaluation.pose_errors import add_s_mm
 UNITS = {"score_falls_by": "", "jump_mm": " mm", "jump_deg": "°", "error_grows_by_mm": " mm"}
 """Breakpoints with a threshold, and its unit as it is written behind the number."""
 LABELS = {"score_falls_by": "score −", "jump_mm": "moved", "jump_deg": "turned", "error_grows_by_mm": "error +"}
-"""The same as the page calls them."""
+"""Names of them as the page calls them."""
 _WAITING = "waiting."
 
 
@@ -99,7 +99,7 @@ def hits(settings: BreakpointSettings, problem: Problem, iteration: Iteration) -
 
 
 def _over(what: str, value: float, limit: float, unit: str, digits: int = 1) -> str:
-    """As in: the pose jumped by 30.0 mm, more than 25 mm."""
+    """What happened: "the pose jumped by 30.0 mm, more than 25 mm"."""
     if round(value, digits) <= limit:  # Else it would read as if it were not more.
         digits = distinguishing_digits(value - limit)
     return f"{what} {value:.{digits}f}{unit}, more than {limit:g}{unit}"

@@ -97,7 +97,7 @@ def _ply(mesh: Mesh, texture: Path) -> bytes:
 
 
 def _info_entry(one: CapturedObject) -> dict[str, Any]:
-    """Of an object in ``models_info.json``."""
+    """Entry of an object in ``models_info.json``."""
     entry = size_entry(one.mesh.vertices_m, one.mesh.diameter_m)
     if one.symmetry_axis is not None:
         low, high = one.mesh.vertices_m.min(axis=0), one.mesh.vertices_m.max(axis=0)
@@ -107,13 +107,13 @@ def _info_entry(one: CapturedObject) -> dict[str, Any]:
 
 
 def _ground_truth_entry(T_cam_obj_gt: Float, obj_id: int) -> dict[str, Any]:
-    """Of an object in ``scene_gt.json``."""
+    """Entry of an object in ``scene_gt.json``."""
     t_mm = (T_cam_obj_gt[:3, 3] * 1e3).tolist()
     return {"cam_R_m2c": T_cam_obj_gt[:3, :3].ravel().tolist(), "cam_t_m2c": t_mm, "obj_id": obj_id}
 
 
 def _camera_entry(frame: CapturedFrame, step_mm: float) -> dict[str, Any]:
-    """Of a frame in ``scene_camera.json`` whose depth image counts in steps of ``step_mm`` [mm]."""
+    """Entry of a frame in ``scene_camera.json`` whose depth image counts in steps of ``step_mm`` [mm]."""
     entry: dict[str, Any] = {"cam_K": frame.K.ravel().tolist(), "depth_scale": step_mm}
     if frame.down_cam is not None:
         entry["cam_R_w2c"] = _R_cam_world(frame.down_cam).ravel().tolist()

@@ -14,7 +14,7 @@ from verefine_viz.core.text_format import listed
 
 
 def edits_of(edits: Sequence[Edit], problem: Problem, is_only_frame: bool = False) -> tuple[Edit, ...]:
-    """Those that are applied to ``problem``: of its frame, or of no frame by name where it has their hypothesis.
+    """Edits that are applied to ``problem``: of its frame, or of no frame by name where it has their hypothesis.
 
     Args:
         edits: of a session.

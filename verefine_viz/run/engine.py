@@ -54,7 +54,7 @@ class Plan:
         return self._edited(new.rescored(made) if self.scores_change(k) else made, k, new)
 
     def before(self, k: int, made: RunState) -> RunState:
-        """The same by the method that made iteration ``k``: nothing is scored by the one that takes over."""
+        """The state by the method that made iteration ``k``: nothing is scored by the one that takes over."""
         return self._edited(made, k, self.method_at(k - 1))
 
     def scores_change(self, k: int) -> bool:
@@ -110,7 +110,7 @@ class Run:
         self._watchers = tuple(watchers)
         self._finished = False
         self._again: Callable[[], Run] | None = None
-        """Of a record: begins the run again."""
+        """For a record: begins the run again."""
         self.cursor = len(history.iterations)
         """The iteration that is shown; 0 = before the first."""
         for watcher in self._watchers:

@@ -56,7 +56,7 @@ class _OfThread(Listener):
 
 
 class CompilingTurn:
-    """Of several processes that begin together one compiles; the others wait, and find its kernels in numba's cache.
+    """A turn: of several processes that begin together one compiles; the others wait and find its kernels in the cache.
 
     For processes that compile on one thread: one that waits holds numba's own lock.
 

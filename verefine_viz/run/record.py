@@ -21,7 +21,7 @@ from verefine_viz.run.versions import versions
 from verefine_viz.scenes.frames import parse_frame
 
 FORMAT = 1
-"""Of the run file; a reader refuses later ones."""
+"""Format of the run file; a reader refuses later ones."""
 DATA_FIRST = "Look at the data first:"
 """Stands before what does not fit together in a frame's data, behind the cause."""
 WAITING = "not solved yet"
@@ -35,7 +35,7 @@ class ObjectHeader(Struct, frozen=True, eq=False):
     instance_id: int
     obj_id: int
     name: str
-    """Of the model."""
+    """Name of the model."""
     diameter_m: float
     T_cam_obj_gt: Float | None
     """(4, 4) [m]; None = unknown."""
@@ -56,7 +56,7 @@ class RunHeader(Struct, frozen=True, eq=False):
     versions: dict[str, str]
     """Python, the packages and the weights whose numbers enter the run."""
     objects: tuple[ObjectHeader, ...]
-    """Those to solve, in their order."""
+    """Objects to solve, in their order."""
     T_map_cam: Float | None = None
     """(4, 4) camera to the data set's world [m]; None where the data set does not know it."""
     T_table_cam: Float | None = None
@@ -81,7 +81,7 @@ class Answer(Struct, frozen=True, eq=False, kw_only=True):
     name: str = ""
     method: str = ""
     seed: int | None = None
-    """Of the initial poses (hypotheses.seed)."""
+    """Seed of the initial poses (hypotheses.seed)."""
     visib_fract: float | None = None
     """Visible share of the object, where the data set knows it."""
     has_truth: bool = False
@@ -101,13 +101,13 @@ class Answer(Struct, frozen=True, eq=False, kw_only=True):
     plausibility: float | None = None
     """p of the answer in [0, 1]; None where plausibility does not count."""
     recorded_score: float | None = None
-    """Of the answer, by the program whose steps were recorded, in its own units."""
+    """Score of the answer by the program whose steps were recorded, in its own units."""
     missing_depth: float | None = None
     """Share of the object's mask without depth."""
     add_s_mm: Size | None = None
     """ADD, or ADD-S for symmetric objects, of the answer against ground truth."""
     initial_add_s_mm: Size | None = None
-    """The same for the hypothesis with the best initial score."""
+    """ADD(-S) of the hypothesis with the best initial score."""
     rotation_deg: Size | None = None
     translation_mm: Size | None = None
     diameter_mm: Size | None = None
@@ -122,13 +122,13 @@ class Answer(Struct, frozen=True, eq=False, kw_only=True):
     """The furthest shift of the answer, along an axis of the table or the model, by which the score falls no more than
     noise of the depth image explains."""
     undetermined_deg: float | None = None
-    """The same for a turn; 180 about an axis of symmetry."""
+    """Width for a turn; 180 about an axis of symmetry."""
     n_hypotheses: int = 0
     n_iterations: int = 0
     grasp: str = ""
     """How a simulated grasp by the answer ends (``grasping/grasp_trial.py``); "" where none was tried."""
     grasp_ground_truth: str = ""
-    """The same by the ground-truth pose."""
+    """Outcome by the ground-truth pose."""
     events: str = ""
     """Kinds and how often: ``arm_switched 4; score_fell 1``."""
     ms_refine: float = 0.0

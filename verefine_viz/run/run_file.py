@@ -288,7 +288,7 @@ def _check(header: RunHeader, iterations: Sequence[Iteration]) -> None:
     """
     arms = {one.instance_id: len(one.hypotheses) for one in header.objects}
     n_nodes: dict[int, int] = {}
-    """Of each cluster's search tree, so far."""
+    """Nodes of each cluster's search tree, so far."""
     for k, i in enumerate(iterations, 1):
         _check_arrays(i)
         n_arms = arms.get(i.instance_id, 0)
@@ -317,7 +317,7 @@ def _check(header: RunHeader, iterations: Sequence[Iteration]) -> None:
 
 
 def _other_instances(iteration: Iteration) -> Iterator[int]:
-    """Of all poses beside its stages that the iteration names."""
+    """Instances of all poses beside its stages that the iteration names."""
     scene, tree = iteration.scene, iteration.tree
     poses = [*iteration.placed]
     if scene is not None:

@@ -86,5 +86,5 @@ def _stages(session: Session) -> list[Session]:
 
 
 def _with_refiner(session: Session) -> Iterator[Session]:
-    """Those of its stages whose method has a refiner to choose."""
+    """Its stages whose method has a refiner to choose."""
     return (stage for stage in _stages(session) if not method_of(stage.method.name).has_tree)

@@ -94,7 +94,7 @@ class Toolbox:
 
     @cached_property
     def surfaces(self) -> Surfaces:
-        """Of the models, for plausibility."""
+        """Surfaces of the models, for plausibility."""
         return Surfaces()
 
     @cached_property
@@ -103,7 +103,7 @@ class Toolbox:
 
     @cached_property
     def estimators(self) -> Mapping[str, Estimator]:
-        """Those that the session's initial poses come from, by name.
+        """Estimators that the session's initial poses come from, by name.
 
         Raises:
             SettingsError: there is none of that name.
@@ -123,7 +123,7 @@ class Toolbox:
 
     @cached_property
     def flips(self) -> Flips | None:
-        """Of each model the turns after which it looks nearly the same; None where the session wants no flips."""
+        """For each model the turns after which it looks nearly the same; None where the session wants no flips."""
         if not self.session.hypotheses.flips:
             return None
         return cache(lambda model: flips(near_symmetries(model, progress=self._progress)))
@@ -188,14 +188,14 @@ class Toolbox:
         return (*without, *(f"{name} is scored without colour: {reason}" for name, reason in why.items() if reason))
 
     def ordered(self, problem: Problem) -> Problem:
-        """The same with the order that this session's settings lead to."""
+        """The problem with the order that this session's settings lead to."""
         graph = dependency_graph(problem, self.session.dependency)
         before = problem.dependencies.notes if problem.dependencies is not None else ()
         notes = tuple(note for note in problem.notes if note not in before)
         return replace(problem, dependencies=graph, notes=(*notes, *graph.notes))
 
     def surrounded(self, problem: Problem) -> Problem:
-        """The same in the world that this session's settings lead to.
+        """The problem in the world that this session's settings lead to.
 
         Raises:
             VerefineError: the mesh of the surroundings cannot be used.
@@ -205,7 +205,7 @@ class Toolbox:
         return replace(problem, observation=observation, notes=(*notes, *own))
 
     def _solvable(self, problem: Problem) -> Problem:
-        """The same without instances whose mesh makes no solid for the simulator; each is noted and left out. Solids
+        """The problem without instances whose mesh makes no solid for the simulator; each is noted and left out. Solids
         that are not as they were asked for are noted.
 
         Raises:
@@ -261,8 +261,8 @@ class Toolbox:
         return broken, tuple(notes)
 
     def _with_estimates(self, problem: Problem) -> Problem:
-        """The same with the pools of the estimators, without notes on those before; an instance whose estimator finds
-        no pose is noted.
+        """The problem with the pools of the estimators, without notes on those before; an instance whose estimator
+        finds no pose is noted.
 
         Raises:
             InputError: one is asked for an instance that the frame does not have.
@@ -293,7 +293,7 @@ class Toolbox:
         return self._sharing(changed(self.session, settings))
 
     def restarted(self, settings: dict[str, dict[str, Any]]) -> Toolbox:
-        """The same for what can change at the start of a run: without edited poses and settings changed during it."""
+        """A toolbox for what can change at the start of a run: without edited poses and settings changed during it."""
         session = changed(self.session, settings, AT_ITS_START)
         return self._sharing(structs.replace(session, edits=(), changes=(), tracked=()))
 
@@ -355,7 +355,7 @@ def _near_symmetries(model: ObjectModel, progress: ProgressToken) -> None:
 
 
 def _within_reach(problem: Problem) -> Problem:
-    """The same without initial poses that are too far away to be any; each instance's are noted."""
+    """The problem without initial poses that are too far away to be any; each instance's are noted."""
     checked = [within_reach(target.instance, target.model) for target in problem.targets]
     notes = tuple(note for _, own in checked for note in own)
     if not notes:

@@ -122,7 +122,7 @@ def _moved_with_camera(answer: EarlierPose, T_map_cam: Float | None) -> Float:
 
 
 def with_tracked(problem: Problem, poses: Sequence[TrackedPose]) -> Problem:
-    """The same with these initial poses before the others."""
+    """The problem with these initial poses before the others."""
     of = {pose.instance: pose for pose in poses}
     if not of:
         return problem

@@ -22,7 +22,7 @@ _YEARS: dict[Task | None, tuple[str, ...]] = {
     "detection": ("24", "19"),
     None: ("19", "24", "18"),
 }
-"""Of targets files, the preferred one first."""
+"""Names of targets files, the preferred one first."""
 
 
 class TruthEntry(msgspec.Struct, frozen=True):

@@ -187,7 +187,7 @@ class BopSource:
         return named if len(named) <= LONGEST_NUMBERS else listed(obj_ids)
 
     def _holding(self, chosen: tuple[FrameIds, ...]) -> tuple[FrameIds, ...]:
-        """Those of the chosen frames that hold a wanted object. Frames that were named all stay: what is wrong with
+        """The chosen frames that hold a wanted object. Frames that were named all stay: what is wrong with
         one is reported when it is read.
 
         Raises:

@@ -138,7 +138,7 @@ def _model(name: str, settings: SceneSettings) -> ObjectModel:
 
 
 def _as_seen(scene: DemoScene, placed: Sequence[Placed], settings: SceneSettings) -> list[Placed]:
-    """The same scene without the parts that the depth sensor and the detector look through."""
+    """The scene without the parts that the depth sensor and the detector look through."""
     names = [item.seen_as or item.model for item in scene.items]
     models = [_model(name, settings) for name in names]
     return [Placed(p.instance_id, m, p.T_cam_obj) for p, m in zip(placed, models, strict=True)]

@@ -47,7 +47,7 @@ MIDDLE_MM = (-256.5, 180.5)
 DROP_M = 0.004
 """Objects are dropped from this height, as the layouts have them up to 2 mm in the board [m]."""
 MOST_BYTES, MOST_OBJECTS = 10_000_000, 100
-"""Of a layout."""
+"""Limits of a layout."""
 SKEWED = 0.02
 """Largest deviation of a rotation's entries: the layouts are rounded to 3 to 4 digits."""
 

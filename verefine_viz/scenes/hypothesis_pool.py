@@ -43,7 +43,7 @@ class ResultsFile:
     """Rows that were dropped because they lie further away than ``FARTHEST_M``."""
 
     def objects(self) -> dict[FrameIds, set[int]]:
-        """Of which objects there are rows, by frame."""
+        """The objects that have rows, by frame."""
         objects: dict[FrameIds, set[int]] = {}
         for scene_id, im_id, obj_id in self.rows:
             objects.setdefault((scene_id, im_id), set()).add(obj_id)

@@ -155,7 +155,7 @@ class CameraEntry(msgspec.Struct, frozen=True):
     cam_t_w2c: Numbers3 | None = None
     """[mm]."""
     cam_model: Any = None
-    """Of a fisheye camera."""
+    """Model of a fisheye camera."""
 
 
 def intrinsics_of(entry: CameraEntry, where: str) -> Float:

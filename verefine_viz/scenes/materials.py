@@ -25,7 +25,7 @@ from verefine_viz.trace import file_beside, gltf_header, lines_that_name, materi
 Pixels = NDArray[np.uint8]
 
 LONGEST_SHOWN = 80
-"""Of a file's name, in a note [characters]."""
+"""Letters of a file's name, in a note [characters]."""
 LARGEST_READ_PX = 4096
 """A texture is made smaller before anything is done with it until no side is longer."""
 LARGEST_TEXTURE_PX = 1024

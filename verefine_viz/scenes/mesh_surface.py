@@ -13,7 +13,7 @@ from verefine_viz.core.arrays import Float
 def merged(
     vertices: Float, faces: NDArray[np.integer], colors: NDArray[np.uint8] | None
 ) -> tuple[Float, NDArray[np.integer], NDArray[np.uint8] | None, NDArray[np.bool_]]:
-    """The same surface with vertices at exactly the same place joined, in order of first appearance.
+    """The surface with vertices at exactly the same place joined, in order of first appearance.
 
     Faces that collapse are dropped; the last result (F,) is which remain.
     """

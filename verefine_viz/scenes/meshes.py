@@ -38,7 +38,7 @@ EXTREMES_AT_ONCE = 4000
 """Points among which extremes are looked for in one go, 0.06 GB."""
 
 LARGEST_COORDINATE = 1e9
-"""Of a vertex, in the unit of its file."""
+"""Coordinate of a vertex, in the unit of its file."""
 
 # It logs what it cannot read, with a traceback; the notes of a mesh say it.
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
@@ -65,7 +65,7 @@ class Mesh:
 
 
 MOST_HEAD_BYTES = 100_000
-"""Of a PLY file: its header is shorter."""
+"""Bytes within which a PLY file's header ends."""
 
 
 def mesh_files(folder: Path) -> dict[int, Path]:

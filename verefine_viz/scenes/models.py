@@ -31,7 +31,7 @@ class Axis(msgspec.Struct, frozen=True):
     """A continuous symmetry."""
 
     axis: Numbers3
-    """Of any length."""
+    """Axis, of any length."""
     offset: Numbers3
     """A point of it [mm]."""
 
@@ -126,7 +126,7 @@ SIZE_TOLERANCE = 1.2
 """Ratio between a mesh's own and its stated diameter above which there is a note."""
 
 LONGEST_NAME = 200
-"""Of an object [characters]."""
+"""Length of an object's name [characters]."""
 DRAWN_FOR_EVEN = 5
 """Points drawn at random for each one of an evenly spread cloud. 2000 of these take 0.02 s, 20 000 a hundred times as
 long."""

@@ -22,7 +22,7 @@ from verefine_viz.scenes.image_files import find_image, read_color, size_text
 from verefine_viz.scenes.meshes import FORMATS
 
 MOST_BYTES = 1_000_000
-"""Of a file with a matrix."""
+"""Size of a file with a matrix."""
 MOST_MAT_BYTES = 50_000_000
 
 
@@ -243,7 +243,7 @@ def pose_of_quat(quat_wxyz: ArrayLike, t_m: ArrayLike) -> Float:
 
 
 def mat_arrays(path: Path, *names: str) -> dict[str, NDArray[Any]]:
-    """Those arrays of a MATLAB file that it has, of the given names.
+    """The arrays of a MATLAB file that it has, of the given names.
 
     Raises:
         InputError: it is damaged, or one of them does not hold numbers.

@@ -41,7 +41,7 @@ class ResultLine:
     """One estimate as it is written: any nine and three numbers."""
 
     number: int
-    """Of the line in its file, from 1."""
+    """Number of the line in its file, from 1."""
     scene_id: int
     im_id: int
     obj_id: int

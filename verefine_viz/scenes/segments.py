@@ -56,7 +56,7 @@ class Segments:
     notes: tuple[str, ...]
     """About those that had to be left out."""
     left_out: tuple[LeftOut, ...]
-    """Those that are visible by ground truth."""
+    """Objects that are visible by ground truth."""
 
 
 def segments_of_folder(

@@ -24,7 +24,7 @@ from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, fr
 from verefine_viz.trace import CALLS, FORMAT
 
 MOST_BYTES, MOST_OBJECTS, MOST_HYPOTHESES, MOST_STEPS = 200_000_000, 100, 1000, 20_000
-"""Of the calls of a trace; hypotheses and steps are those of one object."""
+"""Limits of the calls of a trace; hypotheses and steps are those of one object."""
 Number = Annotated[int, Meta(ge=-(2**31), le=2**31)]
 QUIET_S = 5.0
 """A trace that was not closed counts as over when nothing was written for so long [s]."""
@@ -43,14 +43,14 @@ class Call(msgspec.Struct, frozen=True):
 
     object: Number | None = None
     name: Annotated[str, Meta(max_length=200)] = ""
-    """Of the object, or of the step."""
+    """Name of the object, or of the step."""
     mesh: str | None = None
     """Beside this an object has a unit, a mask and a ground truth."""
     unit_m: Annotated[float, Meta(gt=0, le=1000)] = 1.0
     mask: str = ""
     truth: Numbers4x4 | None = None
     axis: Numbers3 | None = None
-    """Of symmetry."""
+    """Axis of symmetry."""
 
     T: Numbers4x4 | None = None
     hypothesis: Number | None = None
@@ -192,7 +192,7 @@ def _object(
         if mask.shape != shape:
             raise InputError(f"trace {folder}: the mask of {name} has another size than depth; record it again")
     poses: dict[int, list[tuple[Call, Float]]] = {}
-    """Of each hypothesis, as the program numbered them."""
+    """Poses of each hypothesis, as the program numbered them."""
     index: dict[int, int] = {}
     steps: list[RecordedStep] = []
     for call, pose in own:

@@ -12,7 +12,7 @@ from verefine_viz.studies.disturbance import disturbed, occluded, on_true_plane,
 from verefine_viz.studies.study_plan import Claim, Curve, Panel, Prepare, Study
 
 HYPOTHESES = 5
-"""Of Fig. 4, bottom."""
+"""Hypotheses of Fig. 4, bottom."""
 STEP, LARGEST = 5, 30
 """Errors from 0 to the largest [°, mm]."""
 LOW, HIGH = 10.0, 20.0

@@ -48,7 +48,7 @@ class Budget:
 
     @property
     def long(self) -> int:
-        """Those of the methods with several hypotheses."""
+        """Calls of the methods with several hypotheses."""
         return self.short * self.hypotheses
 
     def curve(self, label: str, method: str, calls: int | None = None) -> Curve:

@@ -22,7 +22,7 @@ _RECTANGLE = (0.1, 0.35)
 
 
 def disturbed(problem: Problem, n: int, rotation_deg: float, translation_mm: float, seed: int) -> Problem:
-    """The same frame with ``n`` initial poses per object, each off by exactly this error.
+    """The frame with ``n`` initial poses per object, each off by exactly this error.
 
     Raises:
         InputError: no object has a ground-truth pose.

@@ -19,7 +19,7 @@ from verefine_viz.studies.claims import Line
 from verefine_viz.studies.printed_table import PrintedTable, with_formulas
 
 WIDTH_IN = 3.45
-"""Of a column of the paper's format."""
+"""Width of a column of the paper's format."""
 ROW_IN = 1.95
 """Height of a row of diagrams, with its legend [in]."""
 GAP_PT = 5.0
@@ -158,7 +158,7 @@ def _table(axes: Axes, table: PrintedTable, top: float) -> None:
 
 
 def _width_pt(text: str) -> float:
-    """Of a text in bold letters [pt]."""
+    """Width of a text in bold letters [pt]."""
     if not text:
         return 0.0
     path = TextPath((0, 0), with_formulas(text), size=STYLE["font.size"], prop=FontProperties(weight="bold"))

@@ -50,7 +50,7 @@ class GraspOrder:
 
     @property
     def word(self) -> str:
-        """As in the paper, the reverse of the paper, or too close to tell."""
+        """Verdict: as in the paper, the reverse of the paper, or too close to tell."""
         if self.p >= 0.05:
             return "too close to tell"
         return "as in the paper" if self.difference > 0 else "the reverse of the paper"
@@ -204,7 +204,7 @@ PAPER_TABLE = (
     "| PHYSIM-MCTS | 9 | 10 | 2 | 6 | 0 | 54 | 78 | 10 |",
     "| RIR | 10 | 10 | 9 | 10 | 4 | 86 | 90 | 10 |",
 )
-"""Of ten grasps each. Never beside our rows: a robot is other data than a simulated gripper."""
+"""The paper's Table IV, of ten grasps each. Never beside our rows: a robot is other data than a simulated gripper."""
 
 
 DIFFERENCES = (

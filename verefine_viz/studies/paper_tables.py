@@ -118,7 +118,7 @@ class PaperRow:
     """What the paper prints in a row, in percent."""
 
     label: str
-    """As in the panel of its refiner."""
+    """Label as in the panel of its refiner."""
     vsd: float
     mspd: float
     mssd: float

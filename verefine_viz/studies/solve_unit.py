@@ -51,7 +51,7 @@ class Quality(Struct, frozen=True):
 
 
 def quality(target: Target, T_est: Float | None, problem: Problem) -> Quality:
-    """Of the answer ``T_est`` (4, 4) [m], or None. ``problem`` is the frame with all its depth, to see what is visible.
+    """Quality of the answer ``T_est`` (4, 4) [m], or None; ``problem``, with all its depth, says what is visible.
 
     Source: Hodan et al., BOP challenge 2019.
     """
@@ -95,9 +95,9 @@ class Outcome(Struct, frozen=True, kw_only=True):
     obj_id: int
     quality: Quality
     ms: float
-    """Of the whole frame, shared equally by its objects; without what is compiled once."""
+    """Time of the whole frame, shared equally by its objects; without what is compiled once."""
     refiner_calls: float
-    """Of the whole frame, shared equally, times what a call counts as; of a tree search with its roll-outs."""
+    """Calls of the whole frame, shared equally, times what a call counts as; of a tree search with its roll-outs."""
     name: str = ""
     """The object's."""
     grasp: str = ""

@@ -25,11 +25,11 @@ from verefine_viz.studies.study_report import About, report_curves, report_table
 SCENES = ("mug", "duck", "bracket", "bowl", "clutter")
 """Built-in scenes that are used where no session is given."""
 TABLE_SCENES = (*SCENES, "stack")
-"""The same for tables, whose methods of whole scenes differ only where objects touch."""
+"""Scenes for tables, whose methods of whole scenes differ only where objects touch."""
 QUICK_SCENES, QUICK_FRAMES = ("duck", "bowl", "stack"), ("0/0",)
 """Their six objects are just enough for verdicts."""
 GRASP_SCENE = "clutter"
-"""Of grasping: its objects stand close together, and the gripper can hold five of the six."""
+"""Scene of grasping: its objects stand close together, and the gripper can hold five of the six."""
 CURVES = ("ablation", "robustness")
 PRESET = "published"
 """With built-in scenes. With the recommended settings every method finds nearly every pose in them: the wider gate of

@@ -24,7 +24,7 @@ FILE_COLUMNS = 200
 METRICS = {"VSD": "ar_vsd", "MSPD": "ar_mspd", "MSSD": "ar_mssd", "AR": "ar"}
 """In the paper's order; larger is better."""
 ERRORS = {"r̄ [°]": "rotation_deg", "t̄ [cm]": "translation_cm"}
-"""Of Table II; smaller is better."""
+"""Errors of Table II; smaller is better."""
 TABLE_NOTE = (
     "Average recalls in %; T and refiner iterations (#ref) per object. Paper: its AR, where budget and data are "
     "the same."

@@ -29,9 +29,9 @@ BATCHES_HELD = 512
 NEW_EVERY = 2
 """… to a new one after so many steps."""
 POINTS_DRAWN = 48
-"""Of the points of a sample, others each time."""
+"""Number of the points of a sample, others each time."""
 MODEL_POINTS_DRAWN = 50
-"""Of the points that measure how far apart two poses are."""
+"""Number of the points that measure how far apart two poses are."""
 POSE_NETS = 0.5
 """How often PoseRefineNet starts at PoseNet's pose; else at the ground truth, …"""
 TURN_DEG, AWAY_M = 30.0, 0.03

@@ -32,7 +32,7 @@ from verefine_viz.scenes.source import open_scene
 IMAGE_PX = (640, 480)
 FOCAL_PX = (480.0, 700.0)
 DISTANCE_M = (0.42, 0.95)
-"""Of the camera from the middle of the table."""
+"""Distance of the camera from the middle of the table."""
 ELEVATION_DEG = (25.0, 65.0)
 OBJECTS = (2, 6)
 """Fewest and most objects of a picture, the last excluded."""
@@ -66,7 +66,7 @@ class ColouredScenes(Protocol):
     """Endless pictures."""
 
     models: tuple[ObjectModel, ...]
-    """Of the objects in them."""
+    """Models of the objects in them."""
     described: str
     """What they are, for the model card."""
 

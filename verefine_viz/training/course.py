@@ -22,7 +22,7 @@ CHECKPOINT_FORMAT = 1
 SAVED_EVERY_S = 60.0
 """Time between two checkpoints [s]."""
 LOSSES = 20
-"""Of the course of the loss, how many numbers a card has."""
+"""How many numbers of the course of the loss a card has."""
 
 
 @dataclass(eq=False)
@@ -152,6 +152,6 @@ def losses_on_card(losses: Sequence[tuple[int, float, float]]) -> list[tuple[int
 
 
 def versions() -> dict[str, str]:
-    """Of what weights were made with."""
+    """Versions of what weights were made with."""
     packages = {"verefine-viz": verefine_viz.__version__, "torch": torch.__version__, "numpy": np.__version__}
     return packages | {"python": platform.python_version()}

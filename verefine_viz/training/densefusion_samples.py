@@ -33,7 +33,7 @@ class Sample:
 
     crop: ObjectCrop
     index: int
-    """Of its class."""
+    """Index of its class."""
     model: NDArray[np.float32]
     """(M, 3) points of the model [m]."""
     wanted: NDArray[np.float32]

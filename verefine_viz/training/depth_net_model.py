@@ -17,7 +17,7 @@ SMALLEST = 0.3
 FLOOR = 0.003
 """Errors below this are one to the predicted error [radii]."""
 CERTAINTY_WEIGHT = 0.05
-"""Of the predicted error's own loss."""
+"""Weight of the predicted error's own loss."""
 
 
 class _Block(nn.Module):

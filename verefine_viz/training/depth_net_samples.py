@@ -82,7 +82,7 @@ def batch_of(views: list[View], rng: np.random.Generator) -> Batch:
 
 
 def extent(view: View) -> Extent:
-    """Of the view's shape."""
+    """Extent of the view's shape."""
     return Extent(np.zeros(3), view.shape.radius_m)
 
 
@@ -95,7 +95,7 @@ def start_near(view: View, rng: np.random.Generator) -> Float:
 
 
 def nearest_equivalent(view: View, T: Float) -> Float:
-    """Of the poses (4, 4) that look like the ground truth the one whose rotation is nearest to that of ``T``."""
+    """The pose (4, 4), of those that look like the ground truth, whose rotation is nearest to that of ``T``."""
     Rs = view.T_cam_obj[:3, :3] @ view.shape.symmetries
     alike = np.einsum("ij,sij->s", T[:3, :3], Rs)
     return transform(Rs[int(alike.argmax())], view.T_cam_obj[:3, 3])

@@ -18,7 +18,7 @@ N_VIEWS = 150
 STARTS = ((10.0, 0.1), (20.0, 0.2), (30.0, 0.3), (45.0, 0.4))
 """Turn [deg] and shift [radii] of the initial poses."""
 STEPS = 6
-"""Of the network."""
+"""Steps of the network."""
 
 
 def measured(network: OnnxNetwork) -> list[dict[str, Any]]:

@@ -25,7 +25,7 @@ class Progress:
     loss: float
     """Mean since the last report."""
     error: float
-    """The same of the error that is left; its unit is the training's."""
+    """Mean of the error that is left; its unit is the training's."""
     minutes_left: float | None
 
 

@@ -28,7 +28,7 @@ BATCH_SIZE = 8
 WHOLE, HEADS, REFINER = 0, 1, 2
 """Parts of a training: all of PoseNet; its layers after the colour branch, which stays; PoseRefineNet."""
 SHARES = (0.35, 0.4, 0.25)
-"""Of the steps, that each part has."""
+"""Shares of the steps that each part has."""
 REFINE_STEPS = 2
 """Steps of PoseRefineNet that are trained one after the other."""
 PEAK_RATE = 1e-3

@@ -102,7 +102,7 @@ def averaged(average: Tensor, latest: Tensor, n_averaged: Tensor | int) -> Tenso
 
 
 def learning_rate(step: int, n_steps: int | None) -> float:
-    """Of a step, counted from 0."""
+    """Learning rate of a step, counted from 0."""
     rising = min(1.0, (step + 1) / WARM_UP)
     done = 0.0 if n_steps is None else step / n_steps
     return PEAK_RATE * rising * 0.5 * (1.0 + float(np.cos(np.pi * done)))

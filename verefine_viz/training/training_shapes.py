@@ -139,7 +139,7 @@ def _lathed(rng: np.random.Generator) -> _Solid:
 
 
 def _handled(rng: np.random.Generator) -> _Solid:
-    """The same with a handle at its side."""
+    """The solid with a handle at its side."""
     height = np.exp(rng.uniform(-0.4, 0.6))
     r = rng.uniform(0.35, 0.5, 2)
     body = trimesh.creation.revolve(_outline(r, np.array([0.0, height]), rng), sections=TURNS)

@@ -22,7 +22,7 @@ from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, co
 
 CAMERA, POSES, DETECTIONS = "camera.json", "detection_pem.json", "detection_ism.json"
 MOST_POSES = 20
-"""Those of the highest scores count as hypotheses."""
+"""Poses of the highest scores that count as hypotheses."""
 
 
 class Detection(msgspec.Struct, frozen=True):
