@@ -24,6 +24,7 @@ def causes_in(cause: Cause, folder: Path) -> set[Cause]:
 
 
 @pytest.mark.usefixtures("long_run", "processes")
-@pytest.mark.parametrize("cause", [*SCENES, *map(Cause, commands())])
+@pytest.mark.parametrize("cause", [*SCENES, *(Cause(name) for name in commands() if name != Cause.UNDECIDED)])
 def test_what_is_spoilt_shows_its_cause(cause: Cause, tmp_path: Path) -> None:
+    """But for what lies between two basins: on which side it comes to rest may differ from processor to processor."""
     assert cause in causes_in(cause, tmp_path)
