@@ -126,7 +126,7 @@ def in_short(around: Landscape, other: OtherPose) -> str:
 
 
 def in_words(name: str, around: Landscape, other: OtherPose, of_other: str = "another pose") -> str:
-    """A sentence: "The observation cannot tell the answer for the mug (score up to 0.91) from another one 31 mm away"."""
+    """Return "The observation cannot tell the answer for the mug (score up to 0.91) from another pose 31 mm away"."""
     one, two = distinct_texts(other.score_of_answer, other.score, 3)
     return (
         f"The observation cannot tell the answer for the {name} (score up to {one}) from {of_other} "
