@@ -31,7 +31,9 @@ def test_its_tables_are_those_of_the_files(script: ModuleType):
 def test_every_figure_is_shown_and_every_file_is_named(script: ModuleType):
     shown = re.findall(r"!\[[^\]]+\]\(measured/(\w+)\.svg\)", PAGE)
     assert sorted(shown) == sorted(script.FIGURES)
-    assert all((script.FOLDER / f"{name}.svg").is_file() for name in shown)
+    for name in shown:
+        svg = (script.FOLDER / f"{name}.svg").read_text(encoding="utf-8")
+        assert script.fingerprint(name) in svg, f"{name}.csv has changed: make measured"
     files = {path.stem for path in script.FOLDER.glob("*.csv")}
     named = {name for _, name, _ in script.TABLE.findall(PAGE)} | {*re.findall(r"measured/(\w+)\.csv", PAGE)}
     assert files == named
