@@ -1,4 +1,8 @@
-"""The figures and tables of docs/measured.md, from the numbers in docs/measured/*.csv (make measured)."""
+"""The figures and tables of docs/measured.md, from the numbers in docs/measured/*.csv (make measured).
+
+A table stands between `<!-- table NAME -->` and `<!-- end -->`, with every column of NAME.csv, or with one value for
+each row and column: `<!-- table NAME start,method by refiner: auc -->`.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +20,9 @@ from matplotlib.figure import Figure
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "docs" / "measured"
 PAGE = ROOT / "docs" / "measured.md"
-TABLE = re.compile(r"(<!-- table (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+TABLE = re.compile(r"(<!-- table (\w+)(?: ([\w,]+) by (\w+): (\w+))? -->\n).*?(<!-- end -->)", re.DOTALL)
 """Where the page has a table of a CSV file."""
+NUMBER = re.compile(r"(-?[\d.]+)?")
 GREY, ORANGE, SKY, BLUE, RED, GREEN = "#8a8a8a", "#e69f00", "#56b4e9", "#0072b2", "#d55e00", "#009e73"
 """After Okabe and Ito, safe for colour-blind readers."""
 STYLE: dict[Any, Any] = {
@@ -38,15 +43,35 @@ def rows_of(name: str) -> list[Row]:
 
 def filled(page: str) -> str:
     """Return the page with its tables as the CSV files have them."""
-    return TABLE.sub(lambda m: f"{m[1]}\n{markdown(rows_of(m[2]))}\n{m[3]}", page)
+
+    def table(match: re.Match[str]) -> str:
+        rows = rows_of(match[2])
+        if match[3]:
+            rows = crossed(rows, match[3].split(","), match[4], match[5])
+        else:
+            rows = [{titled(name): cell for name, cell in row.items()} for row in rows]
+        return f"{match[1]}\n{markdown(rows)}\n{match[6]}"
+
+    return TABLE.sub(table, page)
+
+
+def titled(name: str) -> str:
+    """Return the name of a column as a heading."""
+    return name.replace("_pct", " %").replace("_mm", " mm").replace("_ms", " ms").replace("_", " ")
+
+
+def crossed(rows: Sequence[Row], names: Sequence[str], column: str, value: str) -> list[Row]:
+    """Return one row for each combination of names, with a column for each value of another."""
+    lines = list(dict.fromkeys(tuple(row[name] for name in names) for row in rows))
+    cells = {(*(row[name] for name in names), row[column]): row[value] for row in rows}
+    heads = list(dict.fromkeys(row[column] for row in rows))
+    return [dict(zip(names, line, strict=True)) | {h: cells.get((*line, h), "") for h in heads} for line in lines]
 
 
 def markdown(rows: Sequence[Row]) -> str:
     """Return rows as a Markdown table."""
-    heads = [
-        name.replace("_pct", " %").replace("_mm", " mm").replace("_ms", " ms").replace("_", " ") for name in rows[0]
-    ]
-    lines = [heads, ["---"] * len(heads), *([value or " " for value in row.values()] for row in rows)]
+    rules = ["---:" if all(NUMBER.fullmatch(row[name]) for row in rows) else "---" for name in rows[0]]
+    lines = [list(rows[0]), rules, *([value or " " for value in row.values()] for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
 
@@ -68,12 +93,20 @@ def named(axes: Axes, names: Sequence[str], gap: float = 0.6) -> None:
 def dots(
     axes: Axes, rows: Sequence[Row], name: str, series: str, value: str, colors: dict[str, str], x_label: str
 ) -> None:
-    """One line for each name, a dot for each series."""
+    """One line for each name, a dot for each series, with its interval where it has one."""
     names = list(dict.fromkeys(row[name] for row in rows))
-    for label, color in colors.items():
-        points = [(float(row[value]), names.index(row[name])) for row in rows if row[series] == label]
-        axes.plot(*zip(*points, strict=True), "o", color=color, label=label, alpha=0.9)
+    for i, (label, color) in enumerate(colors.items()):
+        own = [row for row in rows if row[series] == label]
+        shifted = [names.index(row[name]) + 0.16 * (i - (len(colors) - 1) / 2) for row in own]
+        axes.plot([float(row[value]) for row in own], shifted, "o", color=color, label=label)
+        for y, row in zip(shifted, own, strict=True):
+            if row.get("low"):
+                axes.plot(
+                    [float(row["low"]), float(row["high"])], [y, y], color=color, linewidth=1.2, solid_capstyle="round"
+                )
     named(axes, names)
+    for y in range(1, len(names)):
+        axes.axhline(y - 0.5, color="#dddddd", linewidth=0.5)
     axes.set_xlabel(x_label)
     axes.figure.legend(loc="outside upper center", ncols=len(colors), frameon=False, handletextpad=0.1)
 
@@ -85,30 +118,35 @@ def methods(figure: Figure) -> None:
         between(axes, y, row, "right_pct", "low", "high", BLUE if row["calls"] == "25" else GREY)
         axes.text(100, y, f"{row['mean_mm']} mm", va="center", ha="right", color="#444444")
     named(axes, [row["method"] for row in rows])
-    axes.set(xlim=(68, 100.5), xlabel="right answers [%] with 95 % interval; at the right the mean error")
+    axes.set(
+        xlim=(68, 100.5), xlabel="right answers [%], 95 % interval where one was computed; at the right the mean error"
+    )
     axes.text(68.5, 6.0, "25 calls, of 5 hypotheses", color=BLUE)
     axes.text(68.5, 7.0, "5 calls, of the first", color=GREY)
 
 
 def refiners(figure: Figure) -> None:
-    """ICP, the network and both, from near to far."""
+    """ICP, the network and both, from near to far; bars that leave out ICP's line are clear of it."""
     rows = [row for row in rows_of("refiners") if "°" in row["start"]]
     for axes, method in zip(figure.subplots(1, 2, sharey=True), ("refine", "rir"), strict=True):
         for refiner, color in (("icp", GREY), ("depth_net", SKY), ("depth_net_icp", BLUE)):
             own = [row for row in rows if (row["method"], row["refiner"]) == (method, refiner)]
             x, y = [int(row["start"].split("°")[0]) for row in own], [float(row["auc"]) for row in own]
             axes.plot(x, y, "o-", color=color)
-            axes.annotate(
-                refiner,
-                (x[-1], y[-1]),
-                (5, -3 * (refiner == "icp")),
-                textcoords="offset points",
-                va="center",
-                color=color,
-            )
+            name_at = ((x[-1], y[-1]), (5, -3 * (refiner == "icp")))
+            axes.annotate(refiner, *name_at, textcoords="offset points", va="center", color=color)
+            if refiner == "depth_net_icp":
+                plain = {
+                    row["start"]: float(row["auc"])
+                    for row in rows
+                    if (row["method"], row["refiner"]) == (method, "icp")
+                }
+                ends = [[plain[row["start"]] + float(row[end]) for row in own] for end in ("auc_low", "auc_high")]
+                axes.vlines(x, *ends, color=color, linewidth=1.2)
         axes.set(title={"refine": "one hypothesis, 5 calls", "rir": "RIR: five hypotheses, 25 calls"}[method])
         axes.set(xlabel="start off by [°], and 10 to 40 mm", xlim=(8, 80), xticks=[10, 20, 30, 45, 60], ylim=(40, 90))
     figure.axes[0].set_ylabel("AUC of ADD(-S) to 20 mm [%]")
+    figure.axes[0].text(9, 42, "bars: 95 % interval of the\ndifference to icp", color=BLUE)
 
 
 def real_frames(figure: Figure) -> None:
@@ -123,13 +161,26 @@ def real_frames(figure: Figure) -> None:
 
 def terms(figure: Figure) -> None:
     """What colour and flips gain, by refiner and start."""
-    rows = rows_of("terms")
-    shown = [row for row in rows if row["what"].startswith("rir") and row["score"] in TERMS]
-    dots(axes := figure.subplots(), shown, "what", "score", "right_pct", TERMS, "right answers [%]")
-    axes.set_xlim(75, 101)
+    rows = [row for row in rows_of("terms") if row["what"].startswith("rir")]
+    plain = {row["what"]: row["right_pct"] for row in rows if row["score"] == "paper's score"}
+    own = gained(rows, "what", "score", "paper's score")
+    for row in own:
+        start = row["what"].removeprefix("rir, ")
+        row["name"] = f"{start if 'depth_net' in start else f'icp, {start}'}: {plain[row['what']]} %"
+    colors = {"colour": ORANGE, "colour and flips": BLUE, "all": GREY}
+    dots(axes := figure.subplots(), own, "name", "score", "gain", colors, "")
+    figure.supxlabel("gain over the right answers with the paper's score, at the left [points]", fontsize=8.5)
+    axes.axvline(0, color="#444444", linewidth=0.8)
 
 
-TERMS = {"paper's score": GREY, "colour": ORANGE, "colour and flips": BLUE}
+def observed_support(figure: Figure) -> None:
+    """What the surroundings in the depth image gain over the plane."""
+    gains(figure, "terms", "what", "score", "paper's score", {"observed support": ""})
+
+
+def plausibility(figure: Figure) -> None:
+    """What a third term of the score gains, by its weight."""
+    gains(figure, "plausibility", "what", "w", "0", {"0.1": "w = 0.1", "0.3": "w = 0.3"})
 
 
 def whole_scenes(figure: Figure) -> None:
@@ -151,7 +202,8 @@ def exploration(figure: Figure) -> None:
     axes.annotate("RIR", (0.5, 87), (0, 6), textcoords="offset points", color=BLUE, ha="right")
     for row, color in zip([row for row in rows if row not in curve], (GREEN, ORANGE, GREY), strict=True):
         axes.plot([0.05, 1.0], 2 * [float(row["right_pct"])], color=color, linewidth=1, linestyle="--")
-        axes.text(1.02, float(row["right_pct"]), row["c"], color=color, va="center")
+        shift = {"expl": 0.25, "refine": -0.25}.get(row["c"], 0)
+        axes.text(1.02, float(row["right_pct"]) + shift, row["c"], color=color, va="center")
     axes.set(xlabel="c, weight of exploration [score]", ylabel="right answers [%]", xlim=(0.05, 1.15), ylim=(76, 92))
 
 
@@ -165,13 +217,28 @@ def differences(axes: Axes, rows: Sequence[Row], value: str, names: Sequence[str
     axes.set_xlabel(x_label)
 
 
+def gained(rows: Sequence[Row], name: str, series: str, first: str) -> list[Row]:
+    """Return the rows of the other series with what they gain in right answers over the first."""
+    plain = {row[name]: float(row["right_pct"]) for row in rows if row[series] == first}
+    others = [row for row in rows if row[series] != first]
+    return [row | {"gain": str(float(row["right_pct"]) - plain[row[name]])} for row in others]
+
+
+def gains(figure: Figure, file: str, name: str, series: str, first: str, titles: dict[str, str]) -> None:
+    """Gains of some series in panels of their own."""
+    rows = gained(rows_of(file), name, series, first)
+    panels = figure.subplots(1, len(titles), sharex=True, sharey=True, squeeze=False)[0]
+    for axes, (shown, title) in zip(panels, titles.items(), strict=True):
+        own = [row for row in rows if row[series] == shown]
+        differences(axes, own, "gain", [row[name] for row in own], "")
+        axes.set_title(title)
+    figure.supxlabel("gain in right answers [points], 95 % interval", fontsize=8.5)
+
+
 def authors_parts(figure: Figure) -> None:
     """The authors' bodies and clouds, against none of them."""
-    rows = rows_of("authors_parts")
-    plain = {row["what"]: float(row["right_pct"]) for row in rows if row["with"] == "plain"}
-    shown = [row | {"gain": str(float(row["right_pct"]) - plain[row["what"]])} for row in rows if row["low"]]
-    names = [f"{row['what'].rsplit(',', 1)[0]}; {row['with'].split('.')[-1]}" for row in shown]
-    differences(figure.subplots(), shown, "gain", names, "gain in right answers [points], 95 % interval")
+    titles = {'physics.inertia = "box"': "bodies", 'scene.model_sampling = "even"': "clouds", "both": "both"}
+    gains(figure, "authors_parts", "what", "with", "plain", titles)
 
 
 def orders(figure: Figure) -> None:
@@ -187,10 +254,10 @@ def tables(figure: Figure) -> None:
         rows = [row for row in rows_of("tables") if row["refiner"] == refiner]
         for y, row in enumerate(rows):
             ar = float(row["ar"])
-            axes.plot([60, ar], [y, y], color=BLUE, linewidth=5, alpha=0.35, solid_capstyle="butt")
-            axes.text(ar + 0.5, y, row["ar"], va="center", color="#333333")
+            axes.plot(ar, y, "o", color=BLUE)
+            axes.text(ar + 2.4, y, row["ar"], va="center", color="#333333")
         named(axes, [row["method"].replace(", roll-outs not counted", "*") for row in rows])
-        axes.set(title=refiner, xlim=(60, 108), xticks=[60, 80, 100], xlabel="AR [%]")
+        axes.set(title=refiner, xlim=(60, 112), xticks=[60, 80, 100], xlabel="AR [%]")
 
 
 def grasps(figure: Figure) -> None:
@@ -228,12 +295,20 @@ def verdicts(figure: Figure) -> None:
     axes, rows = figure.subplots(), rows_of("verdicts")
     causes = list(dict.fromkeys(row["cause"] for row in rows))
     for y, cause in enumerate(causes):
-        confirmed, n = (sum(int(row[k]) for row in rows if row["cause"] == cause) for k in ("confirmed", "named"))
-        axes.barh(y, n, color="#d8d8d8")
-        axes.barh(y, confirmed, color=BLUE)
-        axes.text(n + 0.3, y, f"{confirmed} of {n}", va="center")
+        own = [row for row in rows if row["cause"] == cause]
+        named_n, confirmed = (sum(int(row[k]) for row in own) for k in ("named", "confirmed"))
+        held_out = sum(int(row["confirmed"]) for row in own if row["frames"] == HELD_OUT)
+        axes.barh(y, named_n, color="#d8d8d8")
+        axes.barh(y, confirmed, color=SKY)
+        axes.barh(y, held_out, color=BLUE)
+        beside = f", {held_out} held out" if held_out else ""
+        axes.text(named_n + 0.3, y, f"{confirmed} of {named_n}{beside}", va="center")
     named(axes, causes)
-    axes.set(xlabel="failures on real frames: named, and confirmed by brute force (blue)", xlim=(0, 30))
+    axes.set(xlabel="failures on real frames with this cause that brute force confirms; dark: held out", xlim=(0, 33))
+
+
+HELD_OUT = "mug, seeds 30-33"
+"""The only frames on which nothing was mended."""
 
 
 def densefusion(figure: Figure) -> None:
@@ -264,23 +339,26 @@ def time(figure: Figure) -> None:
     axes.set(xscale="log", xlabel="milliseconds; blue, ours", xlim=(0.1, 3e7))
 
 
-FIGURES: dict[str, tuple[Callable[[Figure], None], float]] = {
-    "methods": (methods, 3.0), "refiners": (refiners, 2.9), "real_frames": (real_frames, 3.0), "terms": (terms, 2.6),
-    "whole_scenes": (whole_scenes, 2.7), "exploration": (exploration, 2.6), "authors_parts": (authors_parts, 4.6),
-    "orders": (orders, 4.4), "tables": (tables, 2.5), "grasps": (grasps, 2.5), "grasp_errors": (grasp_errors, 2.6),
-    "verdicts": (verdicts, 2.1), "densefusion": (densefusion, 2.7), "time": (time, 2.7),
+FIGURES: dict[str, tuple[Callable[[Figure], None], float, str]] = {
+    function.__name__: (function, height_in, file or function.__name__)
+    for function, height_in, file in (
+        (real_frames, 3.7, ""), (methods, 3.0, ""), (exploration, 2.6, ""), (refiners, 2.9, ""), (terms, 3.2, ""),
+        (plausibility, 2.2, ""), (whole_scenes, 3.3, ""), (orders, 4.4, ""), (tables, 2.5, ""), (densefusion, 2.7, ""),
+        (grasps, 2.5, ""), (grasp_errors, 2.6, ""), (verdicts, 2.1, ""), (authors_parts, 2.6, ""),
+        (observed_support, 2.7, "terms"), (time, 2.7, ""),
+    )
 }  # fmt: skip
-"""Each figure with its height [in]."""
+"""Each figure with its height [in] and the file of its numbers."""
 
 
 def fingerprint(name: str) -> str:
     """Return what tells the numbers of a figure from others; the figure holds it."""
-    return f"sha256 {sha256((FOLDER / f'{name}.csv').read_bytes()).hexdigest()[:16]}"
+    return f"sha256 {sha256((FOLDER / f'{FIGURES[name][2]}.csv').read_bytes()).hexdigest()[:16]}"
 
 
 def draw(name: str) -> None:
     """Write a figure beside its numbers."""
-    draw_it, height_in = FIGURES[name]
+    draw_it, height_in, _ = FIGURES[name]
     with mpl.rc_context(STYLE):
         figure = Figure((WIDTH_IN, height_in), layout="constrained", facecolor="white")
         draw_it(figure)
