@@ -24,6 +24,7 @@ from verefine_viz.core.geometry import transform
 from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.settings import Session
 from verefine_viz.library.solving import Run
+from verefine_viz.page.share import opened
 from verefine_viz.pictures.refiner_crops import step_picture
 from verefine_viz.refiners.registry import REFINERS, make_refiner
 from verefine_viz.run.data_folder import open_session
@@ -192,6 +193,9 @@ def test_its_simulator_and_its_estimator_run(option: str, tmp_path: Path) -> Non
     verify = ["replay", str(recording), "--verify"]
     done = subprocess.run([sys.executable, script, *verify], capture_output=True, text=True, cwd=tmp_path, check=False)
     assert "no difference" in done.stdout, done.stderr
+    shown = opened(recording).space  # What it did is shown without it.
+    assert shown.work.first.run.is_done
+    assert len(shown.problem.targets[0].instance.hypotheses) == 5
     kind = "simulator" if name == "drop" else "estimator"
     with pytest.raises(SettingsError, match=f"made with the {kind} '{name}', which this program does not have"):
         cli.parse(verify).run(verify[1:])

@@ -190,8 +190,8 @@ def _hint(a: Path | None, b: Path) -> str:
 def _recorded_session(path: Path, other: Path | None) -> Session:
     """The frame of a recording, on which the page opens before it shows the recording itself.
 
-    The method with which it was made is left out, and the simulator: this program need not have them, nor the refiner,
-    to show what they did.
+    Method, simulator and source of initial poses are left out: this program need not have what it was made with to show
+    what that did.
 
     Raises:
         InputError: one of the recordings cannot be read, or the other is of another frame.
@@ -208,7 +208,10 @@ def _recorded_session(path: Path, other: Path | None) -> Session:
     scene = structs.replace(session.scene, frames=(header.frame,))
     method = MethodSettings(name="refine", refiner="identity")
     physics = structs.replace(session.physics, simulator=BULLET)
-    return structs.replace(session, scene=scene, method=method, physics=physics, edits=(), changes=())
+    hypotheses = structs.replace(session.hypotheses, source="perturb", estimate=())
+    return structs.replace(
+        session, scene=scene, method=method, physics=physics, hypotheses=hypotheses, edits=(), changes=()
+    )
 
 
 def _has_desktop() -> bool:

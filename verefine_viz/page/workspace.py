@@ -19,6 +19,7 @@ from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.records import Best
 from verefine_viz.core.settings import SURROUNDINGS, Change, Session
 from verefine_viz.core.text_format import first_of
+from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.page.branch import Branch, Settings, by_section, in_order, merged
 from verefine_viz.page.evaluator import CachedEvaluator
 from verefine_viz.page.grasp_trials import GraspTrials
@@ -27,6 +28,7 @@ from verefine_viz.run.engine import Run
 from verefine_viz.run.record import RunRecord, session_of
 from verefine_viz.run.run_file import read_run_file
 from verefine_viz.run.session_file import changed
+from verefine_viz.run.session_parts import estimators_of
 from verefine_viz.run.track import with_its_tracked
 from verefine_viz.run.variants import settings_between, variant
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
@@ -159,7 +161,7 @@ class Workspace:
         session, frame = session_of(record.header), record.header.frame
         session = structs.replace(session, scene=structs.replace(session.scene, frames=(frame,)))
         tools = self.make_tools(session)
-        branch = self._recorded(path, record, tools, _read(tools, frame))
+        branch = self._recorded(path, record, tools, self._recorded_problem(record, tools))
         self.tools, self.path, self.frames, self.files, self.records = tools, None, (frame,), {}, no_records
         self.breakpoints = session.breakpoints
         self._works = {frame: FrameWork({branch.index: branch})}
@@ -322,7 +324,7 @@ class Workspace:
         session, frame = session_of(record.header), record.header.frame
         check_same_frame(path, (session, frame), (self.work.first.tools.session, self.frame))
         tools = self.make_tools(session)
-        return self._add(self._recorded(path, record, tools, tools.problem(frame)))
+        return self._add(self._recorded(path, record, tools, self._recorded_problem(record, tools)))
 
     def remove(self, branch: Branch) -> None:
         """Remove a branch.
@@ -356,6 +358,17 @@ class Workspace:
             return None
         branch.name = "run of the batch"
         return FrameWork({branch.index: branch})
+
+    def _recorded_problem(self, record: RunRecord, tools: Toolbox) -> Problem:
+        """Read the frame of a record; with the initial poses of the record where their estimator is not there."""
+        frame, session = record.header.frame, tools.session
+        if not estimators_of(session) - ESTIMATORS.keys():
+            return _read(tools, frame)
+        hypotheses = structs.replace(session.hypotheses, source="recorded", estimate=())
+        problem = _read(self.make_tools(structs.replace(session, hypotheses=hypotheses)), frame)
+        pools = {one.instance_id: one.hypotheses for one in record.header.objects}
+        instances = (replace(i, hypotheses=pools.get(i.instance_id, ())) for i in problem.instances)
+        return replace(problem, instances=tuple(instances))
 
     def _recorded(self, path: Path, record: RunRecord, tools: Toolbox, problem: Problem) -> Branch:
         ids = [one.instance_id for one in record.header.objects]

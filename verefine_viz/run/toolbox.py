@@ -16,7 +16,7 @@ from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.protocols import Estimator, Method, Refiner, Simulator, Verifier, Watcher
-from verefine_viz.core.settings import Session, TrackedPose
+from verefine_viz.core.settings import BULLET, Session, TrackedPose
 from verefine_viz.core.side_by_side import side_by_side
 from verefine_viz.estimators.registry import make_estimator
 from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
@@ -234,8 +234,9 @@ class Toolbox:
         """What makes the solids of its objects. None where Bullet simulates nothing: what repeats recorded steps opens
         at once, and a fork to a method that simulates makes the solids when it begins.
         """
-        is_simulated = not method_of(self.session.method.name).repeats and problem.observation.support is not None
-        return self.simulator.collider if is_simulated and isinstance(self.simulator, BulletSimulator) else None
+        is_solved = not method_of(self.session.method.name).repeats and problem.observation.support is not None
+        is_bullets = is_solved and self.session.physics.simulator == BULLET
+        return self.simulator.collider if is_bullets and isinstance(self.simulator, BulletSimulator) else None
 
     def _solids(self, problem: Problem) -> tuple[dict[int, str], tuple[str, ...]]:
         """Objects of which no collider can be built, with the reason, and notes on those that are built; building takes
