@@ -213,9 +213,7 @@ class Trace:
         os.close(file)
         if self.n_problems:
             more = f" (and {self.n_problems - SHOWN} more)" if self.n_problems > SHOWN else ""
-            _LOG.warning(
-                "trace %s: %d not written: %s%s", self.folder, self.n_problems, "; ".join(self._problems), more
-            )
+            _LOG.warning("trace %s: problems (%d): %s%s", self.folder, self.n_problems, "; ".join(self._problems), more)
 
     def __enter__(self) -> Self:
         return self

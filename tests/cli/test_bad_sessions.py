@@ -97,7 +97,7 @@ def test_a_bad_option_is_one_clear_line(bad_input: BadInput) -> None:
 
 
 def test_no_session_at_all(bad_input: BadInput) -> None:
-    assert "no session file given" in bad_input.refused("batch", "--out", bad_input.folder)
+    assert "no session given" in bad_input.refused("batch", "--out", bad_input.folder)
 
 
 def test_two_sessions_of_one_name(bad_input: BadInput) -> None:

@@ -149,7 +149,7 @@ def test_a_bad_call_is_counted_and_never_raises(tmp_path: Path, caplog: pytest.L
             box.hypothesis(0, pose())
             call(box)
         assert (trace.n_problems, len(caplog.records)) == (1, 1), name
-        assert "1 not written: box: " in caplog.text, name
+        assert "problems (1): box: " in caplog.text, name
         assert any("1 not recorded" in note for note in read_trace(tmp_path / name).notes), name
         assert not any(words in caplog.text for words in RAW_WORDS), name
 

@@ -16,7 +16,7 @@ from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import METHODS
 from verefine_viz.run.data_folder import open_session
-from verefine_viz.run.session_file import changed
+from verefine_viz.run.session_file import changed, load_session
 
 
 @dataclass(frozen=True)
@@ -29,15 +29,20 @@ class Job:
     """What the runs that differ only in their seeds have in common: method, and session where there are several."""
 
 
-def session_jobs(paths: Sequence[Path], out: Path, overrides: Mapping[str, Any]) -> list[Job]:
+def session_jobs(paths: Sequence[Path | None], out: Path, overrides: Mapping[str, Any]) -> list[Job]:
     """A run for each session: in ``out`` itself for one, in ``out/NAME`` for several.
+
+    Args:
+        paths: sessions; None = of ``overrides`` alone, as for a built-in scene.
+        out: folder of the results.
+        overrides: settings of the command line.
 
     Raises:
         VerefineError: a session cannot be used, two would write to the same folder, or ``out`` is among its images.
     """
     names = _stems(paths, out)
     jobs = [
-        Job(open_session(path, overrides, partial(print, file=sys.stderr)), out / name if len(paths) > 1 else out, name)
+        Job(_session(path, overrides), out / name if len(paths) > 1 else out, name)
         for path, name in zip(paths, names, strict=True)
     ]
     for job in jobs:
@@ -46,7 +51,7 @@ def session_jobs(paths: Sequence[Path], out: Path, overrides: Mapping[str, Any])
 
 
 def sweep_jobs(
-    paths: Sequence[Path], out: Path, overrides: Mapping[str, Any], methods: Sequence[str], n_seeds: int | None
+    paths: Sequence[Path | None], out: Path, overrides: Mapping[str, Any], methods: Sequence[str], n_seeds: int | None
 ) -> list[Job]:
     """A run for each method and seed of each session, in ``out/METHOD-SEED``, after the session's name if there are
     several. All methods with the first seed come first, so that they can be compared early.
@@ -64,7 +69,7 @@ def sweep_jobs(
     """
     _check_sweep(out, overrides, methods, n_seeds)
     stems = _stems(paths, out)
-    sessions = [open_session(path, overrides, partial(print, file=sys.stderr)) for path in paths]
+    sessions = [_session(path, overrides) for path in paths]
     for session in sessions:
         check_outside(out, session)
     jobs: list[Job] = []
@@ -75,6 +80,14 @@ def sweep_jobs(
                 name = group if seed is None else f"{group}-{seed}"
                 jobs.append(Job(_with(session, method, seed), out / name, group))
     return jobs
+
+
+def _session(path: Path | None, overrides: Mapping[str, Any]) -> Session:
+    return (
+        load_session(None, overrides)
+        if path is None
+        else open_session(path, overrides, partial(print, file=sys.stderr))
+    )
 
 
 def check_jobs(jobs: Sequence[Job]) -> int:
@@ -136,8 +149,8 @@ def _with(session: Session, method: str, seed: int | None) -> Session:
     return changed(session, settings, ("method", "hypotheses"))
 
 
-def _stems(paths: Sequence[Path], out: Path) -> list[str]:
-    stems = [path.stem for path in paths]
+def _stems(paths: Sequence[Path | None], out: Path) -> list[str]:
+    stems = [out.name if path is None else path.stem for path in paths]
     for stem in stems:
         if stems.count(stem) > 1:
             raise SettingsError(f"two sessions are called {stem!r} and would share {out / stem}; rename one")

@@ -50,8 +50,6 @@ class Batch:
     settings: AnySettings = field(default_factory=SessionFlags)
 
     def run(self, arguments: Sequence[str]) -> int:
-        if not self.sessions:
-            raise SettingsError("no session file given; use verefine-viz batch SESSION.toml --out FOLDER")
         if self.cluster in ("", "local"):
             check_workers(self.workers)
         check_memory(self.worker_memory_gb)
@@ -64,10 +62,13 @@ class Batch:
         backend = Backend(self.workers, limit, self.cluster)
         task = "explain" if self.diagnose else "solve"
         overrides = given(self.settings, arguments)
+        if not self.sessions and "scene" not in overrides:
+            raise SettingsError("no session given; use verefine-viz batch SESSION --out FOLDER, or --scene.demo mug")
         if self.grasp:
             overrides["grasp"] = {**overrides.get("grasp", {}), "answers": True}
+        sessions: tuple[Path | None, ...] = self.sessions or (None,)
         if self.methods or self.seeds is not None:
-            jobs = sweep_jobs(self.sessions, self.out, overrides, self.methods, self.seeds)
+            jobs = sweep_jobs(sessions, self.out, overrides, self.methods, self.seeds)
         else:
-            jobs = session_jobs(self.sessions, self.out, overrides)
+            jobs = session_jobs(sessions, self.out, overrides)
         return run_jobs(jobs, self.out, backend, self.retry_failed, task)

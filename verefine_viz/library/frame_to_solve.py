@@ -119,7 +119,7 @@ class Frame:
         has_poses = all(one.hypotheses for one in self._recorded.objects)
         own = {"scene": {"source": "folder"}, "hypotheses": {"source": "recorded" if has_poses else "ppf"}}
         merged = {name: {**fields, **sections.get(name, {})} for name, fields in own.items()}
-        session = load_session(None, {"title": self.name, **sections, **merged})
+        session = load_session(None, {"title": self.name, **sections, **merged}, "settings")
         source = RecordedSource(session.scene, session.hypotheses, _InMemory(self._recorded))
         return Toolbox(session, source=source), source.frames[0]
 
@@ -294,7 +294,7 @@ def target_of(problem: Problem, name: str | int) -> Target:
 
 def _session_of(path: Path | str, sections: Mapping[str, Any]) -> Session:
     if isinstance(path, str) and not Path(path).exists() and path in demo_names():
-        return load_session(None, {**sections, "scene": {"demo": path, **sections.get("scene", {})}})
+        return load_session(None, {**sections, "scene": {"demo": path, **sections.get("scene", {})}}, "settings")
     return open_session(Path(path), sections)
 
 

@@ -118,6 +118,9 @@ class ScoringVerifier:
             scores = np.asarray(self._scorer.scores(target, Ts, placed), dtype=np.float64)
         if scores.shape != (len(Ts),):
             raise ShapeError(f"verifier {self.name} gave scores of shape {scores.shape} for {len(Ts)} poses")
+        if np.any((scores < 0) | (scores > 1)):
+            wrong = scores[(scores < 0) | (scores > 1)][0]
+            raise ShapeError(f"verifier {self.name} gave a score of {wrong:g}, expected 0 to 1")
         return scores
 
     @staticmethod

@@ -68,17 +68,22 @@ CAPTURE_HEAD = "# Kept frames. This file is written anew with every frame: copy 
 SCENE_ID = 1
 
 
-def load_session(path: Path | None, overrides: Raw | None = None) -> Session:
+def load_session(path: Path | None, overrides: Raw | None = None, origin: str = TYPED) -> Session:
     """The session of a file, with ``overrides`` (nested like the file) on top; without a file, of the defaults.
 
     Relative paths in the file are taken from its folder; paths in ``overrides`` from the working directory.
+
+    Args:
+        path: the file.
+        overrides: settings on top.
+        origin: where these come from, in messages.
 
     Raises:
         InputError: the file cannot be read, or is that of a folder of kept frames without a finished frame.
         SettingsError: it is not TOML or empty, a field is unknown or out of range, or data are named that the chosen
             source does not read.
     """
-    typed = (TYPED, _with_absolute_paths(overrides or {}, Path.cwd()))
+    typed = (origin, _with_absolute_paths(overrides or {}, Path.cwd()))
     if path is None:
         return _of_layers([typed])
     raw = _read(path)

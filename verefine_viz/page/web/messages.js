@@ -28,7 +28,7 @@ on("frame", (message) => {
   if (!isAgain) {
     opening ??= lost;
     setView({ branch: 0, k: 0, stage: null, obj: null, arm: null, moment: null, edited: null, a: null, b: null,
-      pixel: null });
+      pixel: null, ...(message.method === "trace" && state.view.tab === "score" ? { tab: "trace" } : {}) });
   }
   document.title = `${message.title} · verefine-viz`;
 });
