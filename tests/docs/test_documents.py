@@ -10,6 +10,8 @@ from pathlib import Path
 import msgspec
 
 import verefine_viz
+from verefine_viz import cli
+from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.presets import preset_fields
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import resolve
@@ -68,6 +70,33 @@ def test_every_link_leads_somewhere() -> None:
             target = document.parent / path if path else document
             assert target.exists(), (name_of(document), link)
             assert not anchor or anchor in anchors(target), (name_of(document), link)
+
+
+def test_every_command_is_one_the_program_takes() -> None:
+    commands = [
+        command.split(" #")[0].split()
+        for path in (ROOT / "README.md", *DOCUMENTS)
+        for command in re.findall(r"(?:`|^)(?:\.venv/bin/)?verefine-viz ([^`\n…|[]+)(?:`|$)", text(path), re.MULTILINE)
+    ]
+    assert len(commands) > 50
+    refused: list[tuple[list[str], str]] = []
+    for words in commands:
+        try:
+            cli.parse(words)
+        except SettingsError as error:
+            refused.append((words, str(error)))
+    # A command may be named without all that it needs, and NAME stands for a choice.
+    assert [one for one in refused if not one[1].startswith("missing from") and "NAME" not in one[0]] == []
+
+
+def test_every_measurement_has_its_program_with_its_options() -> None:
+    commands = re.findall(r"`python -m (bench[\w.]*)([^`]*)`", "".join(text(path) for path in DOCUMENTS))
+    assert len(commands) > 10
+    for module, words in commands:
+        parts = module.split(".")
+        program = ROOT.joinpath(*parts, "__main__.py") if len(parts) == 1 else ROOT.joinpath(*parts).with_suffix(".py")
+        assert program.is_file(), module
+        assert all(option in text(program) for option in re.findall(r"--[\w-]+", words)), (module, words)
 
 
 def test_every_number_that_the_code_refers_to_is_a_heading() -> None:
