@@ -45,7 +45,8 @@ def refiner(name: str) -> Callable[[R], R]:
 
     def register(kind: R) -> R:
         _check(name, "refine", kind)
-        REFINERS[name] = lambda session: _checked_refiner(name, kind)()
+        checked = _checked_refiner(name, kind)
+        REFINERS[name] = lambda session: checked()
         return kind
 
     return register

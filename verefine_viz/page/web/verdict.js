@@ -59,7 +59,8 @@ function Opener({ frame }) {
   const words = (one, list) => nameToOpen(one.title ?? one, list.map((other) => other.title ?? other));
   const fits = ([, w]) => w.toLowerCase().includes(text.toLowerCase());
   const file = /\.(toml|vfrun|rrd)$/i.exec(text.trim())?.[1].toLowerCase();
-  const detail = [frame.frame, frame.method_label, frame.method === "trace" ? "" : frame.refiner].filter(Boolean).join(" · ");
+  const refiner = frame.method === "trace" ? "" : frame.refiner;
+  const detail = [frame.frame, frame.method_label, refiner].filter(Boolean).join(" · ");
   return html`<div class="opener">
     <${Menu} kind="opener-button" title=${`${frame.title}; click: ${state.file ? "the command that opens it in the program" : "open another frame, demo or session"}`} label=${html`
       <span class="two"><b>${frame.title}</b>
