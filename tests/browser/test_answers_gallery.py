@@ -40,7 +40,7 @@ def test_failure_is_opened_at_its_iteration_tagged_and_left_again(pages, batch):
         screen.until("state.view.preset !== 'gallery' && state.view.k === arg", entry.iteration)
         total = len(app.debugger.space.work.first.run.iterations)
         assert screen.state("state.runs.get(state.view.branch).rows.length") == total
-        assert "Wrong" in screen.page.locator(".verdict").first.inner_text()
+        screen.until("state.verdicts.has(state.view.branch) && document.querySelector('.verdict .words.wrong')")
         why = screen.state("state.verdicts.get(state.view.branch).objects[0].findings.map(f => [f.cause, f.k])")
         assert [entry.row.cause, entry.row.worst_iteration] in why
         screen.shot("failure_from_gallery")
