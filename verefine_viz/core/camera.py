@@ -63,9 +63,13 @@ class Camera:
 
     def back_project(self, depth_m: NDArray[np.floating]) -> Float:
         """Points (H, W, 3) [m] in the camera frame of a depth image (H, W) [m]; (0, 0, 0) where depth is 0."""
-        v, u = np.mgrid[0 : depth_m.shape[0], 0 : depth_m.shape[1]]
-        z = depth_m.astype(np.float64)
-        return np.stack([(u - self.cx) / self.fx * z, (v - self.cy) / self.fy * z, z], axis=-1)
+        h, w = depth_m.shape
+        points = np.empty((h, w, 3))
+        points[..., 2] = depth_m
+        z = points[..., 2]
+        np.multiply((np.arange(w) - self.cx) / self.fx, z, out=points[..., 0])
+        np.multiply(((np.arange(h) - self.cy) / self.fy)[:, None], z, out=points[..., 1])
+        return points
 
     def project(self, points_cam: Float) -> Float:
         """Pixel coordinates (…, 2) = (u, v) of points (…, 3) [m] in front of the camera."""

@@ -138,11 +138,11 @@ def find_support(
     points = camera.back_project(depth)
     valid = depth > 0
     objects = points[valid & object_mask]
-    background = points[valid & ~object_mask]
+    background = points.reshape(-1, 3).take(np.flatnonzero(valid & ~object_mask), axis=0)
     near = _near(background, objects)
     plane = _carrying_plane(near, objects, up_cam, seed)
     plane = fitted(plane, near, TOLERANCE_M)
-    inliers = near[plane.touches(near, TOLERANCE_M)]
+    inliers = near.take(np.flatnonzero(plane.touches(near, TOLERANCE_M)), axis=0)
     R_world_cam_used = _world_rotation(plane.normal, gravity, R_world_cam, up_cam)
     origin_cam = inliers.mean(axis=0)
     origin_cam = origin_cam - plane.heights(origin_cam) * plane.normal
@@ -177,7 +177,7 @@ def _near(background: Float, objects: Float) -> Float:
     if len(objects) == 0:
         return background
     z = objects[:, 2]
-    return background[background[:, 2] < z.mean() + max(float(z.std()), 0.05)]
+    return background.take(np.flatnonzero(background[:, 2] < z.mean() + max(float(z.std()), 0.05)), axis=0)
 
 
 def _carrying_plane(near: Float, objects: Float, up_cam: Float | None, seed: int) -> Plane:
