@@ -186,3 +186,15 @@ def test_the_log_opens_answers_again(gallery: Gallery, posted: Posted):
     lines = [write_verb(verb) for verb in d.log]
     again = carry_out(gallery.session(gallery.worst.run), lines, FakeTools, gallery)
     assert records(again) == records(d)
+
+
+def test_the_picture_of_a_frame_is_there_before_anything_is_prepared():
+    events: list[object] = []
+
+    class Listed(FakeTools):
+        def run(self, *given):
+            events.append("prepared")
+            return super().run(*given)
+
+    space = Workspace(SESSION, None, Listed, seen=events.append)
+    assert events[:2] == [space.problem.observation, "prepared"]

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.errors import Cancelled, SettingsError, in_one_line, unknown
 from verefine_viz.core.files import first_line
+from verefine_viz.core.observation import Observation
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.methods.registry import METHODS
@@ -31,6 +32,7 @@ from verefine_viz.page.scene3d.viser_server import Viser3DServer
 from verefine_viz.page.server import PageServer
 from verefine_viz.page.thumbnails import Painter, Thumbnails
 from verefine_viz.page.verbs import Debugger
+from verefine_viz.page.views.frame import png
 from verefine_viz.page.worker import Job, Jobs, Worker
 from verefine_viz.page.workspace import HULLS, Checks, Workspace, no_records
 from verefine_viz.physics.registry import simulator_names
@@ -217,7 +219,7 @@ class App:
             gallery, recording, records = self._gallery, self._recording, no_records
             if gallery is not None:
                 recording, records = gallery.loose_record(gallery.worst), gallery.records(gallery.worst.run)
-            given = {"records": records, "recording": recording}
+            given = {"records": records, "recording": recording, "seen": self._show_photo}
             space = self._open_space(self._session, self._path, make_tools, checks, progress, **given)
         debugger = Debugger(
             space,
@@ -239,6 +241,11 @@ class App:
             )
             self._watching.start()
         return debugger.carry_out(self._first)
+
+    def _show_photo(self, observation: Observation) -> None:
+        """Show the photo of the first frame while its models are prepared, and kernels compiled."""
+        if observation.rgb is not None and not self.worker.ready.is_set():
+            self.worker.picture = self.blobs.put(png(observation.rgb), "image/png")
 
     def _open_space(
         self, session: Session, path: Path | None, make_tools: Callable[[Session], Toolbox], *given: Any, **named: Any

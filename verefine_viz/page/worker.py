@@ -190,6 +190,8 @@ class Worker:
         self._jobs, self._post, self._open_handler = jobs, post, open_handler
         self.progress = ProgressToken(self._report, jobs.is_wanted)
         self._text, self._reported_at = "", 0.0
+        self.picture: str | None = None
+        """Blob of the photo of what is being opened first, as soon as it is read."""
         self.ready = threading.Event()
         self.failure: BaseException | None = None
         self.thread = threading.Thread(target=self._work, name="verefine-worker", daemon=True)
@@ -202,7 +204,7 @@ class Worker:
             return
         self._text, self._reported_at = text or self._text, now
         jobs, hulls = self._jobs, self._jobs.offers_hulls and PARTS_OF in self._text
-        busy = {"text": self._text, "share": share, "cancel": jobs.can_cancel, "hulls": hulls}
+        busy = {"text": self._text, "share": share, "cancel": jobs.can_cancel, "hulls": hulls, "picture": self.picture}
         self._post({"t": "busy", **busy}, None)
 
     def _idle(self) -> None:

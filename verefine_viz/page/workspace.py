@@ -14,6 +14,7 @@ from msgspec import structs
 from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.records import Best
@@ -97,6 +98,7 @@ class Workspace:
         frame: what to open first of it; None = its first.
         records: where frames of it lie that were solved before.
         recording: a recorded run that is opened in place of ``session``.
+        seen: gets what the camera saw of a frame, before its models are prepared.
     """
 
     def __init__(
@@ -109,9 +111,11 @@ class Workspace:
         frame: str | None = None,
         records: Records = no_records,
         recording: Path | None = None,
+        seen: Callable[[Observation], None] = lambda observation: None,
     ) -> None:
         self.make_tools = make_tools
         self.progress = progress
+        self._seen = seen
         self._checks = checks or Checks()
         self._numbers = count()
         self._opened = count(1)
@@ -135,7 +139,7 @@ class Workspace:
         if not frames:
             raise InputError("the session names no frame; give scene.frames, or a data set with images")
         first = frame if frame is not None else next((e.frame for e in session.edits if e.frame in frames), frames[0])
-        work = self._solved(tools, first, records) or self._begin(tools, _read(tools, first))
+        work = self._solved(tools, first, records) or self._begin(tools, self._read(tools, first))
         self.tools, self.path, self.frames, self.records = tools, path, frames, records
         self.files: dict[Path, Saved] = {} if path is None else {path.resolve(): Saved(session)}
         """Files that hold the open session, as it was when it was read or written, the latest last."""
@@ -149,7 +153,7 @@ class Workspace:
             raise InputError(unknown("frame", frame, self.frames))
         if frame not in self._works:
             solved = self._solved(self.tools, frame, self.records)
-            self._works[frame] = solved or self._begin(self.tools, _read(self.tools, frame))
+            self._works[frame] = solved or self._begin(self.tools, self._read(self.tools, frame))
         self._switch(frame)
 
     def open_recording(self, path: Path) -> None:
@@ -353,19 +357,27 @@ class Workspace:
                 return None
             stated = session_of(record.header).tracked
             own = self.make_tools(structs.replace(tools.session, tracked=stated)) if stated else tools
-            branch = self._recorded(path, record, own, _read(own, frame))
+            branch = self._recorded(path, record, own, self._read(own, frame))
         except InputError:
             return None
         branch.name = "run of the batch"
         return FrameWork({branch.index: branch})
 
+    def _read(self, tools: Toolbox, frame: str) -> Problem:
+        """Read a frame, and check whether its camera and its models look right; a batch has no time for that."""
+        from verefine_viz.calibration.consistency import data_doubts  # Loads what draws models.
+
+        problem = tools.problem(frame)
+        self._seen(problem.observation)
+        return replace(problem, doubts=data_doubts(problem))
+
     def _recorded_problem(self, record: RunRecord, tools: Toolbox) -> Problem:
         """Read the frame of a record; with the initial poses of the record where their estimator is not there."""
         frame, session = record.header.frame, tools.session
         if not estimators_of(session) - ESTIMATORS.keys():
-            return _read(tools, frame)
+            return self._read(tools, frame)
         hypotheses = structs.replace(session.hypotheses, source="recorded", estimate=())
-        problem = _read(self.make_tools(structs.replace(session, hypotheses=hypotheses)), frame)
+        problem = self._read(self.make_tools(structs.replace(session, hypotheses=hypotheses)), frame)
         pools = {one.instance_id: one.hypotheses for one in record.header.objects}
         instances = (replace(i, hypotheses=pools.get(i.instance_id, ())) for i in problem.instances)
         return replace(problem, instances=tuple(instances))
@@ -431,14 +443,6 @@ def _place_of(session: Session, frame: str) -> str:
     name = Path(scene.dataset).name
     of_kind = {"bop": f"{name} {scene.split}", "demo": f"{scene.demo}, seed {scene.seed}"}
     return f"frame {frame} of {of_kind.get(scene.source, name)}"
-
-
-def _read(tools: Toolbox, frame: str) -> Problem:
-    """Read a frame, and check whether its camera and its models look right; a batch has no time for that."""
-    from verefine_viz.calibration.consistency import data_doubts  # Loads what draws models.
-
-    problem = tools.problem(frame)
-    return replace(problem, doubts=data_doubts(problem))
 
 
 def _preparing(problem: Problem, session: Session) -> str:

@@ -49,7 +49,7 @@ def frame_message(space: Workspace, blobs: Blobs, demos: Sequence[str], sessions
         "tau_m": session.score.tau_m,
         "colour_weight": session.score.colour_weight,
         "camera": {"w": w, "h": h, "K": [camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0]},
-        "rgb": None if observation.rgb is None else blobs.put(_png(observation.rgb), "image/png"),
+        "rgb": None if observation.rgb is None else blobs.put(png(observation.rgb), "image/png"),
         "depth": blobs.put(np.ascontiguousarray(observation.depth_m, np.float32).tobytes()),
         "smoothed": _smoothed(problem, blobs),
         "objects": [*_objects(branch), *(_left_out(one) for one in problem.left_out)],
@@ -166,7 +166,8 @@ def order_of(problem: Problem) -> Json | None:
     }  # fmt: skip
 
 
-def _png(rgb: np.ndarray) -> bytes:
+def png(rgb: np.ndarray) -> bytes:
+    """Return a picture (H, W, 3) as a PNG file, compressed fast."""
     out = io.BytesIO()
     Image.fromarray(rgb).save(out, "png", compress_level=1)
     return out.getvalue()

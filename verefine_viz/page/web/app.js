@@ -51,6 +51,7 @@ function Page() {
     <${Toasts} />
     <${Overlay} />
     ${!frame && !report && html`<div class="veil opening">
+      ${busy.picture && html`<img src=${`/blob/${busy.picture}`} alt="" />`}
       <p>${connection === "lost" ? "The server does not answer." : busy.text || "Opening"}</p>
       ${connection !== "lost" && busy.text && html`<${Meter} share=${busy.share} /><div
         class="group"><${BusyButtons} busy=${busy} /></div>`}</div>`}
