@@ -17,7 +17,7 @@ from rich.table import Column
 from rich.text import Text
 
 from verefine_viz.batch.pace import Pace
-from verefine_viz.batch.run_batch import Progress
+from verefine_viz.batch.run_batch import BatchStatus
 from verefine_viz.batch.terminal import Terminal
 from verefine_viz.run.kernel_compilation import COMPILING
 
@@ -41,13 +41,13 @@ class BatchProgress:
         self.pace = Pace()
         self._console, self._n_frames = console, n_frames
         self._title = ""
-        self._now: Progress | None = None
+        self._now: BatchStatus | None = None
         self._n_before = 0
         """Frames of the runs before this one."""
         self._warned: set[str] = set()
 
     @contextmanager
-    def run(self, title: str) -> Iterator[Callable[[Progress], None]]:
+    def run(self, title: str) -> Iterator[Callable[[BatchStatus], None]]:
         """A run with the callback that it reports to."""
         self._title, self._now = title, None
         colour = _bar()
@@ -55,7 +55,7 @@ class BatchProgress:
         with _live(self._console, (*_counted(self._console, colour), *live)) as bar:
             row = bar.add_task(escape(title), total=self._n_frames, completed=self._n_before)
 
-            def report(now: Progress) -> None:
+            def report(now: BatchStatus) -> None:
                 self._now = now
                 if now.counts.frames_failed:
                     colour.complete_style = colour.finished_style = FAILING

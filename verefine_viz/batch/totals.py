@@ -118,7 +118,7 @@ class Notes:
 
 
 @dataclass
-class Counts:
+class BatchCounts:
     """Counts that grow frame by frame. They stay small however many frames there are."""
 
     frames_done: int = 0
@@ -162,7 +162,7 @@ class Counts:
 class Totals:
     """Everything in run.json about the results; takes one frame after the other."""
 
-    counts: Counts = field(default_factory=Counts)
+    counts: BatchCounts = field(default_factory=BatchCounts)
     failures: list[tuple[str, str]] = field(default_factory=list)
     """Frame and reason of the first failed ones."""
     doubts: Doubts = field(default_factory=Doubts)

@@ -16,7 +16,7 @@ HUB = "https://huggingface.co/datasets/bop-benchmark"
 
 
 @dataclass(frozen=True)
-class Entry:
+class PublicDataset:
     """A data set of the paper: what to fetch, and from where."""
 
     name: str
@@ -33,7 +33,7 @@ AUTHORS = "the archive that the README of github.com/dornik/verefine links"
 """What the authors of VeREFINE made of the data sets."""
 DENSEFUSION = "official weights of DenseFusion: github.com/j96w/DenseFusion, Trained checkpoints"
 CATALOGUE = (
-    Entry(
+    PublicDataset(
         "lm",
         "LINEMOD",
         "13 objects (3 and 7 are left out), one annotated object per frame, 2219 frames of BOP'19",
@@ -45,13 +45,13 @@ CATALOGUE = (
             DENSEFUSION,
         ),
     ),
-    Entry(
+    PublicDataset(
         "lmo",
         "LINEMOD-Occluded",
         "the clutter of LINEMOD: 8 objects of scene 2, all annotated (not in the paper)",
         ("lmo_base.zip", "lmo_models.zip", "lmo_test_bop19.zip"),
     ),
-    Entry(
+    PublicDataset(
         "ycbv",
         "YCB-Video",
         "21 objects, 75 key frames of each of 12 test scenes, the 900 frames of BOP'19",
@@ -63,7 +63,7 @@ CATALOGUE = (
             DENSEFUSION,
         ),
     ),
-    Entry(
+    PublicDataset(
         "xapc",
         "Extended APC",
         "11 objects, three in each of 30 scenes, which touch or carry each other; all frames",
@@ -126,7 +126,7 @@ def _fetch(name: str, folder: Path) -> int:
     return 0
 
 
-def _fetch_instructions(entry: Entry, folder: Path) -> list[str]:
+def _fetch_instructions(entry: PublicDataset, folder: Path) -> list[str]:
     """What to do without huggingface_hub, a line each."""
     if not entry.archives:
         return [entry.instructions]
@@ -138,7 +138,7 @@ def _fetch_instructions(entry: Entry, folder: Path) -> list[str]:
     ]
 
 
-def _download(entry: Entry, folder: Path) -> list[Path]:
+def _download(entry: PublicDataset, folder: Path) -> list[Path]:
     """Downloads the archives of a data set next to its folder; those that are there already are skipped.
 
     Raises:

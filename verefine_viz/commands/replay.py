@@ -17,7 +17,7 @@ DIFFERS, CANNOT, ENDED_EARLY = 1, 2, 3
 
 
 @dataclass(frozen=True)
-class Replay:
+class ReplayCommand:
     """Show a recorded run in the rerun viewer, or run the sessions of any number again and compare (--verify)."""
 
     recordings: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN [RUN ...]")]

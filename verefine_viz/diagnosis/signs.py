@@ -25,7 +25,7 @@ from verefine_viz.evaluation.landscape import Landscape
 from verefine_viz.evaluation.matched_estimates import CORRECT
 from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.evaluation.trained_range import Start, start_of
-from verefine_viz.methods.registry import Method, method_of
+from verefine_viz.methods.registry import MethodInfo, method_of
 
 STARVED = 0.3
 """A hypothesis that got at most this share of an even split of the iterations, or one of them, was starved."""
@@ -200,7 +200,7 @@ def _leak(o: FinishedObject) -> Finding | None:
     )
 
 
-def _misled(o: FinishedObject, method: Method) -> Finding | None:
+def _misled(o: FinishedObject, method: MethodInfo) -> Finding | None:
     right, errors, answer = o.score_at_gt, o.errors, o.answer
     if right is None or errors is None or answer is None or not o.is_misled:
         return None
@@ -229,7 +229,7 @@ def _discarded(o: FinishedObject, given_up: Discarded) -> Finding:
     )
 
 
-def _starved(o: FinishedObject, session: Session, method: Method) -> Finding | None:
+def _starved(o: FinishedObject, session: Session, method: MethodInfo) -> Finding | None:
     """The nearest start, where it is near and got next to no iterations.
 
     Not where the score prefers the answer to ground truth: more iterations would not have helped.
@@ -304,7 +304,7 @@ def out_of_range(
     return (trained, starts) if all(start.is_beyond(trained) for start in starts) else None
 
 
-def _far_start(o: FinishedObject, session: Session, method: Method, refiner: Refiner | None) -> Finding | None:
+def _far_start(o: FinishedObject, session: Session, method: MethodInfo, refiner: Refiner | None) -> Finding | None:
     """The nearest start, where it is not near."""
     if o.nearest is None or o.nearest[1].relative < FAR:
         return None
@@ -351,7 +351,7 @@ def _missed(o: FinishedObject) -> Finding | None:
 # Of an answer without ground truth.
 
 
-def _low(o: FinishedObject, method: Method) -> Finding | None:
+def _low(o: FinishedObject, method: MethodInfo) -> Finding | None:
     score = o.score.score
     if score >= LOW_SCORE:
         return None

@@ -13,7 +13,7 @@ from verefine_viz.core.geometry import angle_between, apply, inverse, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.diagnosis.case import ErrorOf
 from verefine_viz.diagnosis.causes import Cause, Finding, instead
-from verefine_viz.evaluation.near_symmetry import Surface
+from verefine_viz.evaluation.near_symmetry import OrientedPoints
 from verefine_viz.evaluation.pose_errors import adds_mm
 
 SAME_SHARE, NOISE_M = 0.02, 0.0015
@@ -113,7 +113,7 @@ def nearby_symmetry(model: ObjectModel, T: Float) -> Float | None:
 
     ``T`` is a transform of the object's frame, such as what lies between an estimate and ground truth.
     """
-    surface, n = Surface(model.points, model.point_normals, model.diameter_m), len(model.points)
+    surface, n = OrientedPoints(model.points, model.point_normals, model.diameter_m), len(model.points)
 
     def apart_m(S: Float) -> float:
         """How far nearly all of the surface moved by ``S`` lies from the surface at most [m]."""

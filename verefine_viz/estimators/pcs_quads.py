@@ -22,7 +22,7 @@ NEWTON_STEPS = 50
 """Most steps towards the largest root of a fit; it converges in about five."""
 
 
-class PairTable(NamedTuple):
+class DistanceTable(NamedTuple):
     """Every two points of a cloud once, by their distance."""
 
     distances_m: Float
@@ -31,12 +31,12 @@ class PairTable(NamedTuple):
     """(N·(N-1)/2, 2) indices of the points."""
 
     @staticmethod
-    def build(points: Float) -> PairTable:
+    def build(points: Float) -> DistanceTable:
         """The table of a cloud (N, 3)."""
         distances = pdist(points).astype(np.float64)
         order = np.argsort(distances, kind="stable")
         first, second = np.triu_indices(len(points), 1)  # the order of pdist
-        return PairTable(distances[order], np.stack([first, second], axis=1)[order].astype(np.int32))
+        return DistanceTable(distances[order], np.stack([first, second], axis=1)[order].astype(np.int32))
 
     def pairs_of_length(self, length_m: float, tolerance_m: float) -> NDArray[np.int32]:
         """Pairs (n, 2) that are longer than ``length_m - tolerance_m`` and shorter than ``length_m + tolerance_m``.
@@ -51,7 +51,7 @@ class PairTable(NamedTuple):
 def congruent_quads(
     base: Base,
     points: Float,
-    pairs: PairTable,
+    pairs: DistanceTable,
     delta_m: float,
     most: int,
     rng: np.random.Generator,

@@ -12,7 +12,7 @@ from pathlib import Path
 from verefine_viz.core.errors import InputError, quoted
 from verefine_viz.core.files import LEVELS_BELOW
 from verefine_viz.core.text_format import MOST_NAMED, first_of
-from verefine_viz.evaluation.bop_scores import Report, Scores, bop_scores
+from verefine_viz.evaluation.bop_scores import BopScores, Report, bop_scores
 from verefine_viz.evaluation.ground_truth import (
     BopGroundTruth,
     Targets,
@@ -46,7 +46,7 @@ class Evaluation:
     is_official: bool
     """Whether there is one."""
     files: tuple[Path, ...]
-    scores: tuple[Scores, ...]
+    scores: tuple[BopScores, ...]
     """One for each file."""
     coverage: tuple[Coverage, ...]
     """Coverage of each file."""
@@ -181,7 +181,7 @@ def _targets_file_fault(asked: Targets, dataset: BopDataset) -> tuple[str, ...]:
     )
 
 
-def _unknown_instances(asked: Targets, score: Scores) -> tuple[str, ...]:
+def _unknown_instances(asked: Targets, score: BopScores) -> tuple[str, ...]:
     """A note where instances are asked for that ground truth does not hold."""
     n_asked = sum(n for counts in asked.counts.values() for n in counts.values())
     if score.task == "detection" or n_asked <= score.counts.targets:

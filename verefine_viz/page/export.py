@@ -126,7 +126,7 @@ class Exporter:
             )
         watchers = (file,) if recorder is None else (file, recorder)
         try:
-            run.show((Watched(self._progress, run.length, watchers),))
+            run.show((CheckedHistory(self._progress, run.length, watchers),))
             if branch.recording is not None:
                 end = read_recording(branch.recording).end
             else:
@@ -150,7 +150,7 @@ class Exporter:
 
 
 @dataclass(frozen=True)
-class Watched:
+class CheckedHistory:
     """Shows a history of ``n`` iterations to watchers, and asks before each whether to go on."""
 
     progress: ProgressToken

@@ -13,7 +13,7 @@ from msgspec import structs
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import expand_home
-from verefine_viz.page.gallery import Entry, Gallery
+from verefine_viz.page.gallery import Gallery, GalleryEntry
 from verefine_viz.page.link import PageLink, read_link
 from verefine_viz.page.protocol import Open
 from verefine_viz.run.session_file import load_session
@@ -101,7 +101,7 @@ def open_gallery(gallery: Gallery | None) -> Gallery:
     return gallery
 
 
-def _open_answer(d: Debugger, entry: Entry) -> None:
+def _open_answer(d: Debugger, entry: GalleryEntry) -> None:
     path = open_gallery(d.gallery).loose_record(entry)
     if path is None:
         _enter(d, entry.run, entry.row.frame)

@@ -21,7 +21,7 @@ from verefine_viz.core.writing import atomic
 from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.bundle import InlinedBlobs, bundle, compressed, element, webp
-from verefine_viz.page.gallery import Entry, Gallery
+from verefine_viz.page.gallery import Gallery, GalleryEntry
 from verefine_viz.page.openable import path_of, read_openable
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.pixel_maps import ALIGNED
@@ -135,7 +135,7 @@ def opened(path: Path, frame: str | None = None) -> Debugger:
     debugger = Debugger(space).carry_out(())
     branch = space.work.first
     if not branch.run.is_done and branch.recording is None:
-        debugger.carry_out([p.Run(branch.index)])
+        debugger.carry_out([p.RunVerb(branch.index)])
     return debugger
 
 
@@ -154,7 +154,7 @@ def opened_batch(gallery: Gallery, frame: str | None = None) -> Debugger:
     return opened_answer(gallery, entry)
 
 
-def opened_answer(gallery: Gallery, entry: Entry) -> Debugger:
+def opened_answer(gallery: Gallery, entry: GalleryEntry) -> Debugger:
     """Open an answer of a batch.
 
     Raises:
@@ -254,13 +254,13 @@ def _portable(message: Json) -> Json:
 def _answer(space: Workspace, of: Json, blobs: InlinedBlobs) -> Json:
     want = msgspec.convert(of, p.AnyWant)
     try:
-        if not isinstance(want, p.Maps | p.Shaded):
+        if not isinstance(want, p.MapsWanted | p.ShadedWanted):
             return ANSWERS[type(want)](space, want, blobs)
         exact = Blobs()
         answer = ANSWERS[type(want)](space, want, exact)
     except VerefineError as error:
         return {"gone": str(error)}
-    if isinstance(want, p.Maps):
+    if isinstance(want, p.MapsWanted):
         return answer | _rounded(exact.data(answer["blob"]), answer["arrays"], blobs)
     if answer["url"] is None:
         return answer

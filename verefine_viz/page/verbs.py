@@ -45,7 +45,7 @@ _TIMED = 20
 """Iterations whose mean duration says how long the others will take."""
 SOURCES = {"results": "the results files", "perturb": "the disturbed ground truth"}
 """What the page calls where initial poses come from; estimators have their names."""
-_NOT_LOGGED = (p.Look, p.Want, p.Run, p.Seek, p.Pause, p.Cancel, p.Evaluate, p.Save, p.Tag)
+_NOT_LOGGED = (p.Look, p.Want, p.RunVerb, p.Seek, p.Pause, p.Cancel, p.Evaluate, p.Save, p.Tag)
 """Verbs that change no record; how far a run came is logged where it stops."""
 
 
@@ -434,7 +434,7 @@ def _seek(d: Debugger, verb: p.Seek, window: int | None) -> None:
         d.compute(Goal(branch, verb.k))
 
 
-def _run(d: Debugger, verb: p.Run, window: int | None) -> None:
+def _run(d: Debugger, verb: p.RunVerb, window: int | None) -> None:
     branch = d.space.branch(verb.branch)
     if branch.run.is_done:
         raise InputError("the run is over; restart it, or fork it with other settings")
@@ -506,7 +506,7 @@ def _check_goes_on(old: Branch, k: int, edit: tuple[int, int, Float]) -> None:
         )
 
 
-def _branch(d: Debugger, verb: p.Branch, window: int | None) -> None:
+def _branch(d: Debugger, verb: p.BranchVerb, window: int | None) -> None:
     branch = d.space.branch(verb.index)
     if verb.remove:
         d.pause(branch.index)
@@ -565,7 +565,7 @@ def _order(d: Debugger, verb: p.Order, window: int | None) -> None:
 def _want(d: Debugger, verb: p.Want, window: int | None) -> None:
     answer = ANSWERS[type(verb.of)](d.space, verb.of, d.blobs)
     d.post({"t": "answer", "id": verb.id, **answer}, window)
-    if isinstance(verb.of, p.Physics) and window == d.look_window:
+    if isinstance(verb.of, p.PhysicsWanted) and window == d.look_window:
         d.on_look()  # Overlaps and supports are known now.
 
 
@@ -593,13 +593,13 @@ HANDLERS: dict[type, Callable[[Debugger, Any, int | None], None]] = {
     p.Look: _look,
     p.Step: _step,
     p.Seek: _seek,
-    p.Run: _run,
+    p.RunVerb: _run,
     p.Pause: _pause,
     p.Cancel: _pause,
     p.Break: _break,
     p.Restart: _restart,
     p.Fork: _fork,
-    p.Branch: _branch,
+    p.BranchVerb: _branch,
     p.Compare: _compare,
     p.Estimate: _estimate,
     p.Order: _order,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, QhullError
 
-from verefine_viz.core.arrays import Float, finite, frozen
+from verefine_viz.core.arrays import Float, finite, frozen, set_fields
 from verefine_viz.core.geometry import apply, inverse
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
@@ -75,12 +75,15 @@ class Plausibility:
 
     def __post_init__(self) -> None:
         n = len(self.contact_others)
-        object.__setattr__(self, "contact_points_cam", finite(self.contact_points_cam, "contact points", (n, 3)))
-        object.__setattr__(self, "contact_normals_cam", finite(self.contact_normals_cam, "contact normals", (n, 3)))
-        object.__setattr__(self, "contact_others", frozen(self.contact_others, "contact partners", (n,), np.int64))
-        object.__setattr__(self, "polygon_cam", finite(self.polygon_cam, "support polygon", (None, 3)))
-        object.__setattr__(self, "com_cam", finite(self.com_cam, "centre of mass", (3,)))
-        object.__setattr__(self, "com_on_plane_cam", finite(self.com_on_plane_cam, "centre of mass", (3,)))
+        set_fields(
+            self,
+            contact_points_cam=finite(self.contact_points_cam, "contact points", (n, 3)),
+            contact_normals_cam=finite(self.contact_normals_cam, "contact normals", (n, 3)),
+            contact_others=frozen(self.contact_others, "contact partners", (n,), np.int64),
+            polygon_cam=finite(self.polygon_cam, "support polygon", (None, 3)),
+            com_cam=finite(self.com_cam, "centre of mass", (3,)),
+            com_on_plane_cam=finite(self.com_on_plane_cam, "centre of mass", (3,)),
+        )
 
     def share(self, tolerance_m: float) -> float:
         """What a score has of it, p in [0, 1]: half for touching without sinking in, half for being stable.

@@ -17,7 +17,7 @@ from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.writing import atomic, clear_parts
 from verefine_viz.page.bundle import bundle, part, picture
-from verefine_viz.page.gallery import Entry, Gallery
+from verefine_viz.page.gallery import Gallery, GalleryEntry
 from verefine_viz.page.share import command_path, opened_answer, shared, write_shared
 from verefine_viz.page.thumbnails import Painter
 from verefine_viz.page.views.gallery_answers import answers_message
@@ -188,7 +188,7 @@ def _frames(
     return parts
 
 
-def _run_file(gallery: Gallery, entry: Entry) -> str:
+def _run_file(gallery: Gallery, entry: GalleryEntry) -> str:
     """The run file of an answer as a command has it."""
     folder = gallery.runs[entry.run].folder
     path = gallery.loose_record(entry) or Runs(folder / "runs").path(entry.row.frame)

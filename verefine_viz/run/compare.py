@@ -243,7 +243,7 @@ Winner = Literal["A", "B", "even"]
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class ComparedObject:
     """One object in both runs."""
 
     instance_id: int
@@ -294,7 +294,7 @@ def outcomes(
     b: Run,
     errors_of: ErrorsOf,
     score_of: Callable[[Target, Best], float] | None = None,
-) -> tuple[Outcome, ...]:
+) -> tuple[ComparedObject, ...]:
     """The answers of both runs so far, object by object.
 
     Args:
@@ -315,4 +315,4 @@ def outcomes(
     of_a, of_b = answers(a), answers(b, score_of)
     problems = {i.instance_id: run.problem for run in (b, a) for i in run.problem.instances}
     ids = dict.fromkeys(i.instance_id for run in (a, b) for i in run.problem.instances)
-    return tuple(Outcome(own, name_of(problems[own], own), of_a.get(own), of_b.get(own)) for own in ids)
+    return tuple(ComparedObject(own, name_of(problems[own], own), of_a.get(own), of_b.get(own)) for own in ids)

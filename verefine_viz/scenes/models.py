@@ -27,7 +27,7 @@ from verefine_viz.scenes.meshes import Mesh, mesh_files, read_mesh, unit_of_form
 # An object's entry in ``models_info.json``.
 
 
-class Axis(msgspec.Struct, frozen=True):
+class SymmetryAxis(msgspec.Struct, frozen=True):
     """A continuous symmetry."""
 
     axis: Numbers3
@@ -41,7 +41,7 @@ class ModelInfo(msgspec.Struct, frozen=True):
 
     diameter: Annotated[float, Meta(ge=1e-3, le=1e6)] | None = None
     symmetries_discrete: tuple[Numbers4x4, ...] = ()
-    symmetries_continuous: tuple[Axis, ...] = ()
+    symmetries_continuous: tuple[SymmetryAxis, ...] = ()
 
 
 CONTINUOUS_STEPS = 64
@@ -111,7 +111,7 @@ def combined_symmetries(discrete: Sequence[Float], continuous: Sequence[Float]) 
     return np.stack([C @ D for D in every for C in continuous] if continuous else every)
 
 
-def _rotations(symmetry: Axis, where: str, n_steps: int, unit: float) -> list[Float]:
+def _rotations(symmetry: SymmetryAxis, where: str, n_steps: int, unit: float) -> list[Float]:
     if not np.linalg.norm(symmetry.axis) > 0:
         raise ShapeError(f"{where}: 'axis' is zero, expected a direction")
     check_reach(symmetry.offset * 1e-3, f"{where}: 'offset'")

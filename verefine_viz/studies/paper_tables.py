@@ -14,7 +14,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
 from verefine_viz.studies.budgets import BUDGETS, Budget, budget_of
 from verefine_viz.studies.disturbance import disturbed, first_poses, with_ground_truth
-from verefine_viz.studies.study_plan import Claim, Curve, Panel, Prepare, Study
+from verefine_viz.studies.study_plan import Claim, Panel, Prepare, Study, StudyCurve
 
 ROTATION_DEG, TRANSLATION_MM = 30.0, 30.0
 """Initial poses where the session brings none."""
@@ -45,7 +45,7 @@ def _panel(budget: Budget, own_initial_poses: bool) -> Panel:
     has_tree = budget.refiner == "trimmed_icp"
     short, long = budget.short, budget.long
     # Disturbed ground truth is off by as much in every pose; an estimator's poses are a row of the table.
-    curves = [Curve(FIRST, None)] if own_initial_poses else []
+    curves = [StudyCurve(FIRST, None)] if own_initial_poses else []
     if has_tree:
         curves += [budget.search(MCTS, long), budget.search(f"{MCTS}, {long}", long, long)]
     else:

@@ -17,7 +17,7 @@ from verefine_viz.refiners.depth_net import NETWORK
 from verefine_viz.training.course import losses_on_card, versions
 from verefine_viz.training.depth_net_samples import LARGEST_DEG, LARGEST_SHIFT
 from verefine_viz.training.held_out import measured
-from verefine_viz.training.progress_bar import Progress, shown_progress
+from verefine_viz.training.progress_bar import TrainingProgress, shown_progress
 from verefine_viz.training.synthetic_views import DISTANCE_M, FOCAL_PX, LEAST_VISIBLE, OBJECT_PX, OFF_AXIS_DEG
 from verefine_viz.training.train_depth_net import BATCH_SIZE, Trained, train
 from verefine_viz.training.training_shapes import DIAMETER_M, N_HELD_OUT, N_RANDOM
@@ -51,7 +51,7 @@ def train_depth_net(out: Path, seed: int, n_steps: int | None, minutes: float) -
     return 0
 
 
-def describe(now: Progress) -> str:
+def describe(now: TrainingProgress) -> str:
     """``loss 0.312, 4.5 % of the diameter left after a step``."""
     return f"loss {now.loss:.3f}, {50 * now.error:.1f} % of the diameter left after a step"
 

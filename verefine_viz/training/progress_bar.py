@@ -16,7 +16,7 @@ EVERY_S = 30.0
 
 
 @dataclass(frozen=True)
-class Progress:
+class TrainingProgress:
     """How far a training is."""
 
     step: int
@@ -31,8 +31,8 @@ class Progress:
 
 @contextmanager
 def shown_progress(
-    console: Console, name: str, n_steps: int | None, describe: Callable[[Progress], str]
-) -> Iterator[Callable[[Progress], None]]:
+    console: Console, name: str, n_steps: int | None, describe: Callable[[TrainingProgress], str]
+) -> Iterator[Callable[[TrainingProgress], None]]:
     """Shows what the function that it gives is called with.
 
     Args:
@@ -46,7 +46,7 @@ def shown_progress(
     with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         row = bar.add_task(name, total=n_steps, note="drawing views")
 
-        def report(now: Progress) -> None:
+        def report(now: TrainingProgress) -> None:
             nonlocal printed_at
             note = describe(now) + ("" if now.minutes_left is None else f", {now.minutes_left:.0f} min to go")
             bar.update(row, completed=now.step, total=now.n_steps, note=note)

@@ -6,7 +6,7 @@ from typing import Any
 
 from verefine_viz.batch.index import ORDERS, Order, sort_key
 from verefine_viz.diagnosis.causes import cause_title
-from verefine_viz.page.gallery import Entry, Gallery
+from verefine_viz.page.gallery import Gallery, GalleryEntry
 
 Json = dict[str, Any]
 
@@ -33,7 +33,7 @@ def _sorted_keys(gallery: Gallery, order: Order) -> list[int]:
     return sorted(range(len(entries)), key=lambda key: place(entries[key].row))
 
 
-def _row(gallery: Gallery, key: int, entry: Entry) -> Json:
+def _row(gallery: Gallery, key: int, entry: GalleryEntry) -> Json:
     row = entry.row
     tone = "waiting" if entry.is_waiting else "none" if row.status != "ok" else (
         "unknown" if row.is_correct is None else "right" if row.is_correct else "wrong"

@@ -28,7 +28,7 @@ from verefine_viz.scenes.recorded_source import RecordedSource
 Json = dict[str, Any]
 
 
-def track(space: Workspace, want: p.Track, blobs: Blobs) -> Json:
+def track(space: Workspace, want: p.TrackWanted, blobs: Blobs) -> Json:
     """Return the frames of the open frame's scene; none where they are no sequence.
 
     From motion.csv of the batch that is open, else from what another program recorded, else from the frames that were

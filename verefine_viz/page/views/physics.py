@@ -34,7 +34,7 @@ OUTLINE_POINTS = 4000
 """Model points from which an outline seen from above is made."""
 
 
-def physics(space: Workspace, want: p.Physics, blobs: Blobs) -> Json:
+def physics(space: Workspace, want: p.PhysicsWanted, blobs: Blobs) -> Json:
     """Return what physics says about every object where it stands, and about the focus before and after."""
     branch = space.branch(want.branch)
     look = p.Look(branch=want.branch, k=want.k, obj=want.obj, answer=want.answer, edited=want.edited)

@@ -20,7 +20,7 @@ SAME_AXIS = 0.99
 """Cosine of the angle up to which two axes of near symmetries count as one."""
 
 
-def landscape(space: Workspace, want: p.Landscape, blobs: Blobs) -> Json:
+def landscape(space: Workspace, want: p.LandscapeWanted, blobs: Blobs) -> Json:
     """Return one part of the landscape of an object's best pose after iteration k.
 
     Raises:
