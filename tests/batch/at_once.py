@@ -12,7 +12,7 @@ from tests.made_runs import answer, finished, written
 from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.run_batch import Backend, Workers
 from verefine_viz.batch.runs import file_stem
-from verefine_viz.batch.worker_process import TaskName
+from verefine_viz.batch.worker_tasks import TaskName
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord, failed_run
 

@@ -28,7 +28,7 @@ from verefine_viz.batch import cluster
 from verefine_viz.batch.dask_worker import WorkerTools
 from verefine_viz.batch.run_batch import Backend, BatchStatus
 from verefine_viz.batch.run_batch import run_batch as run_here
-from verefine_viz.batch.worker_process import ONE_THREAD
+from verefine_viz.batch.worker_tasks import ONE_THREAD
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import load_session

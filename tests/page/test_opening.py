@@ -16,9 +16,9 @@ from tests.scenes.test_trace import write_box, write_trace
 from verefine_viz.core.errors import InputError
 from verefine_viz.page import protocol as p
 from verefine_viz.page.gallery import Gallery, read_gallery
-from verefine_viz.page.opening import titled
 from verefine_viz.page.protocol import write_verb
 from verefine_viz.page.replay_verbs import carry_out
+from verefine_viz.page.session_titles import titled
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.recording.verify import first_difference

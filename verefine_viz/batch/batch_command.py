@@ -20,7 +20,7 @@ from verefine_viz.batch.run_batch import Backend, BatchOutcome, run_batch
 from verefine_viz.batch.terminal import Terminal
 from verefine_viz.batch.totals import Notes
 from verefine_viz.batch.worker_pool import Pool
-from verefine_viz.batch.worker_process import TaskName
+from verefine_viz.batch.worker_tasks import TaskName
 from verefine_viz.diagnosis.causes import Cause, cause_title
 from verefine_viz.run.record import Answer
 

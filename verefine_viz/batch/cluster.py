@@ -28,7 +28,7 @@ from verefine_viz.batch.machine import gigabytes
 from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.runs import file_stem
 from verefine_viz.batch.worker_pool import interrupts_ignored
-from verefine_viz.batch.worker_process import ONE_THREAD, TaskName
+from verefine_viz.batch.worker_tasks import ONE_THREAD, TaskName
 from verefine_viz.core.errors import SettingsError, UnavailableError, VerefineError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord, failed_run

@@ -33,7 +33,7 @@ from verefine_viz.batch.runs import RUN_FILE, BatchInfo, RunTotals, read_run
 from verefine_viz.batch.sequence_output import SequenceOutput
 from verefine_viz.batch.session_check import check
 from verefine_viz.batch.totals import BatchCounts
-from verefine_viz.batch.worker_process import TaskName
+from verefine_viz.batch.worker_tasks import TaskName
 from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session

@@ -22,10 +22,9 @@ from verefine_viz.methods.registry import METHODS
 from verefine_viz.page import proxy
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.export import Exporter
-from verefine_viz.page.gallery import Gallery
+from verefine_viz.page.gallery import Gallery, open_gallery
 from verefine_viz.page.live_gallery import LiveGallery
 from verefine_viz.page.moment import moment_of
-from verefine_viz.page.opening import open_gallery
 from verefine_viz.page.protocol import AnyVerb
 from verefine_viz.page.scene3d.scene import Scene3D
 from verefine_viz.page.scene3d.viser_server import Viser3DServer

@@ -234,3 +234,14 @@ def read_gallery(folder: Path, overrides: Mapping[str, Any] | None = None) -> Ga
     if not gallery.sorted_by("error"):
         raise InputError(f"no run in {folder} has an answer; open one by itself: verefine-viz view RUN{SUFFIX}")
     return gallery
+
+
+def open_gallery(gallery: Gallery | None) -> Gallery:
+    """Return the answers of the batch that is open.
+
+    Raises:
+        InputError: none is.
+    """
+    if gallery is None:
+        raise InputError("no batch is open; open one with verefine-viz view FOLDER")
+    return gallery
