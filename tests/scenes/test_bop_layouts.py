@@ -132,7 +132,7 @@ def test_instances_without_visible_pixels_shift_no_mask(tmp_path: Path) -> None:
     assert masks_are(made.read(), made, 1, 2)
 
 
-@pytest.mark.parametrize("order", [(0, 1), (1, 2), (1, 0), (2, 1), (0, 2, 1), (2,)])
+@pytest.mark.parametrize("order", [(1, 0), (0, 2, 1), (2,)])
 def test_without_visible_shares_masks_go_to_the_poses_in_their_boxes(tmp_path: Path, order: tuple[int, ...]) -> None:
     made = make(tmp_path)
     (made.scene / "scene_gt_info.json").unlink()
@@ -207,14 +207,10 @@ def saved(old: str, new: str) -> Callable[[Made], None]:
 
 NEAR: tuple[tuple[Callable[[Made], object], str], ...] = (
     (saved("depth/000003.png", "depth/000003.npy"), "in depth/ there is 000003.npy"),
-    (renamed("depth/000003.png", "depth/000003.exr"), "in depth/ there is 000003.exr"),
-    (renamed("depth/000003.png", "depth/0003.png"), "in depth/ there is 0003.png"),
     (renamed("depth/000003.png", "depth/frame_3.png"), "in depth/ there is frame_3.png"),
     (renamed("depth", "Depth"), "in 000007/ there is Depth"),
     (renamed("mask_visib", "masks_visib"), "there is masks_visib"),
-    (renamed("../../models", "../../Models"), "there is Models"),
     (renamed("../../models", "../../model"), "there is model"),
-    (renamed("scene_camera.json", "Scene_camera.json"), "there is Scene_camera.json"),
     (renamed("scene_camera.json", "scene_camera.json.gz"), "there is scene_camera.json.gz"),
     (renamed("scene_gt.json", "scene_gts.json"), "there is scene_gts.json"),
 )
@@ -247,7 +243,7 @@ def test_nothing_is_named_that_is_not_like_it(tmp_path: Path) -> None:
     assert "there is" not in refusal(made)
 
 
-@pytest.mark.parametrize("years", [(18,), (18, 19), (19, 24), (18, 24)])
+@pytest.mark.parametrize("years", [(18, 19), (19, 24), (18, 24)])
 def test_of_several_targets_files_all_take_the_same(tmp_path: Path, years: tuple[int, ...]) -> None:
     """``view``, ``batch``, ``datasets check`` and ``evaluate``; of BOP'19 where it is there, else the newest."""
     made = make(tmp_path, targets=False)

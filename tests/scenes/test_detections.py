@@ -28,14 +28,6 @@ def test_both_encodings_are_inverted(mask: np.ndarray) -> None:
     np.testing.assert_array_equal(decode_rle(as_string, shape), mask)
 
 
-def test_long_runs_of_a_whole_image() -> None:
-    mask = np.zeros((480, 640), bool)
-    mask[100:300, 200:500] = True
-    code: Any = coco.encode(np.asfortranarray(mask.astype(np.uint8)))
-    back = decode_rle(RunLengths((480, 640), code["counts"].decode("ascii")), (480, 640))
-    np.testing.assert_array_equal(back, mask)
-
-
 @settings(max_examples=150, deadline=None)
 @given(st.text(st.characters(min_codepoint=32, max_codepoint=200), max_size=12))
 def test_any_other_string_is_refused_or_a_whole_mask(text: str) -> None:
