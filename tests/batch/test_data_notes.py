@@ -21,8 +21,7 @@ pytestmark = pytest.mark.usefixtures("processes")
 
 
 @pytest.mark.parametrize(
-    ("focal", "translation_mm", "noted"),
-    [(1.0, 60.0, False), (0.75, 60.0, True), (0.75, 0.0, False)],
+    ("focal", "translation_mm", "noted"), [(1.0, 60.0, False), (0.75, 60.0, True), (0.75, 0.0, False)]
 )
 def test_a_wrong_focal_length_is_noted_where_answers_are_wrong(
     tmp_path: Path, focal: float, translation_mm: float, noted: bool
@@ -37,7 +36,6 @@ def test_a_wrong_focal_length_is_noted_where_answers_are_wrong(
         recording=RecordingSettings(keep="none"),
     )
     result = explain_frame(Toolbox(session), "0/0", tmp_path).end
-    assert result is not None
     assert any(row.cause for row in result.answers) == (translation_mm > 0)
     assert any("fx and fy of cam_K look too small" in doubt for doubt in result.doubts) == noted
 
@@ -52,13 +50,11 @@ def test_without_ground_truth_every_answer_of_the_frame_says_so(tmp_path: Path, 
         recording=RecordingSettings(keep="none"),
     )
     result = explain_frame(WithoutTruth(session), "0/0", tmp_path).end
-    assert result is not None
     assert len(result.doubts) == in_doubt
     assert all(row.evidence.startswith(DATA_FIRST) == bool(in_doubt) for row in result.answers)
     totals = Totals()
     # A batch that goes on later still knows.
     (record,) = totals.passing(Runs(tmp_path / "runs").records(["0/0"]))
-    assert record.end is not None
     assert record.end.doubts == result.doubts
     rows = record.end.answers
     said = totals.as_json(1)["data_in_doubt"]

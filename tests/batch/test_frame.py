@@ -45,7 +45,6 @@ def toolbox(folder: Path, made: Made, keep: str, **hypotheses: object) -> Toolbo
 def solved(tools: Toolbox, frame: str, out: Path, task: FrameTask = solve_frame) -> RunEnd:
     """How the frame ended; its run file says the same, and there is none where it failed."""
     record = task(tools, frame, out)
-    assert record.end is not None
     path = Runs(out / "runs").path(frame)
     written = Runs(out / "runs").entry(frame) if path.exists() else None
     assert (written is None) == record.end.failed
@@ -72,21 +71,19 @@ def test_the_recordings_that_were_asked_for_are_kept(
         assert len(read_recording(file).iterations) == 9  # 3 objects, 3 iterations: the whole history
 
 
-@pytest.mark.parametrize("keep", ["all", "failures"])
 def test_recording_is_no_part_of_the_time_of_solving(
-    tmp_path: Path, made: Made, keep: str, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, made: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def slow(recorder: Recorder, *_: object) -> None:
-        sleep(0.3)
+        sleep(0.1)
 
-    monkeypatch.setattr(Recorder, "on_start", slow)
-    monkeypatch.setattr(Recorder, "on_iteration", slow)
-    monkeypatch.setattr(Recorder, "on_finish", slow)
-    result = solved(toolbox(tmp_path, made, keep, rotation_deg=0.0, translation_mm=60.0), "7/0", tmp_path)
+    for name in ("on_start", "on_iteration", "on_finish"):
+        monkeypatch.setattr(Recorder, name, slow)
+    result = solved(toolbox(tmp_path, made, "failures", rotation_deg=0.0, translation_mm=60.0), "7/0", tmp_path)
     n_calls = 1 + 9 + 1  # start, iterations, end
-    assert result.stages_ms["record"] > 300 * n_calls
+    assert result.stages_ms["record"] > 100 * n_calls
     assert solving_s(result) == pytest.approx(1e-3 * (result.stages_ms["start"] + result.stages_ms["iterate"]))
-    assert solving_s(result) < result.seconds - 0.3 * n_calls
+    assert solving_s(result) < result.seconds - 0.1 * n_calls
     assert sum(result.stages_ms.values()) < 1e3 * result.seconds
 
 
@@ -128,8 +125,6 @@ def test_kernels_are_compiled_once_and_that_is_no_part_of_what_waits_for_them(
     monkeypatch.setattr(Toolbox, "_solvable", with_a_kernel)
     told: list[str] = []
     first, second = (solve_frame(tools, "7/0", tmp_path, lambda: told.append("compiling")).end for _ in range(2))
-    assert first is not None
-    assert second is not None
     assert told == ["compiling"]
     assert first.stages_ms["compile"] > 10
     assert "compile" not in second.stages_ms
@@ -190,8 +185,6 @@ def test_causes_are_asked_for_where_the_answer_is_wrong(tmp_path: Path, made: Ma
     plain = solved(far, "7/0", tmp_path)
     assert {row.cause for row in plain.answers} == {""}
     for one, other in zip(asked.answers, plain.answers, strict=True):
-        assert one.T_cam_obj is not None
-        assert other.T_cam_obj is not None
         assert one.T_cam_obj.tobytes() == other.T_cam_obj.tobytes()
     assert asked.stages_ms["explain"] > 0
     assert set(asked.stages_ms) <= set(STAGES)

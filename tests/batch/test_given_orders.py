@@ -54,8 +54,6 @@ def orders(folder: Path, content: object) -> str:
     [
         ([[2, 99]], "dependency.order: unknown object 99; available: 2, 5"),
         ([[5, 2], [2, 5]], "dependency.order runs in a circle: it names 2 twice; name what supports others first"),
-        ([["#1"], [2, "#1"]], "dependency.order runs in a circle: it names '#1' twice"),
-        ([["mug"]], "dependency.order: Expected `str` matching regex"),
     ],
 )
 def test_an_order_that_cannot_be_meant(order: list[Any], words: str, bad_input: BadInput) -> None:
@@ -69,7 +67,6 @@ def test_an_order_that_cannot_be_meant(order: list[Any], words: str, bad_input: 
     [
         (None, "orders.json does not exist"),
         ("{", "orders.json: not JSON"),
-        ([[2, 5]], "orders.json: Expected `object`, got `array`"),
         ({"7-1": [[2]]}, "orders.json: frame '7-1' is not \"scene/image\""),
         ({"07/1": [[2]]}, "orders.json: frame '07/1' is called '7/1'; rename it"),
     ],
@@ -85,9 +82,3 @@ def test_orders_that_can_be_meant(bad_input: BadInput) -> None:
     # What is said about frames that are not asked for does not matter, nor what an object set aside would be.
     path = orders(bad_input.folder, {"7/0": [[2, 5]], "7/9": [[99]]})
     assert check(load_session(bad_input.session(order_file=path), {"scene": {"objects": (5,)}})) == (FRAMES, ())
-
-
-def test_of_several_mistakes_the_first_frame_s_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    bad_input = BadInput(tmp_path, make_frames(tmp_path / "data", 8), capsys)
-    path = orders(tmp_path, {f"7/{k}": [[90 + k]] for k in reversed(range(1, 8))})
-    assert "frame '7/1': unknown object 91" in bad_input.refused(order_file=path)

@@ -143,14 +143,13 @@ def test_a_data_set_without_a_session_needs_none(tmp_path: Path, mesh: Path) -> 
     watch.close()
 
 
-@pytest.mark.parametrize("content", ["", '{"1": {"cam_K": [', "[]"])
-def test_a_half_written_list_of_frames_is_read_again(tmp_path: Path, mesh: Path, content: str) -> None:
+def test_a_half_written_list_of_frames_is_read_again(tmp_path: Path, mesh: Path) -> None:
     keep(tmp_path / "frames", mesh)
     watch = watch_of(tmp_path)
     watch.look()
     cameras = tmp_path / "frames" / "test" / "000001" / "scene_camera.json"
     whole = cameras.read_text()
-    cameras.write_text(content)
+    cameras.write_text('{"1": {"cam_K": [')
     assert watch.look()
     assert "scene_camera.json" in watch.latest[1]
     assert "\n" not in watch.latest[1]
@@ -303,18 +302,3 @@ def test_a_trace_counts_once_it_is_whole_and_is_solved_again_once_it_grew(tmp_pa
     assert watch.look()
     assert shown(watch) == [("frames", "0/1", WAITING)]
     watch.close()
-
-
-def test_whatever_a_folder_raises_is_its_fault_and_the_watch_goes_on(
-    tmp_path: Path, mesh: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    keep(tmp_path / "frames", mesh)
-    watch = watch_of(tmp_path)
-    with monkeypatch.context() as broken:
-        broken.setattr(watching, "open_scene", lambda *_: 1 / 0)
-        watch.look()
-        assert watch.latest == ((), "ZeroDivisionError: division by zero")
-        broken.setattr(watching, "data_folders", lambda *_: 1 / 0)
-        with at_work(watch) as until:
-            until(lambda: watch.latest[1] == "ZeroDivisionError: division by zero")
-    assert not watch.latest[0]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,8 @@ from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.evaluation.bop_scores import Scores, bop_scores
 from verefine_viz.evaluation.ground_truth import ProblemGroundTruth, Targets, visible_targets
 from verefine_viz.evaluation.matched_estimates import correct_share, mean_errors
-from verefine_viz.evaluation.pose_table import OwnPart, PoseTable, read_pose_table
-from verefine_viz.scenes.results_csv import ResultRow, write_results
+from verefine_viz.evaluation.pose_table import OwnPart, PoseTable
+from verefine_viz.scenes.results_csv import ResultRow
 
 pytestmark = pytest.mark.usefixtures("long_run")
 
@@ -128,14 +127,6 @@ def test_a_matrix_is_used_as_it_is_written(demo: DemoSet) -> None:
     assert numbers(scored(demo, given)) == pytest.approx(expected, abs=1e-12)
 
 
-def test_a_file_is_scored_as_the_rows_in_memory(demo: DemoSet, tmp_path: Path) -> None:
-    rows = demo.rows(disturbed)
-    write_results(tmp_path / "ours_demo-test.csv", rows)
-    read = read_pose_table(tmp_path / "ours_demo-test.csv")
-    assert read.name == "ours"
-    assert numbers(scored(demo, read)) == numbers(scored(demo, rows))
-
-
 def test_methods_together_score_as_alone_with_any_number_of_threads(demo: DemoSet) -> None:
     tables = [table(demo.rows(perfect)), table(demo.rows(disturbed)), table(demo.rows(disturbed)[::2]), table([])]
     alone = [numbers(scored(demo, t)) for t in tables]
@@ -144,12 +135,6 @@ def test_methods_together_score_as_alone_with_any_number_of_threads(demo: DemoSe
         together = bop_scores(tables, demo.truth, demo.targets, workers=workers)
         assert [numbers(s) for s in together] == alone
         assert [s.answers for s in together][1] == scored(demo, tables[1]).answers
-
-
-def test_progress_is_reported(demo: DemoSet) -> None:
-    told: list[tuple[int, int]] = []
-    bop_scores([table([])], demo.truth, demo.targets, report=lambda done, total: told.append((done, total)))
-    assert told == [(k, 4) for k in (1, 2, 3, 4)]
 
 
 def test_objects_and_scenes_add_up(demo: DemoSet) -> None:

@@ -184,7 +184,6 @@ def test_a_split_or_a_scene_opens_from_its_data_set(tmp_path: Path) -> None:
         assert source.frames == frames
         assert masks_are(source.problem("7/3"), made, 0, 1, 2)
     known = data_at(tmp_path / "boxes" / "val" / "000012", {})
-    assert known is not None
     assert (known.session.scene.split, known.session.scene.frames) == ("val", ("12/3", "12/4"))
     assert known.what == f"scene 12 of split val of the data set {made.root}"
     assert opened(made.scene, frames=("12/3",)).frames == ("12/3",)

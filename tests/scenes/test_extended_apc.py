@@ -24,7 +24,6 @@ from verefine_viz.scenes.source import SceneSource, open_scene
 
 def opened(folder: Path) -> SceneSource:
     known = data_at(folder, {})
-    assert known is not None
     return open_scene(known.session.scene, known.session.hypotheses)
 
 
@@ -44,7 +43,6 @@ def published(shared_data: Path, tmp_path: Path) -> Path:
         labels[one.mask] = one.obj_id
     Image.fromarray(labels).save(scene / "frame-000000.mask.png")
     T = image.T_map_cam
-    assert T is not None
     info = {
         "camera": {
             "camera_pose": [*T[:3, 3].tolist(), *quat_wxyz(T[:3, :3]).tolist()],
@@ -78,7 +76,6 @@ def test_the_published_layout_is_the_frame_in_bop_layout(published: Path, shared
 @pytest.mark.data
 def test_its_dependency_list_is_the_order_and_the_settings_win(published: Path) -> None:
     known = data_at(published, {})
-    assert known is not None
     problem = opened(published).problem("4/0")
     graph = dependency_graph(problem, known.session.dependency)
     assert (graph.source, graph.clusters) == ("given", ((0, 1), (2,)))
@@ -91,7 +88,6 @@ def test_its_dependency_list_is_the_order_and_the_settings_win(published: Path) 
 def test_an_imported_scene_is_bop_with_its_order_and_what_is_down(published: Path, tmp_path: Path) -> None:
     assert [*imported(published, tmp_path / "bop")][1:] == ["4/0 → 1/1"]
     known = data_at(tmp_path / "bop", {})
-    assert known is not None
     problem, first = opened(tmp_path / "bop").problem("1/1"), opened(published).problem("4/0")
     assert dependency_graph(problem, known.session.dependency).clusters == ((0, 1), (2,))
     for one, other in zip(problem.instances, first.instances, strict=True):
