@@ -7,14 +7,13 @@ from pathlib import Path
 import pytest
 
 from tests.calibration.sizes import WithoutTruth, scene, written
-from tests.made_runs import finished
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.runs import BatchInfo, Runs
 from verefine_viz.batch.solve_frame import explain_frame
 from verefine_viz.batch.totals import Totals
 from verefine_viz.core.settings import HypothesesSettings, MethodSettings, RecordingSettings, SceneSettings, Session
 from verefine_viz.page.gallery import Gallery
-from verefine_viz.run.record import DATA_FIRST, RunRecord
+from verefine_viz.run.record import DATA_FIRST
 from verefine_viz.run.toolbox import Toolbox
 
 pytestmark = pytest.mark.usefixtures("processes")
@@ -60,15 +59,3 @@ def test_without_ground_truth_every_answer_of_the_frame_says_so(tmp_path: Path, 
     said = totals.as_json(1)["data_in_doubt"]
     assert said.startswith(f"{DATA_FIRST} in frame 0/0, ") == bool(in_doubt)
     assert Gallery([BatchIndex(tmp_path, session, BatchInfo(), rows)]).doubt.startswith(DATA_FIRST) == bool(in_doubt)
-
-
-def test_the_end_of_a_batch_counts_the_frames_and_says_which_have_which_reason() -> None:
-    def result(k: int, *doubts: str) -> RunRecord:
-        return finished(f"0/{k}", (), doubts=doubts)
-
-    totals = Totals()
-    for _ in totals.passing([result(1), result(2, "it is odd: check it"), result(3, "cam_K is odd: check it")]):
-        pass
-    assert totals.as_json(3)["data_in_doubt"] == (
-        f"{DATA_FIRST} in 2 of 3 frames. In frame 0/2, it is odd: check it. In frame 0/3, cam_K is odd: check it."
-    )

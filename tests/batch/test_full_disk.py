@@ -5,7 +5,6 @@ The system's own limit on the size of files stands in for the disk: writing beyo
 
 from __future__ import annotations
 
-import csv
 import os
 import resource
 import shutil
@@ -134,35 +133,6 @@ def test_a_report_is_whole_or_not_there(whole: Path, tmp_path: Path, capsys: pyt
     assert said(capsys) == f"cannot write {run / 'report.html'}: File too large"
     assert (run / "report.html").read_text() == "older"
     assert not list(run.rglob("*.part"))
-
-
-def test_a_study_goes_on_when_there_is_room(session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["study", "robustness", "--quick", "--session", str(session), "--seeds", "1", "--workers", "1"]
-    words += ["--scene.frames", "7/0", "--scene.objects", "5", "--out"]
-    assert cli.main([*words, str(tmp_path / "whole")]) == 0
-    capsys.readouterr()
-    out = tmp_path / "out"
-    with file_limit(1_000):
-        assert cli.main([*words, str(out)]) == 2
-    refused = capsys.readouterr().err.splitlines()[-1]
-    assert refused.startswith(f"verefine-viz: cannot write {out / 'robustness.journal'}/")
-    assert refused.endswith(": File too large")
-    assert [p.name for p in out.iterdir()] == ["robustness.journal"]
-    assert [p.name for p in (out / "robustness.journal").iterdir()] == [".lock"]
-    with file_limit(40_000):  # The numbers fit, the figure does not.
-        assert cli.main([*words, str(out)]) == 2
-    assert f"cannot write {out / 'robustness.png'}: " in capsys.readouterr().err.splitlines()[-1]
-    assert not list(out.glob("*.part"))
-    before = {file.name: file.stat().st_mtime_ns for file in (out / "robustness.journal").glob("* seed 0.json")}
-    assert len(before) > 1
-    assert cli.main([*words, str(out)]) == 0
-    assert {file.name: file.stat().st_mtime_ns for file in (out / "robustness.journal").glob("* seed 0.json")} == before
-    assert _objects(out) == _objects(tmp_path / "whole")
-
-
-def _objects(out: Path) -> list[dict[str, str]]:
-    with (out / "robustness_objects.csv").open(newline="") as file:
-        return [{k: v for k, v in row.items() if k != "ms"} for row in csv.DictReader(file)]
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")

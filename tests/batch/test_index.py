@@ -18,7 +18,6 @@ from verefine_viz.batch.index import (
     RunSelection,
     find_runs,
     is_batch_folder,
-    named_runs,
     read_batch,
 )
 from verefine_viz.batch.runs import BatchInfo, Runs
@@ -126,6 +125,7 @@ def test_several_runs_in_a_folder_are_found_by_name(
         shutil.copytree(index.folder, several / name)
     (several / "notes").mkdir()
     assert find_runs(several) == RunSelection((several / "rir", several / "sir"), "")
+    shutil.copytree(index.folder, index.folder / "recordings" / "copy", ignore=lambda *_: ["recordings"])
     assert find_runs(index.folder) == RunSelection((index.folder,), "")
     with pytest.raises(InputError, match="no folder of a batch"):
         find_runs(several / "notes")
@@ -158,21 +158,6 @@ def test_runs_further_down_are_never_left_out_silently(
     found = find_runs(top)
     assert found.runs == (top / "refine",)
     assert f"{top / 'a'} (1 run), {top / 'b'} (2 runs)" in found.note
-
-
-def test_runs_in_a_folder_named_by_mistake_are_listed(
-    index: BatchIndex, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    top = tmp_path_factory.mktemp("mistake")
-    assert named_runs(top) == ""
-    names = [f"{place}/{k}" for place in ("a", "b/c") for k in range(4)]
-    for name in names:
-        (top / name).mkdir(parents=True)
-        (top / name / "run.json").write_text("{}")
-    assert named_runs(top / "a/1") == str(top / "a/1")
-    listed = ", ".join(str(top / name / "recordings") for name in names[:6])
-    assert named_runs(top, "recordings") == f"{listed} and 2 more"
-    assert named_runs(top / "none") == ""
 
 
 def test_a_folder_of_run_files_is_read_as_a_batch(tmp_path: Path) -> None:

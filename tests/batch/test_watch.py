@@ -139,7 +139,6 @@ def test_a_data_set_without_a_session_needs_none(tmp_path: Path, mesh: Path) -> 
     watch = watch_of(tmp_path, None)
     watch.look()
     assert index(watch).session.hypotheses.source == "perturb"
-    assert index(watch).session.scene.dataset == str((tmp_path / "frames").resolve())
     watch.close()
 
 

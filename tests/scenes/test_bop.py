@@ -48,19 +48,6 @@ def test_colour_and_grey_images_of_any_format_and_any_folder_of_models(
     assert np.abs(rgb.astype(int) - 128).max() <= 1
 
 
-def test_a_frame_without_colour_goes_on_with_a_note(tmp_path: Path) -> None:
-    problem = make(tmp_path, color="none").read()
-    assert problem.observation.rgb is None
-    assert any("no rgb or gray image" in note for note in problem.notes)
-
-
-@pytest.mark.parametrize(("scale", "suffix"), [(1.0, ".png"), (0.05, ".tif")])
-def test_depth_is_in_metres_whatever_its_scale(tmp_path: Path, scale: float, suffix: str) -> None:
-    made = make(tmp_path, depth_scale=scale, depth_suffix=suffix)
-    got, want = made.read().observation.depth_m, made.problem.observation.depth_m
-    np.testing.assert_allclose(got, want, atol=scale * 0.5e-3 + 1e-6)
-
-
 def test_float_depth_images_are_read(tmp_path: Path) -> None:
     made = make(tmp_path)
     want = made.problem.observation.depth_m
@@ -85,17 +72,6 @@ def test_each_image_has_its_own_camera(tmp_path: Path) -> None:
     first, second = source.problem("7/3").observation, source.problem("7/12").observation
     assert (first.camera.fx, second.camera.fx, second.camera.fy) == (80, 99, 98)
     np.testing.assert_allclose(second.depth_m, 2 * first.depth_m, rtol=1e-6)
-
-
-def test_world_gravity_comes_from_the_camera_pose(tmp_path: Path) -> None:
-    made = make(tmp_path)
-    R_cam_world = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-    made.edit("scene_camera.json", lambda c: c["3"].update(cam_R_w2c=R_cam_world.ravel().tolist(), cam_t_w2c=[0, 0, 0]))
-    image = BopDataset(made.root, "test").image(7, 3)
-    np.testing.assert_allclose(image.R_world_cam, R_cam_world.T)
-    support = made.read(gravity="world").observation.support
-    assert support.gravity_source == "world"
-    np.testing.assert_allclose(support.T_world_cam[:3, :3].T @ [0, 0, 1], [0, -1, 0], atol=1e-6)
 
 
 def test_world_gravity_of_a_scene_that_never_knows_it_is_refused(tmp_path: Path) -> None:

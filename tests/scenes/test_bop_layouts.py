@@ -105,14 +105,6 @@ def test_the_sensor_with_ground_truth_and_depth_is_preferred(tmp_path: Path) -> 
     assert made.read().title.endswith(" c")
 
 
-def test_a_fisheye_camera_without_depth_is_refused_in_one_line(tmp_path: Path) -> None:
-    made = with_sensors(make(tmp_path), "rgb", "gray1")
-    for sensor in ("rgb", "gray1"):
-        made.edit(f"scene_camera_{sensor}.json", lambda c: c.update({"3": {"cam_model": {"projection_params": [1]}}}))
-        shutil.rmtree(made.scene / f"depth_{sensor}")
-    assert "has a 'cam_model' (fisheye); only pinhole cameras" in refused(tmp_path)
-
-
 @pytest.mark.parametrize("encoding", ["list", "string"])
 def test_masks_come_from_coco_annotations(tmp_path: Path, encoding: str) -> None:
     made = make(tmp_path)

@@ -14,7 +14,7 @@ import trimesh
 
 from tests.calibration.sizes import scene
 from verefine_viz.core.errors import VerefineError
-from verefine_viz.core.geometry import angle_between, apply, transform
+from verefine_viz.core.geometry import apply, transform
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.rendering.rendered_scene import render_scene
@@ -50,12 +50,6 @@ def test_a_scene_has_a_frame_per_viewpoint_and_each_is_made_once() -> None:
     problem = source.problem("0/1")
     assert problem.frame == "0/1"
     assert source.problem("0/1") is problem
-
-
-def test_a_frame_that_is_named_twice_counts_once_with_a_note() -> None:
-    source = open_scene(demo(frames=["0/2", "0/0", "0/2"]), HypothesesSettings())
-    assert source.frames == ("0/2", "0/0")
-    assert "frame 0/2 more than once" in source.notes[0]
 
 
 def test_unknown_names_list_what_there_is() -> None:
@@ -131,12 +125,6 @@ def test_the_seed_changes_the_noise_and_not_the_layout() -> None:
     first, second = scene("duck"), made("duck", fields={"seed": 1})
     assert first.observation.depth_m.tobytes() != second.observation.depth_m.tobytes()
     np.testing.assert_array_equal(first.instances[0].T_cam_obj_gt, second.instances[0].T_cam_obj_gt)
-
-
-def test_gravity_may_come_from_the_camera_pose() -> None:
-    world, plane = (made("duck", fields={"gravity": g}).observation.support for g in ("world", "plane"))
-    assert world.gravity_source == "world"
-    assert np.rad2deg(angle_between(world.T_world_cam[:3, :3], plane.T_world_cam[:3, :3])) < 0.5
 
 
 def test_only_the_wanted_objects_are_instances() -> None:

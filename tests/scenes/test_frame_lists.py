@@ -58,13 +58,6 @@ def test_a_whole_list_has_no_note_and_one_of_which_nothing_is_here_is_an_error(
         listed_frames(BopDataset(dataset.folder, "test"), "linemod-paper")
 
 
-def test_a_targets_file_is_a_list_as_the_authors_give_theirs(tmp_path: Path) -> None:
-    dataset = dataset_of(tmp_path / "lm", (1, 3), (1, 9), name="test_targets_verefine.json")
-    frames, (note,) = listed_frames(dataset, "test_targets_verefine.json")
-    assert frames == ((1, 3),)
-    assert note.startswith("1 of the 2 frames of test_targets_verefine.json")
-
-
 def test_an_unknown_name_lists_them(tmp_path: Path) -> None:
     dataset = dataset_of(tmp_path / "lm", name="test_targets_verefine.json")
     with pytest.raises(

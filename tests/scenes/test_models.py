@@ -191,19 +191,3 @@ def test_parts_wound_in_any_way_are_turned_alike_each(tmp_path: Path) -> None:
     back = trimesh.Trimesh(read.vertices_m, read.faces, process=False)
     assert back.is_winding_consistent
     assert back.volume * 1e9 == pytest.approx(mesh.volume, rel=1e-5)
-
-
-def test_a_surface_with_one_side_stays_as_it_is(tmp_path: Path) -> None:
-    n, height = 40, np.array([-10.0, 10.0])
-    turn = np.linspace(0, 2 * np.pi, n, endpoint=False)[:, None]
-    radius = 100 + height * np.cos(turn / 2)
-    vertices = np.stack([radius * np.cos(turn), radius * np.sin(turn), height * np.sin(turn / 2)], axis=2).reshape(
-        -1, 3
-    )
-    rim = [(2 * k, 2 * k + 1) for k in range(n)] + [(1, 0)]
-    quads = [(*rim[k], *rim[k + 1]) for k in range(n)]
-    faces = np.array([face for p, q, r, s in quads for face in ((p, r, q), (q, r, s))])
-    trimesh.Trimesh(vertices, faces, process=False).export(tmp_path / "moebius.ply")
-    read = read_mesh(tmp_path / "moebius.ply", 1e-3)
-    assert len(read.faces) == len(faces)
-    assert len(np.unique(np.sort(read.faces, axis=1), axis=0)) == len(faces)
