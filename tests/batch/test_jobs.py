@@ -40,12 +40,6 @@ def test_several_sessions_put_their_names_before(sessions: list[Path], tmp_path:
     assert [job.folder for job in jobs] == [tmp_path / "out" / "a-pir-0", tmp_path / "out" / "b-pir-0"]
 
 
-def test_more_seeds_later_keep_the_folders_of_the_first(sessions: list[Path], tmp_path: Path) -> None:
-    few = {job.folder: job.session for job in sweep_jobs(sessions, tmp_path, {}, ("pir",), 2)}
-    many = {job.folder: job.session for job in sweep_jobs(sessions, tmp_path, {}, ("pir",), 30)}
-    assert few.items() <= many.items()
-
-
 def test_without_seeds_or_methods_the_sessions_own_hold(sessions: list[Path], tmp_path: Path) -> None:
     (only_methods,) = sweep_jobs(sessions[:1], tmp_path / "out", {}, ("pir",), None)
     assert (only_methods.folder.name, seeds(only_methods)) == ("pir", (0, 7))

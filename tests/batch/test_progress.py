@@ -54,14 +54,10 @@ def counted() -> Counts:
     return counts
 
 
-def test_objects_without_an_answer_are_missed() -> None:
+def test_objects_without_an_answer_left_out_or_in_failed_frames_are_missed() -> None:
     counts = counted()
     assert counts.recall == 2 / 4
     assert (counts.frames_done, counts.frames_failed, counts.objects_without_answer) == (5, 1, 1)
-
-
-def test_objects_that_were_left_out_or_are_in_failed_frames_are_missed() -> None:
-    counts = counted()
     objects = [LeftOut(k, 5, "mug", "its mask is missing", has_truth=True) for k in range(3)]
     counts.add(end_of(failed("0/5", objects)))
     counts.add(end_of(solved(6, None, "left_out")))
