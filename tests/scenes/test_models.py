@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -153,21 +152,6 @@ def test_a_mesh_without_area_is_refused() -> None:
     line = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2]], np.int32), None)
     with pytest.raises(InputError, match="all its triangles are degenerate"):
         model_of_mesh(line, 1, "line", 10, 0)
-
-
-def sphere_points(n: int) -> np.ndarray:
-    directions = np.random.default_rng(0).normal(size=(n, 3))
-    return directions / np.linalg.norm(directions, axis=1)[:, None]
-
-
-def test_the_diameter_of_many_points_takes_little_memory() -> None:
-    points = sphere_points(60_000)
-    tracemalloc.start()
-    found = largest_distance(points)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert found == pytest.approx(2.0, rel=1e-3)
-    assert peak < 200e6, "the products of all points and directions would be a gigabyte"
 
 
 def test_a_hull_put_together_from_samples_is_the_hull(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -173,12 +173,11 @@ def test_a_bad_part_of_an_object_leaves_the_rest(part: str, tmp_path: Path) -> N
 
 
 def test_a_mesh_that_is_none_and_a_skew_are_counted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    depth, mask = picture()
     skewed = K + np.array([[0, 5.0, 0], [0, 0, 0], [0, 0, 0]])
-    with caplog.at_level(logging.WARNING), Trace(tmp_path / "t", K=skewed, depth_m=depth) as trace:
-        trace.object("box", mesh=None, mask=mask)  # type: ignore[arg-type]
+    with caplog.at_level(logging.WARNING), Trace(tmp_path / "t", K=skewed, depth_m=picture()[0]) as trace:
+        trace.object("box", mesh=None)  # type: ignore[arg-type]
     assert trace.n_problems == 2
-    assert "K has a skew of 5 px, which is not used; mesh of box: it is None, expected the path of a PLY" in caplog.text
+    assert "K has a skew of 5 px, which is not used; mesh of box: it is None" in caplog.text
 
 
 def test_calls_after_the_end_are_counted_and_the_first_is_reported(
