@@ -339,13 +339,26 @@ def time(figure: Figure) -> None:
     axes.set(xscale="log", xlabel="milliseconds; blue, ours", xlim=(0.1, 3e7))
 
 
+def stages(figure: Figure) -> None:
+    """Milliseconds of an iteration, by what they are spent on."""
+    rows, axes = rows_of("stages"), figure.subplots()
+    starts = [0.0] * len(rows)
+    for part, color in (("simulation", SKY), ("refiner", ORANGE), ("score", BLUE), ("rest", GREY)):
+        widths = [float(row[f"{part} ms"]) for row in rows]
+        axes.barh(range(len(rows)), widths, left=starts, height=0.6, color=color, label=part)
+        starts = [start + width for start, width in zip(starts, widths, strict=True)]
+    named(axes, [f"{row['what']}, {row['state']}" for row in rows])
+    axes.set(xlabel="milliseconds an iteration")
+    axes.legend(ncols=4, frameon=False, loc="lower right", bbox_to_anchor=(1, 1))
+
+
 FIGURES: dict[str, tuple[Callable[[Figure], None], float, str]] = {
     function.__name__: (function, height_in, file or function.__name__)
     for function, height_in, file in (
         (real_frames, 3.7, ""), (methods, 3.0, ""), (exploration, 2.6, ""), (refiners, 2.9, ""), (terms, 3.2, ""),
         (plausibility, 2.2, ""), (whole_scenes, 3.3, ""), (orders, 4.4, ""), (tables, 2.5, ""), (densefusion, 2.7, ""),
         (grasps, 2.5, ""), (grasp_errors, 2.6, ""), (verdicts, 2.1, ""), (authors_parts, 2.6, ""),
-        (observed_support, 2.7, "terms"), (time, 2.7, ""),
+        (observed_support, 2.7, "terms"), (time, 2.7, ""), (stages, 1.9, ""),
     )
 }  # fmt: skip
 """Each figure with its height [in] and the file of its numbers."""

@@ -37,8 +37,8 @@ from verefine_viz.commands.share_file import Share
 from verefine_viz.commands.study import Study
 from verefine_viz.commands.train import Train
 from verefine_viz.commands.view import View
-from verefine_viz.core.errors import SettingsError, VerefineError, in_one_line, quoted, unknown
-from verefine_viz.core.writing import DISK_FULL, at_home
+from verefine_viz.core.errors import SettingsError, VerefineError, one_line, quoted, unknown
+from verefine_viz.core.writing import DISK_FULL, expand_home
 
 PROGRAM = "verefine-viz"
 USAGE = 2
@@ -143,7 +143,7 @@ def stopped_by_signals() -> Iterator[None]:
             return
         tidying_until = time.monotonic() + TIDYING_S
         if number == signal.SIGHUP:
-            _leave_closed_terminal()
+            _silence_closed_terminal()
         raise KeyboardInterrupt if number == signal.SIGINT else Stopped(number)
 
     for number in mine:
@@ -155,7 +155,7 @@ def stopped_by_signals() -> Iterator[None]:
             signal.signal(number, before)
 
 
-def _leave_closed_terminal() -> None:
+def _silence_closed_terminal() -> None:
     """Output that went to a terminal which is gone goes nowhere: writing there would be an error in the middle of
     tidying up.
     """
@@ -170,7 +170,7 @@ def _leave_closed_terminal() -> None:
 def _with_home(word: str) -> str:
     """A word with the home folder for "~", which shells leave as it is within quotes and after ``--out=``."""
     option, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
-    return f"{option}{equals}{at_home(value)}" if value == "~" or value.startswith("~/") else word
+    return f"{option}{equals}{expand_home(value)}" if value == "~" or value.startswith("~/") else word
 
 
 def _drop_output() -> None:
@@ -248,7 +248,7 @@ def _named(kind: type[Command]) -> Any:
 
 def fail(text: str) -> int:
     """One line on stderr; exit code 2."""
-    print(f"{PROGRAM}: {in_one_line(text)}", file=sys.stderr)
+    print(f"{PROGRAM}: {one_line(text)}", file=sys.stderr)
     return USAGE
 
 

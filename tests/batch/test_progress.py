@@ -13,7 +13,7 @@ from rich.console import Console
 
 from tests.made_runs import answer, finished
 from verefine_viz.batch import progress
-from verefine_viz.batch.batch_command import in_short
+from verefine_viz.batch.batch_command import brief
 from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.progress import BatchProgress, counted_bar
 from verefine_viz.batch.run_batch import Outcome, Progress
@@ -71,7 +71,7 @@ def test_the_summary_adds_up(tmp_path: Path) -> None:
     objects = [LeftOut(k, 5, "mug", "", has_truth=True) for k in range(2)]
     for _ in totals.passing([*RESULTS[:3], failed("0/5", objects), solved(6, None, "left_out")]):
         pass
-    said = in_short(Outcome(tmp_path, totals.as_json(5), (), 0, 1.0, ""))
+    said = brief(Outcome(tmp_path, totals.as_json(5), (), 0, 1.0, ""))
     assert said.startswith(
         "5 frames, 6 objects, 1 without a hypothesis, 1 left out (frames.csv says why), 2 in failed "
     )
@@ -115,10 +115,10 @@ def test_rate_rest_and_recall(frame_s: float, n_frames: int, said: str, monkeypa
     clock, shown = Clock(monkeypatch), BatchProgress(Console(file=io.StringIO()))
     with shown.run("run") as report:
         report(Progress(Counts(), n_frames))
-        assert shown.in_words() == f"run, 0/{n_frames} frames, starting"
+        assert shown.describe() == f"run, 0/{n_frames} frames, starting"
         clock.solve(shown.pace, 5, frame_s)
         report(Progress(counted(), n_frames))
-        assert shown.in_words() == f"run, 5/{n_frames} frames, {said}"
+        assert shown.describe() == f"run, 5/{n_frames} frames, {said}"
 
 
 def test_several_runs_are_counted_together_and_the_recall_is_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -127,10 +127,10 @@ def test_several_runs_are_counted_together_and_the_recall_is_of_one(monkeypatch:
         with shown.run(f"run {k}") as report:
             clock.solve(shown.pace, 5, 2.0)
             report(Progress(counted(), 5))
-            assert shown.in_words().startswith(f"run {k}, {5 * k + 5}/20 frames, 2.0 s a frame, 0:{30 - 10 * k} left, ")
+            assert shown.describe().startswith(f"run {k}, {5 * k + 5}/20 frames, 2.0 s a frame, 0:{30 - 10 * k} left, ")
     with shown.run("run 2") as report:
         report(Progress(Counts(), 5))
-        assert shown.in_words() == "run 2, 10/20 frames, 2.0 s a frame, 0:20 left"
+        assert shown.describe() == "run 2, 10/20 frames, 2.0 s a frame, 0:20 left"
 
 
 @pytest.mark.parametrize(("why", "doing"), [(COMPILING, "compiling"), ("Preparing a mug.", "preparing")])
@@ -146,7 +146,7 @@ def test_what_is_done_once_is_a_line_of_its_own_and_not_in_the_time_left(
         for one in ("", why, ""):
             report(Progress(counted(), 10, doing=one))
         clock.now += 60.0
-        assert f"2.0 s a frame, 0:08 left + {doing}, " in shown.in_words()
+        assert f"2.0 s a frame, 0:08 left + {doing}, " in shown.describe()
     assert text.getvalue().splitlines() == [why]
 
 

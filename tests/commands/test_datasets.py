@@ -17,7 +17,7 @@ from tests.batch.frames import make_frames
 from tests.scenes.bop_folder import Made
 from verefine_viz.commands import dataset_check
 from verefine_viz.commands.dataset_check import check_split
-from verefine_viz.commands.dataset_parts import Parts, splits_of, what_can_be_run
+from verefine_viz.commands.dataset_parts import Parts, runnable_parts, splits_of
 from verefine_viz.commands.datasets import CATALOGUE, Datasets
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 
@@ -33,7 +33,7 @@ def advice(made: Made) -> dict[str, str]:
 
 
 def missing(parts: Parts) -> dict[str, str]:
-    return {what.split()[0]: lacking for what, lacking in what_can_be_run(parts)}
+    return {what.split()[0]: lacking for what, lacking in runnable_parts(parts)}
 
 
 def test_every_data_set_of_the_paper_is_listed_with_a_way_to_get_it(
@@ -100,7 +100,7 @@ def test_what_is_missing_decides_what_can_be_run(made: Made) -> None:
     for kind in ("mask", "mask_visib"):
         (made.scene / kind).rename(made.scene / f"_{kind}")
     parts = check_split(made.root, "test")
-    lacking = what_can_be_run(parts)
+    lacking = runnable_parts(parts)
     assert [words for _, words in lacking][:3] == ["masks, scene_gt.json", "masks", "masks, scene_gt.json"]
     assert "detections JSON" in advice(made)["masks"]
 
@@ -141,7 +141,7 @@ def test_without_models_the_rest_is_not_looked_at_and_not_called_missing(
     models, rest = parts.findings
     assert "has no object models; expected models/obj_000001.ply" in models.advice
     assert not rest.is_checked
-    for _, lacking in what_can_be_run(parts):
+    for _, lacking in runnable_parts(parts):
         assert lacking.startswith("models (")
     assert Datasets("check", str(made.root)).run([]) == 1
     (row,) = [line for line in capsys.readouterr().out.splitlines() if "not checked, because" in line]
@@ -156,7 +156,7 @@ def test_without_cameras_there_are_no_frames_and_nothing_else_is_called_missing(
     assert found["all the rest"].result == "not checked, because there are no frames yet"
     assert not found["all the rest"].is_checked
     assert "depth and colour" not in found
-    for _, lacking in what_can_be_run(parts):
+    for _, lacking in runnable_parts(parts):
         assert lacking.startswith("frames (")
         assert "scene_camera.json" in lacking
 
@@ -182,7 +182,7 @@ def test_damaged_ground_truth_is_called_damaged_and_not_missing(made: Made, name
     found = {f.name: f for f in parts.findings}
     assert found["ground truth"].result == "damaged"
     assert f"{made.scene / name}: not JSON" in found["ground truth"].advice
-    lacking = [lacks for what, lacks in what_can_be_run(parts) if not what.startswith("gravity")]
+    lacking = [lacks for what, lacks in runnable_parts(parts) if not what.startswith("gravity")]
     assert all(f"ground truth that can be read ({made.scene / name}: not JSON" in lacks for lacks in lacking)
 
 
@@ -209,7 +209,7 @@ def test_damaged_models_info_is_not_called_missing_models(made: Made) -> None:
     assert models.result == "cannot be used"
     assert "models_info.json: Expected `object`, got `array`" in models.advice
     assert not rest.is_checked
-    assert all("models_info.json: Expected `object`" in lacks for _, lacks in what_can_be_run(parts))
+    assert all("models_info.json: Expected `object`" in lacks for _, lacks in runnable_parts(parts))
 
 
 def test_a_folder_of_models_without_meshes_needs_a_look(made: Made) -> None:

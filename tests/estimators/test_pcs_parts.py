@@ -108,7 +108,7 @@ def test_pairs_of_a_length_are_those_that_comparing_all_finds(
     seed: int, n: int, length: float, tolerance: float
 ) -> None:
     cloud = box_cloud(np.random.default_rng(seed), n)
-    found = {tuple(pair) for pair in PairTable.build(cloud).of_length(length, tolerance).tolist()}
+    found = {tuple(pair) for pair in PairTable.build(cloud).pairs_of_length(length, tolerance).tolist()}
     expected = {
         (i, j)
         for i in range(n)

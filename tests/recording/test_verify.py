@@ -34,11 +34,11 @@ def test_the_same_run_verifies(tmp_path: Path, name: str) -> None:
     recorded_run(tmp_path / "run.rrd", session(name))
     found = verify(tmp_path / "run.rrd", again)
     assert (found.difference, found.ends_early, found.n_compared) == (None, False, found.n_planned)
-    assert found.in_words == f"no difference in {found.n_planned} iterations"
+    assert found.text == f"no difference in {found.n_planned} iterations"
 
 
 def test_a_run_without_iterations_is_not_called_the_same() -> None:
-    assert Verification(0, None, 0).in_words.startswith("there is nothing to compare")
+    assert Verification(0, None, 0).text.startswith("there is nothing to compare")
 
 
 class Changing(RunFile):
@@ -88,7 +88,7 @@ def test_one_bit_of_a_pose_is_found_and_told_from_a_real_difference(tmp_path: Pa
     assert by == pytest.approx(recorded - now, rel=0.05)
     assert 0 < most < 1e-15
     assert (found.n_compared, found.ends_early) == (16, False)
-    assert found.in_words.startswith("differs, recorded against now: iteration 17: ")
+    assert found.text.startswith("differs, recorded against now: iteration 17: ")
 
 
 def test_a_real_difference_is_not_called_rounding(tmp_path: Path) -> None:
@@ -139,8 +139,8 @@ def test_a_recording_whose_writer_was_killed_is_said_to_end_early(tmp_path: Path
         run.step()
     found = verify(tmp_path / "run.vfrun", again)
     assert found.ends_early
-    assert "the run ended early (it was stopped or cut off); 7 iterations are in it, of 30" in found.in_words
-    assert "the same up to iteration 7" in found.in_words
+    assert "the run ended early (it was stopped or cut off); 7 iterations are in it, of 30" in found.text
+    assert "the same up to iteration 7" in found.text
 
 
 def test_a_difference_matters_more_than_an_early_end(tmp_path: Path) -> None:

@@ -110,7 +110,7 @@ def _run(
 def _print_line(outcome: Outcome) -> None:
     console = Terminal(highlight=False, soft_wrap=True)
     took = "nothing was left to do" if outcome.was_finished else f"{outcome.seconds:.1f} s"
-    console.print(escape(f"{outcome.folder.name}: {in_short(outcome)}; {took}"))
+    console.print(escape(f"{outcome.folder.name}: {brief(outcome)}; {took}"))
     _print_doubt(console, outcome)
     _print_failures(console, outcome)
     _print_written(console, outcome)
@@ -120,10 +120,10 @@ def _print_summary(outcome: Outcome) -> None:
     console = Terminal(highlight=False, soft_wrap=True)
     numbers = outcome.totals
     took = "nothing was left to do" if outcome.was_finished else f"{outcome.seconds:.1f} s, memory {outcome.memory}"
-    console.print(escape(f"{in_short(outcome)}; {took}. Results in {outcome.folder}"))
+    console.print(escape(f"{brief(outcome)}; {took}. Results in {outcome.folder}"))
     _print_doubt(console, outcome)
     for track in outcome.motion[:MOST_TRACKS]:
-        console.print(escape(f"motion of {track.in_words}"))
+        console.print(escape(f"motion of {track.text}"))
     if len(outcome.motion) > MOST_TRACKS:
         console.print(f"… and {len(outcome.motion) - MOST_TRACKS} more objects, see {MOTION}")
     # How many have no hypothesis is in the line above, and why in a note below.
@@ -154,7 +154,7 @@ def _print_doubt(console: Terminal, outcome: Outcome) -> None:
         console.print(f"[red]{escape(outcome.totals['data_in_doubt'])}[/]")
 
 
-def in_short(outcome: Outcome) -> str:
+def brief(outcome: Outcome) -> str:
     """``8 frames, 28 objects, 1 left out, median ADD(-S) 2.2 mm of 27 answers, 24 of 28 right (86 %)``."""
     numbers = outcome.totals
     parts = [

@@ -95,12 +95,12 @@ class Track:
         return tuple(row.frame for row in self.rows if row.kind == kind)
 
     @property
-    def in_words(self) -> str:
+    def text(self) -> str:
         """How it moves, and where it flips."""
         flips = self.marked("flip")
         more = f", and {len(flips) - 3} more" if len(flips) > 3 else ""
         where = f" Flips in {', '.join(flips[:3])}{more}." if flips else ""
-        return f"{self.name} in scene {self.scene_id}: {self.counts.in_words}{where}"
+        return f"{self.name} in scene {self.scene_id}: {self.counts.text}{where}"
 
 
 def motion_rows(results: Iterable[RunRecord], shapes: Shapes) -> Iterator[MotionRow]:

@@ -24,7 +24,7 @@ from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.run_batch import Backend, Progress, run_batch
 from verefine_viz.batch.runs import BatchInfo, Runs
 from verefine_viz.batch.worker_pool import Pool
-from verefine_viz.core.errors import InputError, UnavailableError, VerefineError, in_one_line
+from verefine_viz.core.errors import InputError, UnavailableError, VerefineError, one_line
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import check_folder, try_lock
 from verefine_viz.run.data_folder import CAMERAS, SCENES, data_at, holds_frames
@@ -195,7 +195,7 @@ class Watch:
         with suppress(_Stopped):
             while not self._stopping.wait(max(self._looked_at + POLL_S - time.monotonic(), 0)):
                 try:
-                    self._look_and_tell()
+                    self._poll()
                     # While one is solved others may arrive.
                     for data, watched in [*self._watched.items()]:
                         if watched.has_work:
@@ -217,7 +217,7 @@ class Watch:
                     RunFolder(watched.out, watched.session).close()
         self._lock.close()
 
-    def _look_and_tell(self) -> None:
+    def _poll(self) -> None:
         if self.look():
             self._changed()
 
@@ -283,13 +283,13 @@ class Watch:
                 self._pool = None
             self._faults[data] = _described(error)
             watched.blocked_until = time.monotonic() + 3 * RETRY_S
-        self._look_and_tell()
+        self._poll()
 
     def _report(self, progress: Progress) -> None:
         """While frames are solved others arrive."""
         if self._stopping.is_set():
             raise _Stopped
-        self._look_and_tell()
+        self._poll()
 
 
 class _Stopped(BaseException):
@@ -337,7 +337,7 @@ def _described(error: Exception) -> str:
     if isinstance(error, VerefineError):
         return str(error)
     _LOG.error("unforeseen", exc_info=error)
-    return f"{type(error).__name__}: {in_one_line(str(error))}"
+    return f"{type(error).__name__}: {one_line(str(error))}"
 
 
 def data_folders(folder: Path) -> tuple[Path, ...]:

@@ -56,7 +56,7 @@ class Parts:
         return self.ground_truth or self.detections
 
 
-def what_can_be_run(parts: Parts) -> list[tuple[str, str]]:
+def runnable_parts(parts: Parts) -> list[tuple[str, str]]:
     """Pairs of something that can be done and what is missing for it ("" = nothing)."""
     damaged = f"ground truth that can be read ({parts.damaged_ground_truth})" if parts.damaged_ground_truth else ""
     unnamed = damaged or "what says which object is where: scene_gt.json, or a detections JSON"

@@ -45,25 +45,25 @@ class UndeclaredTurn:
         """Whether the colours of the model differ after the turn."""
         return self.colors_differ is not None and self.colors_differ >= TEXTURE
 
-    def in_words(self, name: str) -> str:
+    def describe(self, name: str) -> str:
         """What it means for the answer of the object ``name``."""
         return (
             f"The {name} has the same shape when turned by {self.turn_deg:.0f}°, but its model declares no such "
             "symmetry, so that the turn counts as an error: with it declared, "
-            f"{instead(self.error_with_symmetry, self.error)}.{self._of_texture()}"
+            f"{instead(self.error_with_symmetry, self.error)}.{self._texture_note()}"
         )
 
     def finding(self, name: str) -> Finding:
         """That it alone makes the answer of the object ``name`` count as wrong."""
         return Finding(
             Cause.SYMMETRIC,
-            self.in_words(name),
+            self.describe(name),
             {"turn_deg": self.turn_deg, "error": self.error, "error_with_symmetry": self.error_with_symmetry},
             True,
             detail=f": turned by {self.turn_deg:.0f}°",
         )
 
-    def _of_texture(self) -> str:
+    def _texture_note(self) -> str:
         if self.colors_differ is None:
             return " Whether texture could tell is not known: the model has no colours."
         if not self.texture_tells:

@@ -191,7 +191,7 @@ def pair_table(
     sizes = np.bincount(key, minlength=n_distances * n_angles**3)
     progress.checkpoint()
     before = np.concatenate([[0], np.cumsum(sizes)])
-    order = _in_bins(key, before)
+    order = _group_by_bin(key, before)
     progress.checkpoint()
     n_used = np.minimum(sizes, bin_limit)
     starts = np.concatenate([[0], np.cumsum(n_used)])
@@ -244,7 +244,7 @@ def _pairs(
 
 
 @njit(cache=True)
-def _in_bins(key: np.ndarray, starts: np.ndarray) -> np.ndarray:
+def _group_by_bin(key: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """The pairs, as indices, bin by bin and in their order within each; ``starts`` is where each bin begins."""
     cursor = starts.copy()
     order = np.empty(len(key), dtype=np.int64)

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from verefine_viz.core.errors import Cancelled, SettingsError, in_one_line, unknown
+from verefine_viz.core.errors import Cancelled, SettingsError, one_line, unknown
 from verefine_viz.core.files import first_line
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.progress_token import ProgressToken
@@ -313,9 +313,9 @@ def serve(
     try:
         print(f"verefine-viz: {app.url}  (Ctrl-C ends it)", flush=True)
         for note in notes:
-            print(f"note: {in_one_line(note)}", flush=True)
+            print(f"note: {one_line(note)}", flush=True)
         if watch is not None:
-            print(in_one_line(f"watching {watch.folder}; results in {watch.out}"), flush=True)
+            print(one_line(f"watching {watch.folder}; results in {watch.out}"), flush=True)
         app.wait_until_ready()
         if open_browser:
             webbrowser.open(app.url)

@@ -104,11 +104,11 @@ class Gallery:
         """Return where the solved frames of a run lie; nowhere where other settings win over its own."""
         runs = Runs(self.runs[run].folder / "runs")
 
-        def of_frame(frame: str) -> Path | None:
+        def run_file(frame: str) -> Path | None:
             path = runs.path(frame)
             return path if path.is_file() and not self._overrides else None
 
-        return of_frame
+        return run_file
 
     def loose_record(self, entry: Entry) -> Path | None:
         """Return the file of an answer's run where a folder holds run files of any names; None where it is a batch."""

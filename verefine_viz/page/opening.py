@@ -12,7 +12,7 @@ from msgspec import structs
 
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.settings import Session
-from verefine_viz.core.writing import at_home
+from verefine_viz.core.writing import expand_home
 from verefine_viz.page.gallery import Entry, Gallery
 from verefine_viz.page.link import PageLink, read_link
 from verefine_viz.page.protocol import Open
@@ -48,10 +48,10 @@ def _open(d: Debugger, verb: Open, window: int | None) -> None:
     if verb.frame:
         space.open_frame(verb.frame)
     elif verb.recording:
-        space.open_recording(at_home(verb.recording))
+        space.open_recording(expand_home(verb.recording))
         d.enter_run("")
     elif verb.session:
-        file = at_home(verb.session)
+        file = expand_home(verb.session)
         space.open(load_session(file), file)
         d.enter_run("")
     elif verb.demo:

@@ -22,10 +22,10 @@ from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.bundle import InlinedBlobs, bundle, compressed, element, webp
 from verefine_viz.page.gallery import Entry, Gallery
+from verefine_viz.page.openable import path_of, read_openable
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.pixel_maps import ALIGNED
 from verefine_viz.page.wants import ANSWERS
-from verefine_viz.page.what_lies_at import path_of, what_lies_at
 from verefine_viz.page.workspace import Checks, Workspace
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def share(
     with tempfile.TemporaryDirectory(prefix="verefine-viz-") as folder:
         path = path_of(what, Path(folder))
         debugger = opened(path, frame)
-        run = shared(debugger, f"verefine-viz view {as_typed(path)}", maps)
+        run = shared(debugger, f"verefine-viz view {command_path(path)}", maps)
         note = write_shared(run, end_scene(debugger) if with_scene else "", out)
         return f"Frame {debugger.space.frame} of “{run.title}”. {note}".rstrip()
 
@@ -111,7 +111,7 @@ def write_shared(run: SharedRun, scene: str, out: Path) -> str:
     return note
 
 
-def as_typed(path: Path) -> str:
+def command_path(path: Path) -> str:
     """Return a path as a command has it; of one that names places on this machine the last part."""
     return path.name if path.is_absolute() else str(path)
 
@@ -126,7 +126,7 @@ def opened(path: Path, frame: str | None = None) -> Debugger:
     Raises:
         VerefineError: it cannot be opened.
     """
-    there = what_lies_at(path)
+    there = read_openable(path)
     if there.gallery is not None:
         return opened_batch(there.gallery, frame)
     space = Workspace(there.session, there.session_path, *_real_parts(), frame=frame, recording=there.recording)

@@ -16,7 +16,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
-from verefine_viz.core.writing import at_home
+from verefine_viz.core.writing import expand_home
 from verefine_viz.methods.registry import method_of
 from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs
@@ -149,7 +149,7 @@ class Debugger:
             self.log.extend(self.progress_verbs())
         HANDLERS[type(verb)](self, verb, window)
         if is_logged:
-            self.log.append(_as_logged(verb))
+            self.log.append(_log_entry(verb))
         if not isinstance(verb, (p.Look, p.Want)):
             self.announce_running()
 
@@ -408,7 +408,7 @@ class Debugger:
         self.post(self._verdict(branch), None)
 
 
-def _as_logged(verb: AnyVerb) -> AnyVerb:
+def _log_entry(verb: AnyVerb) -> AnyVerb:
     """Return a verb without the run that it starts: how far that came is logged by itself."""
     return replace(verb, run=False) if isinstance(verb, (p.Fork, p.Compare)) else verb
 
@@ -523,9 +523,9 @@ def _compare(d: Debugger, verb: p.Compare, window: int | None) -> None:
         d.send_branches()
         return
     if verb.recording:
-        b = space.recorded(at_home(verb.recording))
+        b = space.recorded(expand_home(verb.recording))
     elif verb.changes is not None:
-        b = space.beside(a, verb.changes)
+        b = space.begin_beside(a, verb.changes)
     elif verb.b is not None:
         b = space.branch(verb.b)
     else:

@@ -121,7 +121,7 @@ def next_step(group: Group) -> NextStep | None:
         return NextStep(f"No cause stands out among {_of(len(wrong))} ({causes}); begin with the worst,", wrong[0])
     mine = [row for row in wrong if row.cause == first[0]]
     lead = _lead(len(group.with_truth), len(wrong), counts)
-    return NextStep(f"{lead}{_in_common(mine)}: {advice(first[0], group.method)}; begin with", mine[0])
+    return NextStep(f"{lead}{_shared_facts(mine)}: {advice(first[0], group.method)}; begin with", mine[0])
 
 
 def advice(cause: str, method: str) -> str:
@@ -184,7 +184,7 @@ def _shown(counts: Sequence[tuple[str, int]]) -> str:
     return f"{' and '.join(titles)} {n}{' each' * (len(titles) > 1)}"
 
 
-def _in_common(rows: Sequence[Answer]) -> str:
+def _shared_facts(rows: Sequence[Answer]) -> str:
     """What all of several answers share, if anything."""
     if len(rows) < 2:
         return ""

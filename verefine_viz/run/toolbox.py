@@ -184,7 +184,9 @@ class Toolbox:
         if score.colour_weight == 0:
             return without
         colours = ColourStore(score.colour_weight)
-        why = {f"{t.model.name} ({t.model.obj_id})": colours.why_off(t) for t in problem.targets if t.model.has_colors}
+        why = {
+            f"{t.model.name} ({t.model.obj_id})": colours.off_reason(t) for t in problem.targets if t.model.has_colors
+        }
         return (*without, *(f"{name} is scored without colour: {reason}" for name, reason in why.items() if reason))
 
     def ordered(self, problem: Problem) -> Problem:

@@ -17,7 +17,7 @@ from trimesh.resolvers import FilePathResolver
 from trimesh.visual import TextureVisuals
 from trimesh.visual.color import linear_to_srgb, to_float, to_rgba, uv_to_color
 
-from verefine_viz.core.errors import in_one_line
+from verefine_viz.core.errors import one_line
 from verefine_viz.core.files import first_line, read_file
 from verefine_viz.scenes.image_files import open_image
 from verefine_viz.trace import file_beside, gltf_header, lines_that_name, material_files
@@ -54,7 +54,7 @@ class Beside(FilePathResolver):
 
     def fault(self, name: str, why: str) -> None:
         """Note that a file which the mesh names cannot be used."""
-        shown = in_one_line(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}…")
+        shown = one_line(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}…")
         self.faults.append(f"{shown}, which {self.mesh.name} names, cannot be used: {why}")
 
     def get(self, name: str) -> Any:

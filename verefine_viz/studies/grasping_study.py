@@ -55,7 +55,7 @@ def grasping(quick: bool = False, own_initial_poses: bool = False, refiner: str 
     mcts = {"method": {"name": "physim_mcts", "refiner": refiner}, "mcts": {"expansions": LONG, "seconds": None}}
     curves.insert(3, Curve(f"{MCTS}, {LONG}", mcts, most_calls=LONG))
     claims = tuple(Claim(_ending(curves, better), _ending(curves, worse)) for better, worse in ORDER)
-    prepare = _as_it_is if own_initial_poses else _far
+    prepare = _unchanged if own_initial_poses else _far
     given = (Curve(GIVEN, None),)
     every = 2 if quick else 1
     return Study(
@@ -74,7 +74,7 @@ def _ending(curves: Sequence[Curve], end: str) -> str:
     return next(curve.label for curve in curves if curve.label.endswith(end))
 
 
-def _as_it_is(problem: Problem, x: float, seed: int) -> Problem:
+def _unchanged(problem: Problem, x: float, seed: int) -> Problem:
     return first_poses(with_ground_truth(problem), HYPOTHESES)
 
 

@@ -56,8 +56,8 @@ def _panel(budget: Budget, own_initial_poses: bool) -> Panel:
             budget.alone(f"{budget.name}, {long}", long),
         ]
     curves += [budget.curve(f"{name}, {long}", method) for name, method in SEVERAL]
-    claims = _of_search(long) if has_tree else _of_refiner(budget)
-    prepare = _as_it_is(budget.hypotheses) if own_initial_poses else _far(budget.hypotheses)
+    claims = _search_table(long) if has_tree else _refiner_tables(budget)
+    prepare = _own_poses(budget.hypotheses) if own_initial_poses else _far(budget.hypotheses)
     return Panel(
         budget.name,
         "",
@@ -70,7 +70,7 @@ def _panel(budget: Budget, own_initial_poses: bool) -> Panel:
     )
 
 
-def _of_refiner(budget: Budget) -> tuple[Claim, ...]:
+def _refiner_tables(budget: Budget) -> tuple[Claim, ...]:
     """Tables I and III."""
     short, long, name = budget.short, budget.long, budget.name
     pir, sir, rir = f"PIR, {short}", f"SIR, {short}", f"RIR, {long}"
@@ -85,7 +85,7 @@ def _of_refiner(budget: Budget) -> tuple[Claim, ...]:
     return first, *more, *((worse,) if name == "DF-R" else ()), *vf
 
 
-def _of_search(long: int) -> tuple[Claim, ...]:
+def _search_table(long: int) -> tuple[Claim, ...]:
     """Table II."""
     rir, vf_b, vf_d = (f"{name}, {long}" for name, _ in SEVERAL)
     return (
@@ -99,7 +99,7 @@ def _of_search(long: int) -> tuple[Claim, ...]:
     )
 
 
-def _as_it_is(n: int) -> Prepare:
+def _own_poses(n: int) -> Prepare:
     def prepare(problem: Problem, x: float, seed: int) -> Problem:
         return first_poses(with_ground_truth(problem), n)
 

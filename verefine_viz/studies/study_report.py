@@ -84,7 +84,7 @@ def report_tables(
     text = [f"# {study.title}", "", *_head(about, ""), TABLE_NOTE, "", *(f"{t.markdown()}\n" for t in tables)]
     text += [*_listed("Rows without numbers", reasons), "## The paper's claims on these data", ""]
     text += [*_claims(study, points), *_listed("Tables of the paper that these data do not make", others)]
-    text += [f"{of_paper(table).markdown()}\n" for table in PAPER]
+    text += [f"{printed_paper_table(table).markdown()}\n" for table in PAPER]
     write_text(out / "tables.md", text)
     console = printing_console()
     for table in tables:
@@ -162,7 +162,7 @@ def _papers(panel: Panel, label: str, row: Mapping[str, str | float] | None, pap
     return f"{of_label.ar:.1f}" if is_same else "other budget"
 
 
-def of_paper(table: PaperTable) -> PrintedTable:
+def printed_paper_table(table: PaperTable) -> PrintedTable:
     """A table as it is in the paper."""
     has_errors = any(r.rotation_deg is not None for r in table.rows)
     cells = [

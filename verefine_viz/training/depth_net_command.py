@@ -31,7 +31,7 @@ def train_depth_net(out: Path, seed: int, n_steps: int | None, minutes: float) -
     """
     console = Terminal(stderr=True, highlight=False, soft_wrap=True)
     checkpoint = out.with_name(f"{out.name}.checkpoint")
-    with shown_progress(console, NETWORK, n_steps, in_words) as report:
+    with shown_progress(console, NETWORK, n_steps, describe) as report:
         trained = train(seed, n_steps, minutes, checkpoint, report)
     console.print("Measuring it on shapes that it has not seen.")
     card = card_of(trained, seed, out.name)
@@ -51,7 +51,7 @@ def train_depth_net(out: Path, seed: int, n_steps: int | None, minutes: float) -
     return 0
 
 
-def in_words(now: Progress) -> str:
+def describe(now: Progress) -> str:
     """``loss 0.312, 4.5 % of the diameter left after a step``."""
     return f"loss {now.loss:.3f}, {50 * now.error:.1f} % of the diameter left after a step"
 

@@ -31,7 +31,7 @@ class Progress:
 
 @contextmanager
 def shown_progress(
-    console: Console, name: str, n_steps: int | None, in_words: Callable[[Progress], str]
+    console: Console, name: str, n_steps: int | None, describe: Callable[[Progress], str]
 ) -> Iterator[Callable[[Progress], None]]:
     """Shows what the function that it gives is called with.
 
@@ -39,7 +39,7 @@ def shown_progress(
         console: where.
         name: of the network.
         n_steps: of the training, if it is known.
-        in_words: loss and error in words.
+        describe: loss and error in words.
     """
     columns = TextColumn(name), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[note]}")
     printed_at = perf_counter()
@@ -48,7 +48,7 @@ def shown_progress(
 
         def report(now: Progress) -> None:
             nonlocal printed_at
-            note = in_words(now) + ("" if now.minutes_left is None else f", {now.minutes_left:.0f} min to go")
+            note = describe(now) + ("" if now.minutes_left is None else f", {now.minutes_left:.0f} min to go")
             bar.update(row, completed=now.step, total=now.n_steps, note=note)
             if not console.is_terminal and perf_counter() - printed_at > EVERY_S:
                 printed_at = perf_counter()

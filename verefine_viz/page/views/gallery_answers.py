@@ -22,12 +22,12 @@ def answers_message(gallery: Gallery) -> Json:
         "unfinished": gallery.n_unfinished,
         "faults": list(gallery.tag_faults.values()),
         "first": gallery.first_filter,
-        "orders": [{"id": order, "words": ORDERS[order], "keys": _in_order(gallery, order)} for order in ORDERS],
+        "orders": [{"id": order, "words": ORDERS[order], "keys": _sorted_keys(gallery, order)} for order in ORDERS],
         "rows": [_row(gallery, key, entry) for key, entry in enumerate(gallery.entries)],
     }
 
 
-def _in_order(gallery: Gallery, order: Order) -> list[int]:
+def _sorted_keys(gallery: Gallery, order: Order) -> list[int]:
     """Return the keys of all answers in an order."""
     place, entries = sort_key(order), gallery.entries
     return sorted(range(len(entries)), key=lambda key: place(entries[key].row))

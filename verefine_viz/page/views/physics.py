@@ -41,7 +41,7 @@ def physics(space: Workspace, want: p.Physics, blobs: Blobs) -> Json:
     moment = moment_of(branch, look)
     support = moment.problem.observation.support
     answer: Json = {
-        "why_none": _why_none(branch),
+        "why_none": _off_reason(branch),
         "doubts": doubts_of(branch, support),
         "surroundings": None if support is None else _surroundings(support),
         "objects": [],
@@ -222,7 +222,7 @@ def _path_words(moment: Moment, path: SimulatedPath) -> str:
 # The frame: why there is no physics, what is doubtful, what stands around.
 
 
-def _why_none(branch: Branch) -> str:
+def _off_reason(branch: Branch) -> str:
     """Say why nothing is simulated; "" where it is."""
     observation, session = branch.run.problem.observation, branch.settings
     if observation.support is None:

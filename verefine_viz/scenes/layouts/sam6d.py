@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, in_one_line
+from verefine_viz.core.errors import InputError, one_line
 from verefine_viz.core.files import Numbers3, Numbers3x3, Real, read_json, reading
 from verefine_viz.core.geometry import as_rigid, transform
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
@@ -56,7 +56,7 @@ class Reader:
         self._mesh = meshes[0]
         more = f"the folder holds {len(meshes)} models; {self._mesh.name} is used"
         self.notes: tuple[str, ...] = (more,) * (len(meshes) > 1)
-        self.objects: Mapping[str, int] = {in_one_line(self._mesh.stem): 1}
+        self.objects: Mapping[str, int] = {one_line(self._mesh.stem): 1}
         self._results = self._file(POSES) or self._file(DETECTIONS)
         self.has_poses = self._results is not None and self._results.name == POSES
 
