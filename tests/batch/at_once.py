@@ -12,7 +12,7 @@ import pytest
 from tests.made_runs import answer, finished, written
 from verefine_viz.batch import run_batch as run_batch_module
 from verefine_viz.batch.pace import Pace
-from verefine_viz.batch.run_batch import Backend, Outcome, Progress, Workers, run_batch
+from verefine_viz.batch.run_batch import Backend, BatchOutcome, BatchStatus, Workers, run_batch
 from verefine_viz.batch.runs import file_stem
 from verefine_viz.batch.worker_process import TaskName
 from verefine_viz.core.settings import Session
@@ -85,7 +85,7 @@ class Loop:
     out: Path
     patch: pytest.MonkeyPatch
     asked: list[str] = field(default_factory=list)
-    seen: list[Progress] = field(default_factory=list)
+    seen: list[BatchStatus] = field(default_factory=list)
 
     def frames(self, n: int, *notes: str) -> tuple[str, ...]:
         """The frames of the session from now on."""
@@ -93,7 +93,7 @@ class Loop:
         self.patch.setattr(run_batch_module, "check", lambda session: (names, notes))
         return names
 
-    def run(self, answer: Answers = solved, retry_failed: bool = False, workers: AtOnce | None = None) -> Outcome:
+    def run(self, answer: Answers = solved, retry_failed: bool = False, workers: AtOnce | None = None) -> BatchOutcome:
         self.asked, self.seen = [], []
         workers = workers or AtOnce(lambda frame: self.asked.append(frame) or answer(frame))
         backend = AtOnceBackend(made=workers)

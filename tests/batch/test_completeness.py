@@ -18,7 +18,7 @@ from tests.batch.test_runner import contents
 from tests.made_runs import written
 from verefine_viz.batch.batch_command import run_jobs
 from verefine_viz.batch.index import read_batch
-from verefine_viz.batch.jobs import Job
+from verefine_viz.batch.jobs import BatchJob
 from verefine_viz.batch.run_batch import run_batch
 from verefine_viz.batch.runs import Runs
 from verefine_viz.core.errors import InputError
@@ -67,7 +67,7 @@ def test_frames_that_are_lost_while_the_batch_runs_are_no_success(
             shutil.rmtree(out)
         return solved(frame)
 
-    assert run_jobs([Job(Session(), out, "")], out, AtOnceBackend(made=AtOnce(answer))) == 1
+    assert run_jobs([BatchJob(Session(), out, "")], out, AtOnceBackend(made=AtOnce(answer))) == 1
     assert "2 frames of the session are missing (0/0, 0/1)" in capsys.readouterr().out
     assert json.loads((out / "run.json").read_text())["status"] == "incomplete"
     assert [*dict.fromkeys(row.frame for row in read_batch(out).rows)] == ["0/2", "0/3", "0/4"]

@@ -12,7 +12,7 @@ import pytest
 
 from tests.batch.at_once import AtOnce, AtOnceBackend, Loop, failed, solved
 from verefine_viz.batch.index import read_batch
-from verefine_viz.batch.run_batch import Progress, run_batch
+from verefine_viz.batch.run_batch import BatchStatus, run_batch
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord
@@ -31,7 +31,7 @@ def test_the_parent_does_not_grow_with_the_number_of_frames(loop: Loop) -> None:
     loop.frames(1500)
     held: dict[int, int] = {}
 
-    def look(now: Progress) -> None:
+    def look(now: BatchStatus) -> None:
         if now.counts.frames_done in (300, 1400):
             # Without pathlib: it puts names into the interpreter's own table, which doubles now and then by megabytes.
             own = tracemalloc.take_snapshot().filter_traces([tracemalloc.Filter(False, pathlib.__file__)])

@@ -16,7 +16,7 @@ import pytest
 
 from verefine_viz import __version__, cli
 from verefine_viz.commands import flags
-from verefine_viz.commands.view import View
+from verefine_viz.commands.view import ViewCommand
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import load_session, session_toml
@@ -27,7 +27,7 @@ HEAVY = ("numpy", "open3d", "viser", "rerun", "pybullet", "moderngl", "numba", "
 
 def overrides(*words: str) -> dict[str, Any]:
     command = cli.parse(["view", *words])
-    assert isinstance(command, View)
+    assert isinstance(command, ViewCommand)
     return flags.given(command.settings, words)
 
 

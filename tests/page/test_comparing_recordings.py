@@ -51,9 +51,9 @@ def last(d: Debugger) -> int:
 
 
 def test_a_recording_beside_the_run_it_was_made_of_does_the_same(recordings: Recordings):
-    d = opened(p.Run(), p.Compare(recording=str(recordings.rir)))
+    d = opened(p.RunVerb(), p.Compare(recording=str(recordings.rir)))
     assert d.space.work.compare is not None
-    answer = comparison(d.space, p.Comparison(*d.space.work.compare), Blobs())
+    answer = comparison(d.space, p.ComparisonWanted(*d.space.work.compare), Blobs())
     assert answer["words"] == "A and B did the same in all 12 iterations that both have made, bit for bit."
     assert {row["winner"] for row in answer["rows"]} == {"even"}
 
@@ -61,11 +61,11 @@ def test_a_recording_beside_the_run_it_was_made_of_does_the_same(recordings: Rec
 def test_two_recordings_compare_as_the_runs_themselves(recordings: Recordings):
     read = opened(p.Open(recording=str(recordings.rir)))
     read.carry_out([p.Compare(last(read), recording=str(recordings.sir))])
-    made = opened(p.Run(), p.Compare(changes={"method.name": "sir"}))
+    made = opened(p.RunVerb(), p.Compare(changes={"method.name": "sir"}))
     answers = []
     for d in (read, made):
         assert d.space.work.compare is not None
-        answers.append(comparison(d.space, p.Comparison(*d.space.work.compare), Blobs()))
+        answers.append(comparison(d.space, p.ComparisonWanted(*d.space.work.compare), Blobs()))
     assert answers[0]["names"] == ("rir, rir.rrd", "sir, sir.rrd")
     for name in ("pairs", "departures", "words", "rows"):
         assert answers[0][name] == answers[1][name], name
@@ -73,12 +73,15 @@ def test_two_recordings_compare_as_the_runs_themselves(recordings: Recordings):
 
 def test_a_recording_goes_on_from_any_iteration_as_the_run_itself_would(recordings: Recordings):
     T = (1.0, 0, 0, 0.05, 0, 1, 0, 0.08, 0, 0, 1, 0.7, 0, 0, 0, 1)
-    for fork in (p.Fork(3, changes={"method.exploration": 5.0}, run=True), p.Fork(3, edit=p.Edit(0, 1, T), run=True)):
+    for fork in (
+        p.Fork(3, changes={"method.exploration": 5.0}, run=True),
+        p.Fork(3, edit=p.EditedPose(0, 1, T), run=True),
+    ):
         read = opened(p.Open(recording=str(recordings.rir)))
         fork.branch = last(read)
         read.carry_out([fork])
         fork.branch = 0
-        made = opened(p.Run(), fork)
+        made = opened(p.RunVerb(), fork)
         runs = [d.space.branch(last(d)).run.iterations for d in (read, made)]
         assert first_difference(*runs) is None
 

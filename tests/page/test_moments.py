@@ -21,7 +21,7 @@ def opened(name: str = "rir", frame: str = "0/2") -> Debugger:
 
 
 def test_before_its_last_stage_an_iteration_has_no_result():
-    branch = opened(frame="0/1").carry_out([p.Run()]).space.work.first
+    branch = opened(frame="0/1").carry_out([p.RunVerb()]).space.work.first
     for iteration in branch.run.iterations:
         names = [stage.name for stage in iteration.stages]
         for n, name in enumerate(names, 1):
@@ -36,7 +36,7 @@ def test_before_its_last_stage_an_iteration_has_no_result():
 
 @pytest.mark.parametrize("name", ["rir", "pir", "vf_breadth", "vf_depth"])
 def test_the_end_shows_the_answers(name: str):
-    branch = opened(name).carry_out([p.Run()]).space.work.first
+    branch = opened(name).carry_out([p.RunVerb()]).space.work.first
     run = branch.run
     for target, answer in zip(run.problem.targets, run.final_state.best, strict=True):
         assert answer is not None
@@ -60,7 +60,7 @@ def test_objects_that_are_there_twice_are_told_apart():
 @pytest.mark.parametrize("name", ["rir", "vf_depth"])
 def test_iterations_are_numbered_without_a_gap_whatever_was_done(name: str):
     d = opened(name).carry_out([p.Step(), p.Step(), p.Fork(1, run=True), p.Fork(0, 1, {"method.exploration": 2.0})])
-    d.carry_out([p.Run(2), p.Compare(changes={"method.name": "sir"}), p.Run(0)])
+    d.carry_out([p.RunVerb(2), p.Compare(changes={"method.name": "sir"}), p.RunVerb(0)])
     for branch in d.space.branches.values():
         assert [i.index for i in branch.run.iterations] == [*range(1, branch.run.length + 1)]
         assert {mark.k for mark in branch.marks()} <= {i.index for i in branch.run.iterations}

@@ -98,7 +98,7 @@ class Astray(Blind):
 def run(tools: type[FakeTools] = FakeTools, name: str = "rir", frame: str = "0/1") -> Branch:
     """Return a branch that came to its end."""
     session = Session(method=MethodSettings(name=name, iterations=4))
-    return Debugger(Workspace(session, None, tools, frame=frame)).carry_out([p.Run()]).space.work.first
+    return Debugger(Workspace(session, None, tools, frame=frame)).carry_out([p.RunVerb()]).space.work.first
 
 
 def judged(branch: Branch, o: FinishedObject) -> dict[str, Any]:

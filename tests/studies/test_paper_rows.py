@@ -11,7 +11,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import load_session
 from verefine_viz.studies.paper_tables import PAPER, missing_rows, paper_table, tables
 from verefine_viz.studies.printed_table import PrintedTable
-from verefine_viz.studies.study_plan import Curve, Panel
+from verefine_viz.studies.study_plan import Panel, StudyCurve
 from verefine_viz.studies.study_report import printed, printed_paper_table
 
 PAPER_TEX = Path(__file__).parents[3] / "shared" / "paper.tex"
@@ -26,7 +26,7 @@ def _panel(name: str, own: bool = False) -> Panel:
     return next(panel for panel in tables(own).panels if panel.name == name)
 
 
-def _curve(panel: str, label: str) -> Curve:
+def _curve(panel: str, label: str) -> StudyCurve:
     return next(curve for curve in _panel(panel).curves if curve.label == label)
 
 
