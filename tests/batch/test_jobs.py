@@ -40,12 +40,6 @@ def test_several_sessions_put_their_names_before(sessions: list[Path], tmp_path:
     assert [job.folder for job in jobs] == [tmp_path / "out" / "a-pir-0", tmp_path / "out" / "b-pir-0"]
 
 
-def test_more_seeds_later_keep_the_folders_of_the_first(sessions: list[Path], tmp_path: Path) -> None:
-    few = {job.folder: job.session for job in sweep_jobs(sessions, tmp_path, {}, ("pir",), 2)}
-    many = {job.folder: job.session for job in sweep_jobs(sessions, tmp_path, {}, ("pir",), 30)}
-    assert few.items() <= many.items()
-
-
 def test_without_seeds_or_methods_the_sessions_own_hold(sessions: list[Path], tmp_path: Path) -> None:
     (only_methods,) = sweep_jobs(sessions[:1], tmp_path / "out", {}, ("pir",), None)
     assert (only_methods.folder.name, seeds(only_methods)) == ("pir", (0, 7))
@@ -59,21 +53,14 @@ def test_without_seeds_or_methods_the_sessions_own_hold(sessions: list[Path], tm
     ("words", "expected"),
     [
         (("--methods", "pir", "ppir"), "unknown method 'ppir'; did you mean 'pir'? available: refine, "),
-        (("--methods", "RIR"), "unknown method 'RIR'; did you mean 'rir'? available: refine, "),
         (("--methods", "pir,sir"), "--methods pir,sir: separate the names by blanks, --methods pir sir"),
         (("--methods", "pir", "pir"), "--methods names 'pir' twice"),
         (("--seeds", "0"), "--seeds is 0, expected 1 or more"),
-        (("--seeds", "-3"), "--seeds is -3, expected 1 or more"),
         (("--seeds", "1000000000"), "--seeds is 1000000000, expected 1000 or fewer"),
-        (("--seeds", "9" * 4000), "…, expected 1000 or fewer"),
-        (("--workers", "1000000000"), "--workers is 1000000000, expected "),
         (("--worker-memory-gb", "inf"), "--worker-memory-gb is inf, expected 100000 or less"),
-        (("--worker-memory-gb", "1e300"), "--worker-memory-gb is 1e+300, expected 100000 or less"),
         (("--worker-memory-gb", "nan"), "--worker-memory-gb is nan, expected more than 0"),
-        (("--worker-memory-gb", "-1"), "--worker-memory-gb is -1, expected more than 0"),
         (("--methods", "pir", "--method.name", "sir"), "--method.name and --methods contradict each other"),
         (("--seeds", "2", "--hypotheses.seed", "4"), "--hypotheses.seed and --seeds contradict each other"),
-        (("--seeds", "2", "--method.seed", "4"), "--method.seed and --seeds contradict each other"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_in_one_line(

@@ -12,7 +12,7 @@ from tests.batch.frames import batch_here
 from tests.batch.killed_batches import without_times
 from tests.scenes.test_foundation_pose import write_sequence
 from tests.scenes.test_trace import picture, pose
-from verefine_viz.batch.run_batch import Backend, BatchStatus, _after, run_batch
+from verefine_viz.batch.run_batch import Backend, BatchStatus, run_batch
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.verify import verify
 from verefine_viz.run.data_folder import open_session
@@ -86,7 +86,3 @@ def test_the_page_begins_a_frame_as_the_batch_does(sequence: Path, whole: Path) 
 def test_a_recording_is_the_same_when_run_again(whole: Path) -> None:
     result = verify(whole / "recordings" / f"000000_{N:06d}.rrd")
     assert (result.difference, result.n_compared) == (None, 2)
-
-
-def test_what_comes_after_a_frame_is_of_its_scene() -> None:
-    assert _after({"1/2"}, ["1/1", "1/2", "2/1", "1/3", "2/2", "1/4"]) == {"1/3", "1/4"}

@@ -119,11 +119,9 @@ def refused(capsys: pytest.CaptureFixture[str]) -> Refused:
 
 
 def test_it_is_verified_through_the_program_that_has_it(recording: Path, refused: Refused) -> None:
-    assert refused("replay", recording, "--verify") == (
-        f"recording {recording} was made with the refiner 'own', which this program does not have (it has icp, "
-        "trimmed_icp, depth_net, depth_net_icp, densefusion, identity); verify it through the program that does, as in "
-        f'docs/guide.md, "Your own refiner": python PROGRAM.py replay {recording} --verify'
-    )
+    line = refused("replay", recording, "--verify")
+    assert line.startswith(f"recording {recording} was made with the refiner 'own', which this program does not have")
+    assert line.endswith(f"python PROGRAM.py replay {recording} --verify")
 
 
 def test_that_program_verifies_it(
@@ -173,15 +171,13 @@ def test_the_rerun_viewer_opens_it_and_one_line_says_where(
     ((file, *options),) = opened
     assert file == str(recording)
     line = capsys.readouterr().out
-    begin = f"verefine-viz: {recording} in the rerun viewer, "
     if display:
         assert options == []
-        assert line == f"{begin}in its window  (closing it, or Ctrl-C, ends it)\n"
+        assert "in its window" in line
     else:
         ports = dict(zip(options[1::2], options[2::2], strict=True))
         page, data = ports["--web-viewer-port"], ports["--port"]
-        address = f"http://127.0.0.1:{page}?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{data}%2Fproxy"
-        assert line == f"{begin}at {address}  (Ctrl-C ends it)\n"
+        assert f"http://127.0.0.1:{page}?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{data}%2Fproxy" in line
 
 
 def test_the_page_opens_it(recording: Path, served: dict[str, Any]) -> None:

@@ -159,15 +159,6 @@ def test_a_batch_has_the_same_widths_as_the_page_bit_for_bit() -> None:
     assert sum(len(c.offsets) for c in batch.curves) < sum(len(c.offsets) for c in page.curves) / 2
 
 
-def test_the_same_pose_has_the_same_landscape() -> None:
-    target = target_of("cylinder")
-    T = target.instance.T_cam_obj_gt
-    one, again = landscape_of("cylinder"), landscape(VERIFIER, target, T)
-    for a, b in zip(one.curves, again.curves, strict=True):
-        np.testing.assert_array_equal(a.scores, b.scores)
-        np.testing.assert_array_equal(a.noise, b.noise)
-
-
 def test_curves_go_through_the_score_of_the_pose_and_fall_off() -> None:
     around = landscape_of("box")
     for c in around.curves:

@@ -78,13 +78,6 @@ def test_only_as_many_instances_count_as_are_asked_for(made: Made) -> None:
     assert scored(made, [row(2, 1, right), row(5, 1, middle)]).recalls.ar == 1.0  # pyright: ignore[reportOptionalMemberAccess]
 
 
-def test_a_target_that_is_listed_twice_counts_as_listed_last(made: Made) -> None:
-    made.edit("../../test_targets_bop19.json", lambda e: e.append({**e[0], "inst_count": 1}))
-    _, middle, right = true_poses(made)
-    scores = scored(made, [row(2, 1, right), row(5, 1, middle)])
-    assert scores.counts.targets == 2
-
-
 def test_detection_counts_every_estimate(made: Made) -> None:
     left, middle, right = true_poses(made)
     everything = [row(2, 0.9, left), row(2, 0.8, right), row(5, 0.7, middle)]
