@@ -26,7 +26,7 @@ from tests.batch.outputs import done, stop_in_the_middle
 from verefine_viz import cli
 from verefine_viz.batch import cluster
 from verefine_viz.batch.dask_worker import WorkerTools
-from verefine_viz.batch.run_batch import Backend, Progress
+from verefine_viz.batch.run_batch import Backend, BatchStatus
 from verefine_viz.batch.run_batch import run_batch as run_here
 from verefine_viz.batch.worker_process import ONE_THREAD
 from verefine_viz.core.errors import UnavailableError
@@ -94,7 +94,7 @@ def test_a_scheduler_that_is_lost_ends_the_batch_which_goes_on_elsewhere(
     loaded, out = load_session(session), tmp_path / "out"
     with somebodys() as lost:
 
-        def tell(now: Progress) -> None:
+        def tell(now: BatchStatus) -> None:
             if now.counts.frames_done == 1:
                 lost.close()
 
@@ -121,7 +121,7 @@ def test_a_cluster_without_workers_is_waited_for_and_said(
     said: list[str] = []
     with somebodys(n_workers=0) as empty:
 
-        def tell(now: Progress) -> None:
+        def tell(now: BatchStatus) -> None:
             if now.warning and not said:
                 said.append(now.warning)
                 empty.scale(1)

@@ -18,8 +18,8 @@ from tests.batch.test_runner import contents, frames
 from tests.made_runs import written
 from verefine_viz.batch.batch_command import run_jobs
 from verefine_viz.batch.index import read_batch
-from verefine_viz.batch.jobs import Job
-from verefine_viz.batch.run_batch import Progress, run_batch
+from verefine_viz.batch.jobs import BatchJob
+from verefine_viz.batch.run_batch import BatchStatus, run_batch
 from verefine_viz.batch.runs import Runs
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
@@ -88,7 +88,7 @@ def test_frames_that_are_lost_while_the_batch_runs_are_no_success(
             shutil.rmtree(out)
         return solved(frame)
 
-    job = Job(Session(), out, "")
+    job = BatchJob(Session(), out, "")
     assert run_jobs([job], out, AtOnceBackend(made=AtOnce(answer))) == 1
     lost = [f"0/{k}" for k in range(int(at[2:]))]
     assert f"{len(lost)} frames of the session are missing ({', '.join(lost)})" in capsys.readouterr().out
@@ -106,7 +106,7 @@ def test_recordings_that_are_gone_are_named_and_made_again_when_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     frames(4, monkeypatch)
-    job, backend = Job(Session(), tmp_path, ""), AtOnceBackend()
+    job, backend = BatchJob(Session(), tmp_path, ""), AtOnceBackend()
     assert run_jobs([job], tmp_path, backend) == 0
     assert "note:" not in capsys.readouterr().out
     for k in (1, 3):
@@ -167,7 +167,7 @@ def test_a_damaged_run_file_is_said_and_its_frame_solved_again(
     asked: list[str] = []
     told: list[str] = []
 
-    def look(now: Progress) -> None:
+    def look(now: BatchStatus) -> None:
         told.append(now.doing)
 
     made = AtOnce(lambda frame: asked.append(frame) or solved(frame))

@@ -39,7 +39,7 @@ def test_each_reason_is_reported_with_its_frames_the_most_frequent_first(whys: l
     doubts = Doubts()
     for k, why in enumerate(whys):
         doubts.add(f"0/{k}", why)
-    assert doubts.in_words(9) == said
+    assert doubts.describe(9) == said
 
 
 def row(im_id: int, doubt: str) -> Answer:

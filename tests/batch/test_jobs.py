@@ -8,7 +8,7 @@ import pytest
 from msgspec import structs
 
 from verefine_viz import cli
-from verefine_viz.batch.jobs import Job, check_jobs, session_jobs, sweep_jobs
+from verefine_viz.batch.jobs import BatchJob, check_jobs, session_jobs, sweep_jobs
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import resolve
@@ -22,7 +22,7 @@ def sessions(tmp_path: Path) -> list[Path]:
     return paths
 
 
-def seeds(job: Job) -> tuple[int, int]:
+def seeds(job: BatchJob) -> tuple[int, int]:
     return job.session.hypotheses.seed, job.session.method.seed
 
 
@@ -100,14 +100,14 @@ def test_everything_is_checked_before_anything_runs(tmp_path: Path) -> None:
     good = Session()
     bad = structs.replace(good, method=structs.replace(good.method, refiner="ipc"))
     with pytest.raises(VerefineError, match="unknown refiner 'ipc'"):
-        check_jobs([Job(good, tmp_path / "good-0", "good"), Job(bad, tmp_path / "bad-0", "bad")])
+        check_jobs([BatchJob(good, tmp_path / "good-0", "good"), BatchJob(bad, tmp_path / "bad-0", "bad")])
     assert not list(tmp_path.iterdir())
 
 
 def test_a_folder_that_holds_another_run_is_found_before_anything_runs(tmp_path: Path) -> None:
-    job = Job(resolve({}), tmp_path / "rir-1", "rir")
+    job = BatchJob(resolve({}), tmp_path / "rir-1", "rir")
     job.folder.mkdir()
     (job.folder / "session.toml").write_text("[score]\ntau_m = 0.5\n")
     with pytest.raises(VerefineError, match=r"holds a run of another session: score\.tau_m is 0\.5 there"):
-        check_jobs([Job(Session(), tmp_path / "rir-0", "rir"), job])
+        check_jobs([BatchJob(Session(), tmp_path / "rir-0", "rir"), job])
     assert not (tmp_path / "rir-0").exists()

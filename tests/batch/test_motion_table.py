@@ -111,7 +111,7 @@ def test_turns_are_asked_for_only_where_something_turns_much(tmp_path: Path) -> 
     five, six = read_tracks(tmp_path)
     assert five.marked("flip") == ("0/3",)
     assert (five.counts.flips, five.counts.flips_per_100, six.counts.flips) == (1, 25, 0)
-    assert five.in_words.endswith("Flips in 0/3.")
+    assert five.text.endswith("Flips in 0/3.")
     symmetric = Shape(symmetries=np.concatenate([NO_SYMMETRY, HALF_TURN[None]]))
     assert {row.kind for row in motion_rows(turned, symmetric)} == {"moved"}
     assert symmetric.asked == []

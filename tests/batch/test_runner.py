@@ -13,7 +13,7 @@ import pytest
 from tests.batch.at_once import AtOnce, AtOnceBackend, failed, solved
 from verefine_viz.batch import run_batch as runner
 from verefine_viz.batch.index import read_batch
-from verefine_viz.batch.run_batch import Progress, run_batch
+from verefine_viz.batch.run_batch import BatchStatus, run_batch
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord
@@ -38,7 +38,7 @@ def test_the_parent_does_not_grow_with_the_number_of_frames(tmp_path: Path, monk
     frames(1500, monkeypatch)
     held: dict[int, int] = {}
 
-    def look(now: Progress) -> None:
+    def look(now: BatchStatus) -> None:
         if now.counts.frames_done in (300, 1400):
             # Without pathlib: it puts names into the interpreter's own table, which doubles now and then by megabytes.
             own = tracemalloc.take_snapshot().filter_traces([tracemalloc.Filter(False, pathlib.__file__)])
@@ -121,7 +121,7 @@ def test_what_takes_long_is_passed_on_and_no_result(tmp_path: Path, monkeypatch:
     names = frames(3, monkeypatch)
     made = AtOnce()
     made.solve = lambda frames, pace: iter(["Compiling.", *map(made.done, frames)])  # type: ignore[method-assign]
-    seen: list[Progress] = []
+    seen: list[BatchStatus] = []
     outcome = run_batch(Session(), tmp_path, AtOnceBackend(made=made), seen.append)
     assert [now.doing for now in seen] == ["", "Compiling.", "", "", ""]
     assert outcome.totals["frames_done"] == len(names)

@@ -224,14 +224,14 @@ def test_a_data_set_that_comes_while_another_is_solved_is_solved_too(
     keep(tmp_path / "frames" / "left", mesh)
     keep(tmp_path / "elsewhere", mesh)
     watch = watch_of(tmp_path)
-    take = watching.Watched.take
+    take = watching.WatchedDataset.take
 
-    def taken(self: watching.Watched, runs: Runs, result: RunRecord) -> None:
+    def taken(self: watching.WatchedDataset, runs: Runs, result: RunRecord) -> None:
         take(self, runs, result)
         if not (tmp_path / "frames" / "right").exists():
             shutil.copytree(tmp_path / "elsewhere", tmp_path / "frames" / "right")
 
-    monkeypatch.setattr(watching.Watched, "take", taken)
+    monkeypatch.setattr(watching.WatchedDataset, "take", taken)
     with at_work(watch) as until:
         until(lambda: shown(watch) == [("left", "1/1", "ok"), ("right", "1/1", "ok")])
 
@@ -249,15 +249,15 @@ def test_a_frame_that_cannot_be_read_is_tried_again_and_then_shown_as_failed(
         depth.write_bytes(whole[number][:100])
     watch = watch_of(tmp_path)
     tried: list[str] = []
-    take = watching.Watched.take
+    take = watching.WatchedDataset.take
 
-    def taken(self: watching.Watched, runs: Runs, result: RunRecord) -> None:
+    def taken(self: watching.WatchedDataset, runs: Runs, result: RunRecord) -> None:
         take(self, runs, result)
         tried.append(result.header.frame)
         if tried.count("1/3") == 1:  # Now it is whole.
             (folder / "test" / "000001" / "depth" / "000003.png").write_bytes(whole[3])
 
-    monkeypatch.setattr(watching.Watched, "take", taken)
+    monkeypatch.setattr(watching.WatchedDataset, "take", taken)
     with at_work(watch) as until:
         until(lambda: ("frames", "1/2", "failed") in shown(watch) and ("frames", "1/3", "ok") in shown(watch))
     assert ("frames", "1/1", "ok") in shown(watch)

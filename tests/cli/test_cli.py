@@ -16,8 +16,8 @@ import pytest
 
 from verefine_viz import __version__, cli
 from verefine_viz.commands import flags
-from verefine_viz.commands.batch import Batch
-from verefine_viz.commands.view import View
+from verefine_viz.commands.batch import BatchCommand
+from verefine_viz.commands.view import ViewCommand
 from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import load_session, session_toml
@@ -28,7 +28,7 @@ HEAVY = ("numpy", "open3d", "viser", "rerun", "pybullet", "moderngl", "numba", "
 
 def overrides(*words: str) -> dict[str, Any]:
     command = cli.parse(["view", *words])
-    assert isinstance(command, View)
+    assert isinstance(command, ViewCommand)
     return flags.given(command.settings, words)
 
 
@@ -126,7 +126,7 @@ def test_a_preset_can_be_typed(tmp_path: Path) -> None:
 
 def test_batch_takes_several_sessions() -> None:
     command = cli.parse(["batch", "a.toml", "b.toml", "--out", "runs", "--workers", "3"])
-    assert isinstance(command, Batch)
+    assert isinstance(command, BatchCommand)
     assert command.sessions == (Path("a.toml"), Path("b.toml"))
     assert (command.out, command.workers) == (Path("runs"), 3)
 

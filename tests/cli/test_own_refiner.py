@@ -20,7 +20,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.diagnosis.diagnose import diagnose
 from verefine_viz.page import app as page_app
-from verefine_viz.page.protocol import Crops, Run, Step
+from verefine_viz.page.protocol import CropsWanted, RunVerb, Step
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.crops import crops
 from verefine_viz.page.views.verdict import verdict_message
@@ -230,7 +230,7 @@ def test_the_page_asks_it_only_where_its_crops_are_wanted(monkeypatch: pytest.Mo
     monkeypatch.setitem(REFINERS, "own", lambda session: own)
     debugger = Debugger(Workspace(resolve(SETTINGS), None, Toolbox)).carry_out([Step()])
     assert own.n_asked == 0
-    want = Crops(1, debugger.space.problem.instances[0].instance_id)
+    want = CropsWanted(1, debugger.space.problem.instances[0].instance_id)
     answer = crops(debugger.space, want, debugger.blobs)
     assert own.n_asked == 1
     assert len(answer["steps"]) == 1
@@ -261,7 +261,7 @@ def test_the_diagnosis_knows_its_range(start_deg: float, monkeypatch: pytest.Mon
 def test_the_page_names_its_range_without_a_re_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(REFINERS, "own", lambda session: Jump())
     start = {"max_per_object": 1, "rotation_deg": 120, "translation_mm": 20}
-    debugger = Debugger(Workspace(resolve(SETTINGS | {"hypotheses": start}), None, Toolbox)).carry_out([Run()])
+    debugger = Debugger(Workspace(resolve(SETTINGS | {"hypotheses": start}), None, Toolbox)).carry_out([RunVerb()])
     (shown,) = verdict_message(debugger.space.work.first)["objects"]
     assert shown["words"].endswith("refiner out of its training range: starts 120° off")
     (found,) = [one for one in shown["findings"] if one["cause"] == Cause.OUT_OF_RANGE]

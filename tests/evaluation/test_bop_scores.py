@@ -15,7 +15,7 @@ from tests.evaluation import demo_set, reference
 from tests.evaluation.demo_set import DemoSet, T_of, disturbed, perfect, table
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.geometry import axis_angle, transform
-from verefine_viz.evaluation.bop_scores import Scores, bop_scores
+from verefine_viz.evaluation.bop_scores import BopScores, bop_scores
 from verefine_viz.evaluation.ground_truth import ProblemGroundTruth, Targets, visible_targets
 from verefine_viz.evaluation.matched_estimates import correct_share, mean_errors
 from verefine_viz.evaluation.pose_table import OwnPart, PoseTable, read_pose_table
@@ -29,12 +29,12 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> DemoSet:
     return demo_set.make(tmp_path_factory.mktemp("bop") / "demo")
 
 
-def scored(demo: DemoSet, rows: Sequence[ResultRow] | PoseTable) -> Scores:
+def scored(demo: DemoSet, rows: Sequence[ResultRow] | PoseTable) -> BopScores:
     given = rows if isinstance(rows, PoseTable) else table(rows)
     return bop_scores([given], demo.truth, demo.targets)[0]
 
 
-def numbers(scores: Scores) -> tuple[float, float, float]:
+def numbers(scores: BopScores) -> tuple[float, float, float]:
     return scores.recalls.ar_vsd, scores.recalls.ar_mssd, scores.recalls.ar_mspd
 
 
@@ -241,7 +241,7 @@ def test_the_score_of_own_objects_is_that_of_targets_without_the_others(demo: De
         assert set(found.own.recalls_by_object) | set(found.own.precision_by_object) == some, task
 
 
-def every_number(scores: Scores) -> list[object]:
+def every_number(scores: BopScores) -> list[object]:
     """What can be compared by equality."""
     recalls = [scores.recalls, *scores.recalls_by_object.values(), *scores.recalls_by_scene.values()]
     arrays = [[r.n_targets, r.vsd.tolist(), r.mssd.tolist(), r.mspd.tolist()] for r in recalls if r is not None]

@@ -65,7 +65,7 @@ def test_a_cylinder_without_texture_is_undetermined_about_its_axis_and_determine
     ]
     assert len(others) == 4
     assert max(c.width for c in others) < 3
-    assert around.least_certain.in_words() == "turn about the vertical undetermined within ±180°"
+    assert around.least_certain.describe() == "turn about the vertical undetermined within ±180°"
 
 
 def test_a_declared_axis_of_symmetry_is_undetermined_however_coarse_the_mesh() -> None:

@@ -14,7 +14,7 @@ from tests.evaluation.demo_set import T_of
 from tests.scenes.bop_folder import Made, make
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import transform
-from verefine_viz.evaluation.bop_scores import Scores, bop_scores
+from verefine_viz.evaluation.bop_scores import BopScores, bop_scores
 from verefine_viz.evaluation.ground_truth import BopGroundTruth, Task, find_targets, read_targets
 from verefine_viz.evaluation.pose_table import pose_table
 from verefine_viz.scenes.bop import BopDataset
@@ -26,7 +26,7 @@ def made(tmp_path: Path) -> Made:
     return make(tmp_path)
 
 
-def scored(made: Made, rows: list[ResultRow], task: Task | None = None) -> Scores:
+def scored(made: Made, rows: list[ResultRow], task: Task | None = None) -> BopScores:
     truth = BopGroundTruth(BopDataset(made.root, "test"))
     targets = read_targets(find_targets(made.root, "test"))
     table = pose_table("method", rows)

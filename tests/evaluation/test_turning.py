@@ -82,7 +82,7 @@ def test_a_lying_can_rolls_and_a_standing_one_tilts() -> None:
     can, up = model("can", symmetric=False), np.array([0.0, 0.0, 1.0])
     lying = transform(axis_angle(np.array([1.0, 0, 0]), np.pi / 2), np.zeros(3))
     along = transform(axis_angle(np.array([0, 1.0, 0]), np.deg2rad(40.0)), np.zeros(3))  # The can's axis, as it lies.
-    assert turning(can, along @ lying, lying, up).in_words(0) == "all of it roll on the table"
-    assert turning(can, along, np.eye(4), up).in_words(0) == "all of it tilt against the table"
+    assert turning(can, along @ lying, lying, up).describe(0) == "all of it roll on the table"
+    assert turning(can, along, np.eye(4), up).describe(0) == "all of it tilt against the table"
     block = model("cereal", symmetric=False)
-    assert turning(block, along @ lying, lying, up).in_words(0) == "all of it tilt against the table"
+    assert turning(block, along @ lying, lying, up).describe(0) == "all of it tilt against the table"
