@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,6 @@ from PIL import Image
 
 from tests.batch.frames import make_frames
 from tests.scenes.bop_folder import Made
-from verefine_viz.commands import dataset_check
 from verefine_viz.commands.dataset_check import check_split
 from verefine_viz.commands.dataset_parts import Parts, runnable_parts, splits_of
 from verefine_viz.commands.datasets import CATALOGUE, Datasets
@@ -103,6 +102,7 @@ def test_what_is_missing_decides_what_can_be_run(made: Made) -> None:
     lacking = runnable_parts(parts)
     assert [words for _, words in lacking][:3] == ["masks, scene_gt.json", "masks", "masks, scene_gt.json"]
     assert "detections JSON" in advice(made)["masks"]
+    assert not {f.name: f for f in parts.findings}["plausibility"].is_checked
 
 
 def test_masks_of_which_nobody_knows_the_object_cannot_be_solved(made: Made) -> None:
@@ -148,42 +148,88 @@ def test_without_models_the_rest_is_not_looked_at_and_not_called_missing(
     assert "ok" not in row.replace("looked", "")
 
 
+def damaged(path: str) -> Callable[[Made], object]:
+    return lambda made: (made.scene / path).write_bytes(b"")
+
+
+def with_meshes_of_another_kind(made: Made) -> None:
+    for mesh in (made.root / "models").glob("*.ply"):
+        mesh.rename(mesh.with_suffix(".txt"))
+
+
+def with_a_mask_of(n_pixels: int, visib_fract: float | None) -> Callable[[Made], None]:
+    def spoil(made: Made) -> None:
+        path = made.scene / "mask_visib" / "000001_000002.png"
+        pixels = np.array(Image.open(path))
+        pixels[tuple(at[n_pixels:] for at in np.nonzero(pixels))] = 0
+        Image.fromarray(pixels).save(path)
+        if visib_fract is None:
+            (made.scene / "scene_gt_info.json").unlink()
+        else:
+            made.edit("scene_gt_info.json", lambda content: content["1"][2].update(visib_fract=visib_fract))
+
+    return spoil
+
+
+FAULTS: list[tuple[Callable[[Made], object], str, str]] = [
+    (damaged("depth/000001.png"), "depth and colour", "000001.png"),
+    (damaged("scene_gt.json"), "ground truth", "scene_gt.json: not JSON"),
+    (damaged("scene_gt_info.json"), "ground truth", "scene_gt_info.json: not JSON"),
+    (
+        lambda made: made.edit("scene_gt.json", lambda content: content.update(a1=content.pop("1"))),
+        "ground truth",
+        "'a1' is no image",
+    ),
+    (
+        lambda made: made.edit("scene_gt.json", lambda content: content["0"][0].update(obj_id=9)),
+        "ground truth",
+        "there is no model of object 9",
+    ),
+    (damaged("../../models/models_info.json"), "models", "models_info.json: not JSON"),
+    (with_meshes_of_another_kind, "models", "expected meshes, obj_000001.ply and so on"),
+    (lambda made: (made.scene / "mask_visib/000001_000002.png").unlink(), "masks", "000001_000002.png is missing"),
+    (damaged("mask/000000_000000.png"), "masks", "000000_000000.png: cannot identify image file"),
+    (with_a_mask_of(0, None), "masks", "covers 0 px, expected at least 10 px"),
+    (with_a_mask_of(9, 0.6), "masks", "covers 9 px, expected at least 10 px"),
+    (
+        lambda made: [shutil.copytree(made.scene, made.scene.with_name(name)) for name in ("8", "0008")],
+        "scene 8",
+        "are both scene 8",
+    ),
+]
+
+
+@pytest.mark.parametrize(("spoil", "part", "words"), FAULTS, ids=[words for _, _, words in FAULTS])
+def test_a_fault_is_a_finding_of_its_part_and_of_no_other(
+    made: Made, spoil: Callable[[Made], object], part: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    spoil(made)
+    found = advice(made)
+    assert found.keys() == {part}
+    assert words in found[part]
+    assert Datasets("check", str(made.root)).run([]) == 1
+    assert capsys.readouterr().out.endswith(f"1 part needs a look, hence exit code 1: {part}.\n")
+
+
+@pytest.mark.parametrize("spoil", [with_a_mask_of(0, 0.0), with_a_mask_of(10, 0.6)])
+def test_small_masks_of_hidden_objects_and_those_that_suffice_are_no_fault(made: Made, spoil: Any) -> None:
+    spoil(made)
+    assert advice(made) == {}
+
+
+def test_what_is_damaged_is_not_called_missing(made: Made) -> None:
+    (made.scene / "scene_gt.json").write_text("{")
+    lacking = [lacks for what, lacks in runnable_parts(check_split(made.root, "test")) if "gravity" not in what]
+    assert all("ground truth that can be read" in lacks for lacks in lacking)
+
+
 def test_without_cameras_there_are_no_frames_and_nothing_else_is_called_missing(made: Made) -> None:
     (made.scene / "scene_camera.json").unlink()
     parts = check_split(made.root, "test")
     found = {f.name: f for f in parts.findings}
     assert found["frames"].result == "0 in 1 scene"
-    assert found["all the rest"].result == "not checked, because there are no frames yet"
     assert not found["all the rest"].is_checked
-    assert "depth and colour" not in found
-    for _, lacking in runnable_parts(parts):
-        assert lacking.startswith("frames (")
-        assert "scene_camera.json" in lacking
-
-
-def test_without_ground_truth_the_checks_that_need_it_are_named(made: Made) -> None:
-    (made.scene / "scene_gt.json").unlink()
-    found = {f.name: f for f in check_split(made.root, "test").findings}
-    assert found["plausibility"].result == "not checked, needs ground truth"
-    assert not found["plausibility"].is_checked
-
-
-def test_damaged_parts_are_findings_and_no_errors(made: Made, capsys: pytest.CaptureFixture[str]) -> None:
-    (made.scene / "depth" / "000001.png").write_bytes(b"")
-    assert "000001.png" in advice(made)["depth and colour"]
-    assert Datasets("check", str(made.root)).run([]) == 1
-    assert capsys.readouterr().out.endswith("\n1 part needs a look, hence exit code 1: depth and colour.\n")
-
-
-@pytest.mark.parametrize("name", ["scene_gt.json", "scene_gt_info.json"])
-def test_damaged_ground_truth_is_called_damaged_and_not_missing(made: Made, name: str) -> None:
-    (made.scene / name).write_text("{")
-    parts = check_split(made.root, "test")
-    found = {f.name: f for f in parts.findings}
-    assert found["ground truth"].result == "damaged"
-    assert f"{made.scene / name}: not JSON" in found["ground truth"].advice
-    lacking = [lacks for what, lacks in runnable_parts(parts) if not what.startswith("gravity")]
-    assert all(f"ground truth that can be read ({made.scene / name}: not JSON" in lacks for lacks in lacking)
+    assert all(lacking.startswith("frames (") for _, lacking in runnable_parts(parts))
 
 
 def test_damage_in_one_scene_leaves_the_ground_truth_of_the_others(made: Made) -> None:
@@ -197,37 +243,6 @@ def test_damage_in_one_scene_leaves_the_ground_truth_of_the_others(made: Made) -
     assert missing(parts)["study:"] == ""
 
 
-def test_keys_that_are_no_images_are_named(made: Made) -> None:
-    made.edit("scene_gt.json", lambda content: content.update(a1=content.pop("1")))
-    assert "scene_gt.json: 'a1' is no image, expected its number" in advice(made)["ground truth"]
-
-
-def test_damaged_models_info_is_not_called_missing_models(made: Made) -> None:
-    (made.root / "models" / "models_info.json").write_text("[]")
-    parts = check_split(made.root, "test")
-    models, rest = parts.findings
-    assert models.result == "cannot be used"
-    assert "models_info.json: Expected `object`, got `array`" in models.advice
-    assert not rest.is_checked
-    assert all("models_info.json: Expected `object`" in lacks for _, lacks in runnable_parts(parts))
-
-
-def test_a_folder_of_models_without_meshes_needs_a_look(made: Made) -> None:
-    for mesh in (made.root / "models").glob("*.ply"):
-        mesh.rename(mesh.with_suffix(".txt"))
-    assert advice(made)["models"].startswith("expected meshes, obj_000001.ply and so on")
-    assert "ground truth" not in advice(made), "all objects lack their model, which is said already"
-
-
-def test_a_scene_without_frames_and_one_without_masks_are_named(made: Made) -> None:
-    shutil.copytree(made.scene, made.scene.parent / "000008")
-    shutil.rmtree(made.scene / "mask")
-    shutil.rmtree(made.scene / "mask_visib")
-    assert "a folder mask_visib/ in every scene, also in 000007, or a detections JSON" in advice(made)["masks"]
-    (made.scene / "scene_camera.json").write_text("{}")
-    assert advice(made)["scene 7"] == "its scene_camera.json lists none"
-
-
 def test_camera_poses_are_counted(made: Made) -> None:
     def only_the_first(content: dict[str, Any]) -> None:
         content["0"]["cam_R_w2c"] = [1, 0, 0, 0, 1, 0, 0, 0, 1]
@@ -237,16 +252,6 @@ def test_camera_poses_are_counted(made: Made) -> None:
     assert poses == "known for 1 of 2 frames checked; in the others scene.gravity world takes the table's normal"
     # It is so, and nothing is wrong with it.
     assert advice(made) == {}
-
-
-def test_without_a_targets_file_the_frames_that_are_looked_at_stand_for_all(
-    made: Made, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for kind in ("rgb", "depth"):
-        (made.scene / kind / "000001.png").unlink()
-    assert "000001; its width is needed" in missing(check_split(made.root, "test"))["evaluate:"]
-    monkeypatch.setattr(dataset_check, "N_OPENED", 1)
-    assert missing(check_split(made.root, "test"))["evaluate:"] == ""
 
 
 def test_scores_need_targets_and_objects_without_a_diameter_are_named(made: Made) -> None:
@@ -260,16 +265,6 @@ def test_scores_need_targets_and_objects_without_a_diameter_are_named(made: Made
     assert advice(made) == {}, "it can be solved"
     (made.root / "models" / "models_info.json").unlink()
     assert "models_info.json does not exist" in missing(check_split(made.root, "test"))["evaluate:"]
-
-
-def test_masks_that_are_missing_and_objects_without_a_model_are_found(made: Made) -> None:
-    (made.scene / "mask_visib" / "000001_000002.png").unlink()
-    (made.scene / "mask" / "000000_000000.png").write_bytes(b"")
-    made.edit("scene_gt.json", lambda content: content["0"][0].update(obj_id=9))
-    found = advice(made)
-    assert "mask_visib/000001_000002.png is missing" in found["masks"]
-    assert "mask/000000_000000.png: cannot identify image file" in found["masks"]
-    assert "there is no model of object 9; its instances are left out" in found["ground truth"]
 
 
 def test_of_many_data_sets_in_a_folder_the_first_are_named_and_how_many_more_there_are(tmp_path: Path) -> None:
@@ -291,6 +286,15 @@ def test_offline_the_error_says_what_to_fetch_by_hand(tmp_path: Path, monkeypatc
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [(("fetch", "tless"), "unknown data set 'tless'; available: lm"), (("check",), "needs the folder")],
+)
+def test_what_cannot_be_done_is_said(words: tuple[str, ...], said: str) -> None:
+    with pytest.raises(SettingsError, match=said):
+        Datasets(*words).run([])
+
+
 def test_all_archives_are_fetched(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -306,53 +310,3 @@ def test_all_archives_are_fetched(
     archives = ("lmo_base.zip", "lmo_models.zip", "lmo_test_bop19.zip")
     assert asked == [f"dataset bop-benchmark/lmo {archive}" for archive in archives]
     assert "unpack lmo_base.zip" in capsys.readouterr().out
-
-
-def test_what_cannot_be_done_is_said() -> None:
-    for words, error, said in (
-        (("fetch", "tless"), SettingsError, "unknown data set 'tless'; available: lm, lmo, ycbv, xapc"),
-        (("fetch", "xapc"), UnavailableError, "github.com/dornik/verefine"),
-        (("fetch",), SettingsError, "needs the name"),
-        (("check",), SettingsError, "needs the folder"),
-    ):
-        with pytest.raises(error, match=said):
-            Datasets(*words).run([])
-
-
-@pytest.mark.parametrize(("n_pixels", "visib_fract"), [(0, None), (9, 0.6)])
-def test_masks_of_fewer_pixels_than_a_pose_needs_are_named(
-    made: Made, n_pixels: int, visib_fract: float | None, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_mask(made, n_pixels, visib_fract)
-    said = advice(made)
-    assert said["masks"].startswith(f"mask_visib of entry 2 in 7/1 covers {n_pixels} px, expected at least 10 px, ")
-    assert said["masks"].endswith("where an object is hidden, state a visib_fract below 0.1 in scene_gt_info.json")
-    assert Datasets("check", str(made.root)).run([]) == 1
-    assert "hence exit code 1: masks." in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(("n_pixels", "visib_fract"), [(0, 0.0), (10, 0.6)])
-def test_small_masks_of_hidden_objects_and_those_that_suffice_are_not(
-    made: Made, n_pixels: int, visib_fract: float
-) -> None:
-    write_mask(made, n_pixels, visib_fract)
-    assert "masks" not in advice(made)
-
-
-def write_mask(made: Made, n_pixels: int, visib_fract: float | None) -> None:
-    """Leaves some pixels of one mask."""
-    path = made.scene / "mask_visib" / "000001_000002.png"
-    pixels = np.array(Image.open(path))
-    pixels[tuple(at[n_pixels:] for at in np.nonzero(pixels))] = 0
-    Image.fromarray(pixels).save(path)
-    if visib_fract is None:
-        (made.scene / "scene_gt_info.json").unlink()
-    else:
-        made.edit("scene_gt_info.json", lambda content: content["1"][2].update(visib_fract=visib_fract))
-
-
-def test_two_folders_of_a_scene_are_named(made: Made) -> None:
-    shutil.copytree(made.scene, made.scene.with_name("8"))
-    shutil.copytree(made.scene, made.scene.with_name("0008"))
-    said = advice(made)
-    assert said == {"scene 8": f"{made.scene.with_name('0008')} and 8 are both scene 8; rename or remove one of them"}

@@ -71,17 +71,6 @@ def test_nothing_is_made_that_only_physics_needs(estimated: Estimated) -> None:
     assert [p.name for p in (estimated.cache / "verefine-viz").iterdir()] == ["ppf"]
 
 
-def test_a_session_can_start_from_the_file(estimated: Estimated) -> None:
-    overrides = {
-        "hypotheses": {"source": "results", "files": (str(estimated.out),)},
-        "scene": {"frames": ("7/1",), "objects": (5,)},
-        "physics": {"enabled": False},
-    }
-    (instance,) = Toolbox(load_session(estimated.session, overrides)).problem("7/1").instances
-    scores = [row.score for row in read_results(estimated.out) if row.obj_id == 5]
-    assert [h.confidence for h in instance.hypotheses] == scores
-
-
 def test_a_frame_that_fails_is_named_and_the_others_are_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

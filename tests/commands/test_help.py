@@ -44,17 +44,10 @@ def test_the_settings_of_a_section_can_be_asked_for_alone(capsys: pytest.Capture
     assert "--score.tau-m FLOAT" in every
     assert "--method.name" in every
     assert "--preset" in every
+    assert shown(capsys, "--help-settings", "score") == shown(capsys, "view", "--help-settings", "score")
 
 
 def test_an_unknown_section_names_those_that_exist(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["view", "--help-settings", "scores"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "unknown section of settings 'scores'; did you mean 'score'? available: scene, hypotheses, " in line
-
-
-def test_commands_without_settings_have_their_help_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "--embed INT" in shown(capsys, "report", "--help")
-
-
-def test_settings_can_be_asked_for_without_a_command(capsys: pytest.CaptureFixture[str]) -> None:
-    assert shown(capsys, "--help-settings", "score") == shown(capsys, "view", "--help-settings", "score")

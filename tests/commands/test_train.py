@@ -11,12 +11,9 @@ from verefine_viz import cli
 
 REFUSED: list[tuple[list[str], str]] = [
     (["depth_nett", "--out", "net.onnx"], "invalid choice"),
-    (["depth_net"], "--out"),
     (["depth_net", "--out", "net.pth"], "--out is net.pth, expected a name that ends in .onnx"),
-    (["depth_net", "--out", "net.onnx", "--minutes", "0"], "--minutes is 0, expected more than 0"),
     (["depth_net", "--out", "net.onnx", "--minutes", "nan"], "--minutes is nan, expected more than 0"),
     (["depth_net", "--out", "net.onnx", "--steps", "0"], "--steps is 0, expected from 1"),
-    (["depth_net", "--out", "net.onnx", "--seed", "-1"], "--seed is -1, expected from 0"),
     (["depth_net", "--out", "net.onnx", "--dataset", "lm"], "--dataset is read by train densefusion only"),
     (["densefusion", "--out", "net.onnx", "--points", "1"], "--points is 1, expected from 2"),
     (["densefusion", "--out", "net.onnx", "--split", "train_pbr"], "--split is set without --dataset"),

@@ -47,7 +47,7 @@ def test_of_several_runs_the_session_of_the_worst_is_opened_with_the_settings_gi
     tmp_path: Path, served: dict[str, Any]
 ) -> None:
     batch_run(tmp_path / "rir", "rir", (5.0, 40.0))
-    batch_run(tmp_path / "sir", "sir", (70.0, 2.0))
+    batch_run(tmp_path / "sir", "sir", (70.0, 2.0), "running")
     assert main(["view", str(tmp_path), "--method.exploration", "0.2"]) == 0
     assert served["session"].method.name == "sir"
     assert served["session"].method.exploration == 0.2
@@ -73,9 +73,3 @@ def test_runs_without_a_finished_frame_are_refused(
     assert main(["view", str(tmp_path)]) == 2
     assert "empty has no finished frame yet: the batch is running or was killed" in capsys.readouterr().err
     assert served == {}
-
-
-def test_a_batch_that_still_runs_opens_with_its_finished_frames(tmp_path: Path, served: dict[str, Any]) -> None:
-    batch_run(tmp_path / "rir", "rir", (5.0, 40.0), "running")
-    assert main(["view", str(tmp_path / "rir")]) == 0
-    assert served["session"].scene.frames == ("0/1", "0/0")

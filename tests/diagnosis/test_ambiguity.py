@@ -56,7 +56,7 @@ def test_a_correct_pose_on_a_slope_that_scores_as_much_by_chance_is_not_ambiguou
     assert ambiguous(case) is None
 
 
-@pytest.mark.parametrize("method", ["rir", "vf_depth", "physim_mcts"])
+@pytest.mark.parametrize("method", ["vf_depth", "physim_mcts"])
 def test_a_hidden_handle_is_ambiguous_whatever_solved_the_scene(method: str) -> None:
     rng = np.random.default_rng(2)
     jug, can = hidden_handle(rng).problem, model("can")

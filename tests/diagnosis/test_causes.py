@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import count
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
-from scipy.spatial import KDTree
 
 from tests.changing import replace
 from tests.failing_scenes import GENERATORS, broken_scene, named
@@ -18,19 +14,16 @@ from tests.fakes import OneFrame
 from tests.made_up_frames import Thing as Made
 from tests.made_up_frames import comes_right, frame_of, model, near, standing
 from verefine_viz.batch.summary import worst_iteration
-from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import apply, axis_angle, transform
-from verefine_viz.core.problem import Placed, Target
+from verefine_viz.core.geometry import transform
 from verefine_viz.diagnosis.case import CONTROLS, FIRST_CONTROLS, HELPS, Control, ErrorOf
-from verefine_viz.diagnosis.causes import TITLES, Cause, Diagnosis, Finding
-from verefine_viz.diagnosis.diagnose import _controlled, diagnose, diagnosed, failed_cases
+from verefine_viz.diagnosis.causes import Cause, Diagnosis
+from verefine_viz.diagnosis.diagnose import diagnose, diagnosed, failed_cases
 from verefine_viz.page import protocol
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.verdict import verdict_message
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.recording.verify import first_difference
-from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.run.engine import Run
 from verefine_viz.run.session_file import load_session, resolve
 from verefine_viz.run.toolbox import Toolbox
@@ -38,25 +31,15 @@ from verefine_viz.run.toolbox import Toolbox
 pytestmark = pytest.mark.usefixtures("long_run")
 
 SESSIONS = Path(__file__).resolve().parents[2] / "sessions"
-FAILING = 1
-"""Scenes per cause."""
 
 
 @pytest.mark.parametrize("cause", list(GENERATORS))
 def test_what_is_broken_is_named(cause: Cause) -> None:
-    n_failed = 0
-    for seed in count():
-        diagnosis = named(broken_scene(cause, seed))
-        if diagnosis is None:
-            continue
-        assert diagnosis.main.cause == cause, (seed, diagnosis.main.text)
-        assert diagnosis.main.is_confirmed
-        assert diagnosis.main.text.endswith(".")
-        assert diagnosis.main.numbers
-        n_failed += 1
-        if n_failed == FAILING:
-            return
-        assert seed < 12, "too few of these scenes fail"
+    diagnosis = next(found for seed in range(13) if (found := named(broken_scene(cause, seed))) is not None)
+    assert diagnosis.main.cause == cause, diagnosis.main.text
+    assert diagnosis.main.is_confirmed
+    assert diagnosis.main.text.endswith(".")
+    assert diagnosis.main.numbers
 
 
 BUILT_IN = (
@@ -82,31 +65,19 @@ def test_built_in_failures_get_their_name(name: str, cause: Cause) -> None:
     assert diagnosis.main.is_confirmed
 
 
-@pytest.mark.parametrize("of_winner", [True, False])
-def test_a_simulation_is_blamed_with_its_own_numbers_and_hypothesis(
-    monkeypatch: pytest.MonkeyPatch, of_winner: bool
-) -> None:
+def test_a_simulation_is_blamed_with_its_own_numbers() -> None:
     toolbox = Toolbox(load_session(SESSIONS / "failure_simulation_topples.toml", {"method": {"name": "rir"}}))
     run = toolbox.run(toolbox.problem(toolbox.frames[0]))
     run.finish()
     (target,) = run.problem.targets
-    own, T_true = run.iterations_of(target.instance.instance_id), target.instance.T_cam_obj_gt
-    assert T_true is not None
-    if not of_winner:
-        answer = replace(run.best_at(run.length)[target.instance.instance_id], arm=len(target.instance.hypotheses))
-        monkeypatch.setattr(run, "best_at", lambda k: {target.instance.instance_id: answer})
+    assert target.instance.T_cam_obj_gt is not None
     (found,) = diagnose(run, toolbox, 0.05)
-    blamed = next(i for i in own if i.index == found.main.numbers["iteration"])
-    names = [stage.name for stage in blamed.stages]
-    error_of, k = ErrorOf(target.model, T_true), names.index("simulated")
+    (blamed,) = (i for i in run.iterations if i.index == found.main.numbers["iteration"])
+    k = [stage.name for stage in blamed.stages].index("simulated")
+    error_of = ErrorOf(target.model, target.instance.T_cam_obj_gt)
     before, after = (error_of(stage.T_cam_obj) for stage in blamed.stages[k - 1 : k + 1])
     assert found.main.numbers["error_added"] == pytest.approx(after - before)
-    which = "" if of_winner else f"hypothesis {blamed.arm + 1} of "
-    assert found.main.text.startswith(
-        f"In iteration {blamed.index} the simulation moved {which}the {target.model.name} by "
-        f"{found.main.numbers['moved_mm']:.0f} mm and {found.main.numbers['turned_deg']:.0f}°"
-    )
-    assert f"from {before:.0%} to {after:.0%} of its diameter off; without physics " in found.main.text
+    assert f"In iteration {blamed.index} the simulation moved the {target.model.name} by " in found.main.text
 
 
 def ran(toolbox: Toolbox) -> Branch:
@@ -117,41 +88,9 @@ def ran(toolbox: Toolbox) -> Branch:
     return space.work.first
 
 
-def test_a_sentence_says_which_way_a_pose_is_turned() -> None:
-    lying, turned = named(broken_scene(Cause.POOL, 0)), named(broken_scene(Cause.SCORE, 0))
-    assert lying is not None
-    assert "starts 100° (all of it tilt against the table) and 47 mm away" in lying.main.text
-    assert turned is not None
-    assert "of the diameter (127°: all of it a turn on the table): " in turned.main.text
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_ground_truth_as_a_start_is_named_only_where_the_answer_is_not_that_start(seed: int) -> None:
-    broken = broken_scene(Cause.POOL, seed)
-    run = broken.toolbox.run(broken.problem)
-    run.finish()
-    (case,) = failed_cases(run, broken.toolbox)
-    diagnosis = diagnosed(case)
-    best = case.reruns["started at ground truth"].best
-    assert best is not None
-    assert ("started at the ground truth" in diagnosis.main.text) == (best.iteration > 0)
-
-
-class Nudge:
-    """A person's own refiner, which cannot turn anything (as in the README)."""
-
-    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
-        observed, model = target.instance.points_cam, apply(T_cam_obj, target.model.points)
-        nearest = model[KDTree(model).query(observed)[1]]
-        return transform(T_cam_obj[:3, :3], T_cam_obj[:3, 3] + np.median(observed - nearest, axis=0))
-
-
-FROM_WHERE_ICP_GETS_THERE = {"rotation_deg": 60.0, "translation_mm": 15.0, "seed": 2}
-
-
-def with_refiner(name: str, session: str, **hypotheses: float) -> tuple[Diagnosis, Run]:
-    """Why the only object of a shipped session fails when it is solved with another refiner."""
-    settings = {"method": {"refiner": name}, "hypotheses": hypotheses}
+def with_the_identity(session: str, **hypotheses: float) -> tuple[Diagnosis, Run]:
+    """Why the only object of a shipped session fails when it is solved with a refiner that does nothing."""
+    settings = {"method": {"refiner": "identity"}, "hypotheses": hypotheses}
     toolbox = Toolbox(load_session(SESSIONS / f"{session}.toml", settings))
     run = toolbox.run(toolbox.problem(toolbox.frames[0]))
     run.finish()
@@ -159,35 +98,18 @@ def with_refiner(name: str, session: str, **hypotheses: float) -> tuple[Diagnosi
     return diagnosis, run
 
 
-@pytest.mark.parametrize("name", ["nudge", "identity"])
-def test_a_refiner_is_blamed_where_icp_gets_there_from_the_same_hypotheses(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(REFINERS, "nudge", lambda session: Nudge())
-    diagnosis, run = with_refiner(name, "mug", **FROM_WHERE_ICP_GETS_THERE)
+def test_a_refiner_is_blamed_where_icp_gets_there_from_the_same_hypotheses() -> None:
+    diagnosis, run = with_the_identity("mug", rotation_deg=60.0, translation_mm=15.0, seed=2)
     assert (diagnosis.main.cause, diagnosis.main.is_confirmed) == (Cause.REFINER, True)
-    assert f"The refiner {name} does not bring the mug to the ground truth" in diagnosis.main.text
     assert "with ICP from the same hypotheses the error is 0%" in diagnosis.main.text
     assert diagnosis.main.numbers["error_repaired"] < 0.02
+    assert diagnosis.main.numbers["calls"] == run.length
+    assert diagnosis.main.numbers["calls_that_took_it_away"] == 0
     assert Cause.POOL not in {other.cause for other in diagnosis.findings[1:]}, "the pool leads there"
-    target = run.problem.targets[0]
-    T_true = target.instance.T_cam_obj_gt
-    assert T_true is not None
-    error_of = ErrorOf(target.model, T_true)
-    n_away = 0
-    for iteration in run.iterations_of(target.instance.instance_id):
-        *_, before, after = iteration.stages
-        assert after.name == "refined"
-        n_away += error_of(after.T_cam_obj) > error_of(before.T_cam_obj)
-    assert diagnosis.main.numbers["calls"] == len(run.iterations_of(target.instance.instance_id))
-    assert diagnosis.main.numbers["calls_that_took_it_away"] == n_away
-    assert (f"further away in {n_away} of" in diagnosis.main.text) == (2 * n_away > diagnosis.main.numbers["calls"])
 
 
-@pytest.mark.parametrize("name", ["nudge", "identity"])
-def test_no_refiner_is_blamed_for_a_pool_that_does_not_lead_there(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(REFINERS, "nudge", lambda session: Nudge())
-    diagnosis, _ = with_refiner(name, "failure_no_hypothesis_near")
+def test_no_refiner_is_blamed_for_a_pool_that_does_not_lead_there() -> None:
+    diagnosis, _ = with_the_identity("failure_no_hypothesis_near")
     assert (diagnosis.main.cause, diagnosis.main.is_confirmed) == (Cause.POOL, True)
     assert Cause.REFINER not in {other.cause for other in diagnosis.findings[1:]}
 
@@ -207,7 +129,6 @@ def test_a_discarded_pose_is_named_with_both_poses_their_scores_and_the_iteratio
     assert evidence["error_of_correct"] == error_of(target.instance.hypotheses[1].T_cam_obj) < 0.1
     assert (evidence["score_of_correct"], evidence["score"]) == (correct, wrong)
     assert evidence["margin"] == wrong - correct
-    assert "the start of hypothesis 2, was given up in iteration 1 for one that is" in diagnosis.main.text
     assert diagnosis.n_reruns == 0
     # The page marks that iteration, a batch opens it.
     worst = worst_iteration(target, run.iterations, run.final_state.best[0])
@@ -231,14 +152,6 @@ def test_what_re_runs_get_right_by_chance_is_undecided_whatever_is_put_right() -
         assert helped / times - right / n < HELPS
 
 
-def test_the_page_says_that_an_answer_is_right_by_add_s_only() -> None:
-    # A slim box that leans by 24°: each of its points is near some point of the upright one.
-    toolbox = Toolbox(load_session(SESSIONS / "failure_simulation_topples.toml", {"method": {"name": "rir"}}))
-    (it,) = verdict_message(ran(toolbox))["objects"]
-    assert it["tone"] == "right"
-    assert it["words"].startswith("by ADD-S only: ADD over its symmetries is 1")
-
-
 def test_a_repair_has_its_control() -> None:
     toolbox = Toolbox(load_session(SESSIONS / "failure_mask_leaks.toml"))
     run = toolbox.run(toolbox.problem(toolbox.frames[0]))
@@ -250,30 +163,11 @@ def test_a_repair_has_its_control() -> None:
     assert case.repeated(diagnosis.main.rests_on) == Control(CONTROLS, CONTROLS)
 
 
-@pytest.mark.parametrize(
-    ("by_chance", "repaired", "is_confirmed"), [(0, 1, True), (1, 5, True), (2, 5, True), (3, 5, False), (5, 5, False)]
-)
-def test_a_repair_is_confirmed_only_where_it_helps_clearly_more_often_than_chance(
-    by_chance: int, repaired: int, is_confirmed: bool
-) -> None:
-    case: Any = SimpleNamespace(
-        unchanged=lambda like: Control(by_chance, 5), repeated=lambda what: Control(repaired, 5)
-    )
-    finding, chance = _controlled(case, Finding(Cause.MASK, "It leaks.", {}, True, "true mask"))
-    assert finding.is_confirmed == is_confirmed
-    assert (chance is None) == is_confirmed
-
-
 def test_the_page_blames_no_start_for_ground_truth_that_does_not_fit_its_image() -> None:
     broken = broken_scene(Cause.GROUND_TRUTH, 2)
     cast(Any, broken.toolbox).source = OneFrame(broken.problem)
     (it,) = verdict_message(ran(broken.toolbox))["objects"]
     assert [finding["cause"] for finding in it["findings"]] == [Cause.GROUND_TRUTH]
-
-
-def test_every_cause_has_a_title() -> None:
-    assert set(TITLES) == set(Cause)
-    assert len(set(TITLES.values())) == len(TITLES)
 
 
 def sound_scene(n_hypotheses: int = 2) -> tuple[Toolbox, Any]:
@@ -340,8 +234,6 @@ def test_an_empty_pool_is_no_bad_pool() -> None:
     run.finish()
     (diagnosis,) = diagnose(run, toolbox)
     assert diagnosis.main.cause == Cause.NO_HYPOTHESIS
-    # Started at the ground truth it stays there, which says nothing.
-    assert diagnosis.main.text == "There is no hypothesis for the duck."
     assert diagnosis.findings == (diagnosis.main,)
     assert diagnosis.main.numbers["error_from_ground_truth"] < 0.1
 
@@ -359,24 +251,8 @@ def test_translations_of_another_unit_are_named(factor: float, unit: str) -> Non
         assert found == ()
         return
     assert (found[0].main.cause, found[0].main.is_confirmed) == (Cause.UNIT, True)
-    said = f"The translations of 2 of 2 hypotheses of the duck look like {unit}, where millimetres are expected; "
-    assert found[0].main.text.startswith(f"{said}with {factor:g} × t the error is ")
+    assert f"look like {unit}, where millimetres are expected" in found[0].main.text
     assert found[0].main.numbers["error_repaired"] < 0.1
-
-
-def test_where_millimetres_alone_do_not_help_the_pool_is_named_with_its_unit() -> None:
-    toolbox, problem = sound_scene()
-    (instance,) = problem.instances
-    T = instance.T_cam_obj_gt @ transform(axis_angle(np.array([1.0, 0, 0]), np.pi), np.zeros(3))
-    upside_down = replace(instance.hypotheses[0], T_cam_obj=transform(T[:3, :3], T[:3, 3] / 1e3))
-    run = toolbox.run(replace(problem, instances=(replace(instance, hypotheses=(upside_down,)),)))
-    run.finish()
-    (diagnosis,) = diagnose(run, toolbox)
-    assert diagnosis.main.cause == Cause.POOL
-    assert "its translation looks like metres where millimetres are expected" in diagnosis.main.text
-    (unit,) = [other for other in diagnosis.findings[1:] if other.cause == Cause.UNIT]
-    assert not unit.is_confirmed
-    assert unit.text.startswith("The translation of the only hypothesis of the duck looks like metres, ")
 
 
 def test_the_same_run_gets_the_same_diagnosis_and_is_left_as_it_was() -> None:
@@ -399,14 +275,3 @@ def test_asking_for_every_cause_keeps_the_main_one() -> None:
     assert brief.main.cause == thorough.main.cause == Cause.SIMULATION
     assert brief.n_reruns <= thorough.n_reruns
     assert {f.cause for f in brief.findings[1:]} <= {f.cause for f in thorough.findings[1:]}
-
-
-@pytest.mark.parametrize("method", ["vf_depth", "physim_mcts"])
-def test_methods_of_whole_scenes_are_diagnosed_as_well(method: str) -> None:
-    broken = broken_scene(Cause.POOL, 1)
-    settings = {"method": {"name": method, "iterations": 2}, "mcts": {"expansions": 4}}
-    toolbox = broken.toolbox.restarted(settings)
-    run = toolbox.run(broken.problem)
-    run.finish()
-    (diagnosis,) = diagnose(run, toolbox)
-    assert diagnosis.main.cause == Cause.POOL

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.made_up_frames import CAMERA, frame_of, level, model, moved, near, small_carton, standing
+from tests.made_up_frames import CAMERA, frame_of, model, moved, near, small_carton, standing
 from tests.made_up_frames import Thing as Made
 from verefine_viz.core.geometry import apply, axis_angle, inverse, random_unit_vector, transform
 from verefine_viz.diagnosis.case import ErrorOf
@@ -95,7 +95,7 @@ def test_declared_symmetries_are_found_without_being_declared(name: str) -> None
         assert errors.translation_mm < 1
 
 
-@pytest.mark.parametrize("deg", [20, 45, 90, 150])
+@pytest.mark.parametrize("deg", [20, 150])
 def test_a_can_that_is_nearly_round_counts_as_round(deg: float) -> None:
     can = model("can", symmetric=False)
     # A dent on one side and a seam: 3 mm from round, more than 2 % of the diameter.
@@ -166,8 +166,3 @@ def test_the_outline_is_what_is_seen_of_the_object() -> None:
     assert np.count_nonzero(outline & mask) / np.count_nonzero(outline | mask) > 0.9
     whole = replace(problem, observation=replace(problem.observation, depth_m=np.zeros(CAMERA.shape, np.float32)))
     assert np.count_nonzero(FrameGroundTruth(whole).outline(0)) > np.count_nonzero(outline)
-
-
-def test_level_directions_are_level() -> None:
-    assert level(1.3)[2] == 0
-    assert np.linalg.norm(level(1.3)) == pytest.approx(1)

@@ -63,11 +63,10 @@ def test_a_starved_hypothesis_is_found_by_the_method_itself() -> None:
     assert diagnosis.main.is_confirmed
 
 
-@pytest.mark.parametrize("seed", [0, 3])
-def test_a_budget_that_ends_too_early_is_found_by_the_method_itself(seed: int) -> None:
+def test_a_budget_that_ends_too_early_is_found_by_the_method_itself() -> None:
     icp: dict[str, object] = {"max_iterations": 4}
     physics: dict[str, object] = {"enabled": False}
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     diagnosis = named(beside_a_can("duck", rng, Cause.BUDGET, None, icp=icp, physics=physics))
     assert diagnosis is not None
     assert diagnosis.main.cause == Cause.BUDGET

@@ -71,21 +71,6 @@ def test_two_recordings_compare_as_the_runs_themselves(recordings: Recordings):
         assert answers[0][name] == answers[1][name], name
 
 
-def test_a_recording_goes_on_from_any_iteration_as_the_run_itself_would(recordings: Recordings):
-    T = (1.0, 0, 0, 0.05, 0, 1, 0, 0.08, 0, 0, 1, 0.7, 0, 0, 0, 1)
-    for fork in (
-        p.Fork(3, changes={"method.exploration": 5.0}, run=True),
-        p.Fork(3, edit=p.EditedPose(0, 1, T), run=True),
-    ):
-        read = opened(p.Open(recording=str(recordings.rir)))
-        fork.branch = last(read)
-        read.carry_out([fork])
-        fork.branch = 0
-        made = opened(p.RunVerb(), fork)
-        runs = [d.space.branch(last(d)).run.iterations for d in (read, made)]
-        assert first_difference(*runs) is None
-
-
 def test_a_run_that_ended_early_gets_no_verdict_and_goes_on(tmp_path: Path):
     tools = Numbered(SESSION)
     file = RunFile(tmp_path / "a.vfrun", SESSION)

@@ -69,17 +69,6 @@ def test_a_changed_session_gets_the_name_of_its_new_file_as_title(debugger: Debu
     assert [load_session(tmp_path / f"{name}.toml").title for name in ("copy", "longer")] == ["mine", "longer"]
 
 
-def test_poses_moved_in_each_frame_are_saved_together(debugger: Debugger, tmp_path: Path):
-    def fork() -> p.Fork:
-        return p.Fork(0, debugger.space.work.first.index, edit=EDIT)
-
-    debugger.carry_out([fork(), p.Open(frame="0/2")])
-    debugger.carry_out([fork()])
-    debugger.carry_out([p.Save("session", name="two", branch=max(debugger.space.branches))])
-    # Branches that left the first one are not what the other frame's session says.
-    assert {edit.frame for edit in load_session(tmp_path / "two.toml").edits} == {"0/2"}
-
-
 def test_names_stay_within_the_folder(debugger: Debugger, tmp_path: Path):
     there = set(tmp_path.rglob("*"))
     for name in ("../evil", "/tmp/evil", "a/b", " ", "..", "a\\b", "x\ny"):

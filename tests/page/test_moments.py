@@ -55,12 +55,3 @@ def test_objects_that_are_there_twice_are_told_apart():
     assert labels_of(space.problem) == {0: "box #0", 1: "box #1"}
     space.open_frame("0/1")
     assert labels_of(space.problem) == {0: "box"}
-
-
-@pytest.mark.parametrize("name", ["rir", "vf_depth"])
-def test_iterations_are_numbered_without_a_gap_whatever_was_done(name: str):
-    d = opened(name).carry_out([p.Step(), p.Step(), p.Fork(1, run=True), p.Fork(0, 1, {"method.exploration": 2.0})])
-    d.carry_out([p.RunVerb(2), p.Compare(changes={"method.name": "sir"}), p.RunVerb(0)])
-    for branch in d.space.branches.values():
-        assert [i.index for i in branch.run.iterations] == [*range(1, branch.run.length + 1)]
-        assert {mark.k for mark in branch.marks()} <= {i.index for i in branch.run.iterations}

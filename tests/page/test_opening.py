@@ -23,8 +23,9 @@ from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.recording.verify import first_difference
 from verefine_viz.run.data_folder import data_at
-from verefine_viz.run.run_file import read_run_file
-from verefine_viz.run.session_file import changed, save_session
+from verefine_viz.run.record import FORMAT, RunEnd, RunHeader
+from verefine_viz.run.run_file import RunFile, read_run_file
+from verefine_viz.run.session_file import changed, save_session, session_toml
 from verefine_viz.run.toolbox import Toolbox
 
 
@@ -168,6 +169,14 @@ def test_the_gallery_gives_every_answer_once_in_every_order(gallery: Gallery, po
         assert sorted(order["keys"]) == list(range(6)), order["id"]
     errors = [message["rows"][key]["err"] for key in message["orders"][0]["keys"]]
     assert errors == sorted(errors, reverse=True)
+
+
+def test_a_folder_of_run_files_without_an_answer_is_refused(tmp_path: Path):
+    file = RunFile(tmp_path / "a.vfrun", SESSION)
+    file.begin(RunHeader(FORMAT, session_toml(SESSION), "0/0", "", {}, ()))
+    file.finish(RunEnd(answers=()))
+    with pytest.raises(InputError, match=r"no run in .* has an answer; open one by itself"):
+        read_gallery(tmp_path)
 
 
 def test_sessions_are_listed_by_their_titles(tmp_path: Path):

@@ -15,11 +15,9 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Edge, Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.page import protocol as p
-from verefine_viz.page.protocol import read_verb, write_verb
 from verefine_viz.page.reorder import Clusters, as_entries, moved
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
-from verefine_viz.recording.verify import first_difference
 
 SESSION = Session(title="order", method=MethodSettings(iterations=1, name="vf_breadth"))
 
@@ -71,18 +69,6 @@ def test_cutting_and_restoring(debugger: Debugger):
     for cut, left in (((1, 0, True), {(0, 1)}), ((1, 2, True), {(0, 1), (1, 2)}), ((2, 1, False), {(0, 1)})):
         debugger.carry_out([p.Order(max(debugger.space.branches), cut=cut)])
         assert set(debugger.space.tools.session.dependency.cut) == left
-
-
-def test_the_log_gives_the_same_order(debugger: Debugger):
-    first, _, third = order(debugger)
-    for verb in (p.Order(cut=(0, 1, True)), p.Order(move=(third, -1)), p.Order(move=(first, 1))):
-        verb.branch = max(debugger.space.branches)
-        debugger.carry_out([p.RunVerb(verb.branch), verb])
-    debugger.carry_out([p.RunVerb(max(debugger.space.branches))])
-    again = Debugger(Workspace(SESSION, None, ThreeBoxes)).carry_out(read_verb(write_verb(x)) for x in debugger.log)
-    assert order(again) == order(debugger)
-    runs = [d.space.work.first.run.iterations for d in (again, debugger)]
-    assert first_difference(*runs) is None
 
 
 def test_what_cannot_be_done_is_refused_and_changes_nothing(debugger: Debugger):

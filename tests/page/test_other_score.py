@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from msgspec import structs
 
 from tests.fakes import FakeVerifier
 from tests.page.conftest import Posted
 from tests.page.fake_tools import FakeTools
-from verefine_viz.core.settings import MethodSettings, ScoreSettings, Session
+from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.page import protocol as p
 from verefine_viz.page.moment import moment_of
 from verefine_viz.page.verbs import Debugger
@@ -54,29 +53,11 @@ def test_a_pose_scores_what_the_record_says_at_every_iteration():
         assert (accepted.score.score <= MOST) == (iteration.index > 2)
 
 
-def test_nothing_of_the_old_score_is_weighed_after_the_change():
-    d = opened().carry_out([p.RunVerb(), p.Fork(4, changes=STRICTER, run=True)])
-    for iteration in d.space.branch(1).run.iterations[4:]:
-        assert iteration.best.score.score <= MOST
-        assert iteration.choice is not None
-        assert max(iteration.choice.mean) <= MOST
-
-
 def test_the_session_of_such_a_run_gives_it_again():
     d = opened().carry_out([p.RunVerb(), p.Fork(2, changes=STRICTER, run=True)])
     again = opened(d.space.session_of(d.space.branch(1))).carry_out([p.RunVerb()])
     assert first_difference(again.space.work.first.run.iterations, d.space.branch(1).run.iterations) is None
     assert [after for after, _ in again.space.work.first.evaluators] == [0, 2]
-
-
-def test_a_fork_at_the_start_is_judged_by_the_new_score_alone():
-    posted = Posted()
-    d = opened(posted=posted).carry_out([p.RunVerb(), p.Fork(0, changes=STRICTER, run=True)])
-    alone = opened(structs.replace(SESSION, score=ScoreSettings(tau_m=0.005))).carry_out([p.RunVerb()])
-    branch = d.space.branch(1)
-    assert first_difference(branch.run.iterations, alone.space.work.first.run.iterations) is None
-    (start,) = [m["start"] for m in posted.of("run") if m["branch"] == 1 and m["from"] == 0 and m["start"]][:1]
-    assert max(arm["score"] for arm in start[0]) <= MOST
 
 
 def test_windows_get_the_initial_poses_of_a_branch_only_where_they_are_others():

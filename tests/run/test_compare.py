@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from tests.changing import replace
 from tests.run.comparing import METHODS, altered, finished, made_up, run_of
-from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.core.geometry import transform
 from verefine_viz.core.records import Iteration
 from verefine_viz.evaluation.pose_errors import pose_errors
-from verefine_viz.run.compare import Departure, Pair, aligned, apart, departures, effort_of, outcomes
+from verefine_viz.run.compare import Departure, Pair, aligned, departures, effort_of, outcomes
 from verefine_viz.run.engine import Run
 
 ORDERS = st.lists(st.integers(0, 2), max_size=14)
@@ -66,6 +66,9 @@ def test_swapping_the_sides_or_a_run_that_grows_changes_no_pair(one: list[int], 
         assert p.b in (whole[p[:2]], None)
 
 
+# The first differences.
+
+
 def test_what_only_b_has_follows_the_last_of_a_on_that_object() -> None:
     in_turns = made_up([0, 1] * 4)
     assert pairs_of(made_up([0] * 3 + [1] * 3), in_turns) == (
@@ -73,9 +76,6 @@ def test_what_only_b_has_follows_the_last_of_a_on_that_object() -> None:
         (1, 1, 4, 2), (1, 2, 5, 4), (1, 3, 6, 6), (1, 4, None, 8),
     )  # fmt: skip
     assert pairs_of(made_up([2]), in_turns)[:3] == ((2, 1, 1, None), (0, 1, None, 1), (1, 1, None, 2))
-
-
-# The first differences.
 
 
 def brute_force(a: Run, b: Run) -> int | None:
@@ -141,15 +141,6 @@ def test_one_thing_changed_anywhere_is_found_there(k: int, what: str, data: st.D
         assert first.text == f"has its {stage.name} pose of box #{record.instance_id} 3.2 mm and 0.0° away"
     back = between(b, a)
     assert (back.place, back.kind) == (first.place, first.kind), "swapping the sides moves nothing"
-
-
-def test_sentences_have_numbers_and_units() -> None:
-    T = transform(axis_angle(np.array([0, 0, 1.0]), np.deg2rad(1.1)), [0.0032, 0, 0])
-    assert apart(np.eye(4), T) == "3.2 mm and 1.1°"
-    assert apart(np.eye(4), transform(np.eye(3), [2e-5, 0, 0])) == "0.020 mm and 0.000°"
-    assert apart(np.eye(4), transform(np.eye(3), [1e-9, 0, 0])) == "less than 0.001 mm and 0.001°"
-    first = between(finished("sir"), finished("refine"))
-    assert first.text == "goes through current, refined with box instead of current, simulated, mixed, refined"
 
 
 def test_scores_and_deeds_are_reported_apart() -> None:

@@ -114,18 +114,3 @@ def test_one_compiles_and_the_others_wait_until_it_is_done(tmp_path: Path) -> No
         thread.join()
     assert events == ["first", "other", "other"]
     assert list(file.parent.iterdir()) == []
-
-
-def test_who_waited_keeps_no_other_waiting(tmp_path: Path) -> None:
-    file = tmp_path / "compiling.lock"
-    first, second = CompilingTurn(file), CompilingTurn(file)
-    first.take()
-    thread = threading.Thread(target=second.take)
-    thread.start()
-    time.sleep(0.2)
-    first.end()
-    thread.join()
-    third = threading.Thread(target=CompilingTurn(file).take, daemon=True)
-    third.start()
-    third.join(60)
-    assert not third.is_alive()

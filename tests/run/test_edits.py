@@ -31,15 +31,10 @@ def edit(instance: int = 0, hypothesis: int = 0, after: int = 0, frame: str = ""
 
 
 IMPOSSIBLE: tuple[tuple[dict[str, Any], str], ...] = (
-    ({"instance": 99}, "unknown instance 99; available: 0, 1 (frame {frame})"),
     ({"instance": 99, "after": 5}, "unknown instance 99; available: 0, 1 (frame {frame})"),
     ({"hypothesis": 7}, "there is no hypothesis 7 of instance 0; it has 3, counted from 0 (frame {frame})"),
     ({"pose": np.full(16, np.nan)}, "the pose of instance 0 "),
-    ({"pose": np.zeros(16)}, "the pose of instance 0 is not rigid: "),
-    (
-        {"pose": transform(np.eye(3), [0, 0, 600.0])},
-        "the pose of instance 0 is farther away than 100 m, expected metres (frame {frame})",
-    ),
+    ({"pose": transform(np.eye(3), [0, 0, 600.0])}, "the pose of instance 0 is farther away than 100 m"),
 )
 
 

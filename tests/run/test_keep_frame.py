@@ -241,22 +241,6 @@ def test_a_copy_of_the_session_opens_from_elsewhere(tmp_path: Path, mesh: Path) 
     assert Toolbox(load_session(copy)).frames == ("1/1",)
 
 
-def test_half_written_files_of_others_in_the_folder_are_left_alone(tmp_path: Path, mesh: Path) -> None:
-    problem = box_problem()
-    kept(tmp_path / "kept", problem, [found(problem, mesh)])
-    recording = tmp_path / "kept" / "out" / "recordings" / "1_1.rrd.part"
-    recording.parent.mkdir(parents=True)
-    recording.touch()
-    kept(tmp_path / "kept", problem, [found(problem, mesh)])
-    assert recording.exists()
-
-
-def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path, mesh: Path) -> None:
-    problem = box_problem()
-    with pytest.raises(InputError, match=r"cannot write .*box\.stl is a file, not a folder"):
-        kept(mesh / "kept", problem, [found(problem, mesh)])
-
-
 def test_what_cannot_be_right_is_refused_and_nothing_is_written(tmp_path: Path, mesh: Path) -> None:
     problem = box_problem()
     seen, good = problem.observation, found(problem, mesh)
@@ -269,54 +253,35 @@ def test_what_cannot_be_right_is_refused_and_nothing_is_written(tmp_path: Path, 
     shares = np.where(instance.mask, np.linspace(0.5, 1, 80), 0.1)
     cases: list[tuple[dict[str, Any], str]] = [
         ({"K": np.eye(4)}, r"K has shape \(4, 4\), expected 3×3"),
-        ({"K": np.full((3, 3), np.nan)}, "K holds NaN or infinity"),
+        ({"K": np.array(seen.camera.K).T}, "it looks written column by column"),
         ({"depth_m": np.zeros((60, 80))}, "depth_m has no measured pixel"),
-        ({"depth_m": seen.depth_m * 1000}, "depth_m has a median of .*, expected metres; divide millimetres by 1000"),
+        ({"depth_m": seen.depth_m * 1000}, "expected metres; divide millimetres by 1000"),
         ({"depth_m": -seen.depth_m}, "depth_m goes down to -"),
-        ({"depth_m": seen.depth_m[None]}, "depth_m has shape .*, expected n×m"),
         ({"rgb": np.zeros((60, 80, 3))}, "rgb is of float64, expected uint8"),
         ({"rgb": np.zeros((30, 80, 3), np.uint8)}, r"rgb has shape \(30, 80, 3\), expected 60×80×3"),
         ({"gravity_cam": [0, 0, 0]}, "gravity_cam is 0, expected a direction"),
         ({"objects": []}, "has no object to solve"),
-        ({"objects": [dict(good, mask=np.zeros((60, 80)))]}, r"mask of box is empty"),
-        ({"objects": [dict(good, mask=seen.depth_m == 0)]}, r"mask of box has no measured depth"),
-        ({"objects": [dict(good, mask=np.ones((6, 8)))]}, r"mask of box has shape \(6, 8\)"),
-        ({"objects": [dict(good, mesh=tmp_path / "cup.stl")]}, r"cup\.stl does not exist"),
-        ({"objects": [dict(good, mesh="cup.step")]}, r"cup\.step is no mesh file; supported: ply"),
-        ({"objects": [dict(good, unit_m=0)]}, "unit_m of box is 0, expected metres per unit"),
-        ({"objects": [dict(good, unit_m=0.001)]}, r"unit_m = 0\.001 was given, 1 would fit better"),
-        ({"objects": [dict(good, poses={"../net": T})]}, r"estimator '\.\./net' of box"),
-        ({"objects": [dict(good, poses={"net": T[:3]})]}, r"pose of box by net has shape \(3, 4\)"),
-        ({"objects": [dict(good, poses={"net": [[1], [1, 2]]})]}, "pose of box by net is no array"),
-        (
-            {"objects": [dict(good, poses={"net": in_mm})]},
-            "pose of box .* m away, .* expected T_cam_obj in metres",
-        ),
-        ({"objects": [dict(good, poses={"net": T * 2})]}, "pose of box by net is not rigid"),
-        ({"objects": [dict(good, T_cam_obj_gt=T * np.nan)]}, "ground-truth pose of box"),
-        ({"K": np.array(seen.camera.K).T}, r"K: the last row of 'cam_K' is .*; it looks written column by column"),
-        (
-            {"objects": [dict(good, mask=shares)]},
-            "mask of box holds shares, such as .*; give it as mask > 0",
-        ),
-        ({"objects": [dict(good, mask=~instance.mask)]}, r"mask of .* covers 9\d% of the image; is it inverted\?"),
-        (
-            {"objects": [dict(good, mesh=trimesh.creation.box(BOX_M))]},
-            "mesh of box is a Trimesh, expected the path",
-        ),
-        ({"objects": [dict(good, unit_m="mm")]}, "unit_m of box is 'mm', expected metres per unit"),
-        ({"objects": [dict(good, poses={"net": behind})]}, "lies behind the camera .* expected OpenCV's axes"),
-        ({"objects": [dict(good, poses={"net": aside})]}, "lies outside of the image; .* is it the inverse"),
-        ({"objects": [dict(good, T_cam_obj_gt=away)]}, "ground-truth pose of .* m from what its mask covers"),
-        (
-            {"objects": [dict(good, symmetry_axis=[0, 0, 0])]},
-            "symmetry_axis of box is 0, expected a direction",
-        ),
-        (
-            {"objects": [good, dict(good, T_cam_obj_gt=T)]},
-            "1 of 2 objects have a ground-truth pose; give",
-        ),
+        ({"objects": [good, dict(good, T_cam_obj_gt=T)]}, "1 of 2 objects have a ground-truth pose; give"),
     ]
+    objects: list[tuple[dict[str, Any], str]] = [
+        ({"mask": np.zeros((60, 80))}, r"mask of box is empty"),
+        ({"mask": seen.depth_m == 0}, r"mask of box has no measured depth"),
+        ({"mask": shares}, "mask of box holds shares, such as .*; give it as mask > 0"),
+        ({"mask": ~instance.mask}, r"covers 9\d% of the image; is it inverted\?"),
+        ({"mesh": tmp_path / "cup.stl"}, r"cup\.stl does not exist"),
+        ({"mesh": "cup.step"}, r"cup\.step is no mesh file; supported: ply"),
+        ({"mesh": trimesh.creation.box(BOX_M)}, "mesh of box is a Trimesh, expected the path"),
+        ({"unit_m": 0}, "unit_m of box is 0, expected metres per unit"),
+        ({"unit_m": 0.001}, r"unit_m = 0\.001 was given, 1 would fit better"),
+        ({"poses": {"../net": T}}, r"estimator '\.\./net' of box"),
+        ({"poses": {"net": in_mm}}, "m away, .* expected T_cam_obj in metres"),
+        ({"poses": {"net": T * 2}}, "pose of box by net is not rigid"),
+        ({"poses": {"net": behind}}, "lies behind the camera .* expected OpenCV's axes"),
+        ({"poses": {"net": aside}}, "lies outside of the image; .* is it the inverse"),
+        ({"T_cam_obj_gt": away}, "ground-truth pose of .* m from what its mask covers"),
+        ({"symmetry_axis": [0, 0, 0]}, "symmetry_axis of box is 0, expected a direction"),
+    ]
+    cases += [({"objects": [{**good, **wrong}]}, words) for wrong, words in objects]
     for wrong, words in cases:
         arguments = {"K": seen.camera.K, "depth_m": seen.depth_m, "rgb": seen.rgb, "objects": [good], **wrong}
         with pytest.raises(InputError, match=words):
@@ -331,8 +296,6 @@ def test_folders_and_names_of_others_are_left_alone(tmp_path: Path, mesh: Path) 
     (tmp_path / "mine" / "session.toml").write_text('[scene]\ndemo = "mug"\n')
     with pytest.raises(InputError, match="mine holds something else; choose a new folder"):
         kept(tmp_path / "mine", problem, [good])
-    with pytest.raises(InputError, match=r"box\.stl holds something else"):
-        kept(mesh, problem, [good])
     kept(tmp_path / "kept", problem, [good])
     before = {path: path.read_bytes() for path in (tmp_path / "kept").rglob("*") if path.is_file()}
     trimesh.creation.box(BOX_M * 0.9).export(tmp_path / "other.stl")

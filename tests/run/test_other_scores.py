@@ -94,11 +94,6 @@ def test_a_fork_at_the_start_is_a_run_with_the_new_score() -> None:
     assert first_difference(fork.iterations, alone.iterations) is None
 
 
-def test_the_same_score_leaves_everything_as_it_is() -> None:
-    run = finished("rir", box_problem(3))
-    assert run.fork(5, method_of("rir", FakeVerifier(), exploration=9.0)).state is run.state_at(5)
-
-
 @pytest.mark.parametrize("then", ["rir", "vf_depth"])
 def test_rewards_of_whole_scenes_cannot_be_rescored(then: str) -> None:
     problem = box_problem(2, 3)

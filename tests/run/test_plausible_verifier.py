@@ -15,7 +15,7 @@ from tests.physics.bodies import box, placed, standing, table
 from tests.recording.runs import END
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import ShapeError
-from verefine_viz.core.geometry import axis_angle, transform
+from verefine_viz.core.geometry import axis_angle
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import PhysicsSettings, ScoreSettings
@@ -65,12 +65,6 @@ def test_what_floats_or_sinks_in_has_less_the_further(
 def test_what_would_tip_has_half(check: Callable[..., Plausibility]) -> None:
     tilted = standing(BRICK, axis_angle([1, 0, 0], np.deg2rad(40)))
     assert check(tilted).share(TAU_M) == pytest.approx(0.5, abs=1e-4)
-
-
-def test_what_stands_on_another_object_floats_without_it(check: Callable[..., Plausibility]) -> None:
-    upper, lower = placed(BRICK, (0, 0, 0.15)), standing(BRICK, instance_id=1)
-    assert check(upper, lower).share(TAU_M) == pytest.approx(1, abs=1e-3)
-    assert check(upper).share(TAU_M) == 0
 
 
 def test_a_known_centre_of_mass_changes_nothing(check: Callable[..., Plausibility], colliders: Path) -> None:
@@ -125,19 +119,6 @@ def test_the_score_is_a_mixture_and_the_fits_are_as_without_it() -> None:
     assert np.array_equal(scores.depth_fit, without.depth_fit)
     assert (scores[1].plausibility, scores[1].plausibility_weight) == (p[1], W)
     assert score_numbers(scores[1])["plausibility"] == p[1], "the page shows it"
-
-
-def test_at_equal_fit_a_pose_that_could_be_there_scores_higher() -> None:
-    problem = box_problem()
-    target = problem.targets[0]
-
-    class Blind(FakeVerifier):
-        def score(self, target, Ts_cam_obj, placed=()):  # type: ignore[no-untyped-def]
-            found = super().score(target, Ts_cam_obj, placed)
-            return replace(found, score=np.full(len(found), 0.6))
-
-    scores = around(problem, Blind(settings_of(W))).score(target, raised(target, 0.0, 0.02, 0.04)).score
-    assert scores[0] > scores[1] > scores[2]
 
 
 def test_a_batch_gives_what_single_calls_give_also_when_begun() -> None:
@@ -236,26 +217,8 @@ def two_objects() -> Problem:
     return whole.only([i.instance_id for i in whole.instances[:2]])
 
 
-@pytest.mark.usefixtures("processes")
-def test_on_a_real_table_what_floats_or_sinks_in_loses_more_than_by_depth() -> None:
-    """Raised, and sunk into the table, by 8 mm."""
-    target = two_objects().targets[0]
-    support = two_objects().observation.support
-    assert support is not None
-    up_cam = support.T_world_cam[:3, :3].T @ [0, 0, 1]
-    off, on = Toolbox(session(0.0)).verifier, Toolbox(session(W)).verifier
-    Ts = np.stack([transform(np.eye(3), up_cam * mm * 1e-3) @ truth_of(target) for mm in (0.0, 8.0, -8.0)])
-    lost = off.score(target, Ts).score[0] - off.score(target, Ts).score[1:]
-    scores = on.score(target, Ts)
-    p = shares_of(scores)
-    assert p[0] == pytest.approx(1, abs=0.1)
-    assert (p[1:] < 0.4).all()
-    # What the pose loses by depth it loses still, and plausibility on top.
-    assert (scores.score[0] - scores.score[1:] > (1 - W) * lost + W * 0.5).all()
-
-
 @pytest.mark.usefixtures("processes", "long_run")
-@pytest.mark.parametrize("method", ["rir", "vf_breadth", "vf_depth"])
+@pytest.mark.parametrize("method", ["rir", "vf_depth"])
 def test_stepped_headless_rewound_and_replayed_are_the_same(method: str, tmp_path: Path) -> None:
     box, problem = Toolbox(session(W, method)), two_objects()
     file = RunFile(tmp_path / "run.vfrun", box.session)

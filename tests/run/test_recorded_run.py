@@ -67,15 +67,6 @@ def test_a_run_that_was_stopped_goes_on_from_its_last_iteration(tmp_path: Path) 
     assert first_difference(gone_on.iterations, run.iterations) is None
 
 
-def test_showing_a_run_writes_the_same_file(tmp_path: Path) -> None:
-    run, record = recorded(tmp_path, "rir")
-    file = RunFile(tmp_path / "b.vfrun", session("rir", 2, maps=False))
-    Run.from_record(record, run.problem).show([file])
-    back = read_run_file(file.path)
-    assert first_difference(back.header, record.header) is None
-    assert first_difference(back.iterations, record.iterations) is None
-
-
 def test_a_run_gives_its_record_at_any_time(tmp_path: Path) -> None:
     s, problem = session("rir", 2, maps=False), box_problem(3, 2)
     file = RunFile(tmp_path / "a.vfrun", s)

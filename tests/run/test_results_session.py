@@ -23,7 +23,7 @@ def write(path: Path, *frames: tuple[int, int]) -> Path:
     return path
 
 
-@pytest.mark.parametrize("place", ["made/net_made-test.csv", "net_made-test.csv", "made/out/a.csv", "results/x/a.csv"])
+@pytest.mark.parametrize("place", ["net_made-test.csv", "made/out/a.csv", "results/x/a.csv"])
 def test_the_data_set_near_a_results_file_is_opened(place: str, tmp_path: Path) -> None:
     make(tmp_path / "made")
     known = data_at(write(tmp_path / place, (7, 3), (99, 1)), {})
@@ -55,16 +55,6 @@ def test_without_a_data_set_the_line_says_what_to_add(tmp_path: Path) -> None:
     far = write(tmp_path / "made" / "e.csv", (8, 3))
     with pytest.raises(InputError, match=r"made has none of its frames$"):
         open_session(far, {"scene": {"dataset": str(tmp_path / "made")}})
-
-
-def test_a_scene_with_other_images_and_a_folder_without_models_are_read_past(tmp_path: Path) -> None:
-    place = tmp_path / "a" / "b"  # Two levels above it lie the folders of other tests.
-    make(place / "made")
-    make(place / "aaa")
-    (place / "aaa" / "models").rename(place / "aaa" / "gone")
-    with pytest.raises(InputError, match=r"scene 7 of .*made has images 3, the poses are of image 0; add"):
-        open_session(write(place / "a.csv", (7, 0)), {})
-    assert open_session(write(place / "b.csv", (7, 3)), {}).scene.frames == ("7/3",)
 
 
 def test_a_folder_above_that_may_not_be_listed_is_read_past(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -91,14 +91,6 @@ def test_answers_come_back(tmp_path_factory: pytest.TempPathFactory, score, mm, 
     assert first_difference(read_run_file(file.path).end, end) is None
 
 
-def test_an_error_below_zero_is_damage(tmp_path: Path) -> None:
-    file = RunFile(tmp_path / "a.vfrun", SHORT)
-    file.begin(RunHeader(1, "", "0/1", "", {}, ()))
-    file.finish(RunEnd(answers=(Answer(frame="0/1", name="a", status="ok", add_s_mm=-6.0),)))
-    with pytest.raises(InputError, match=r"is damaged: Expected `float` >= 0.0 - at `\$.answers\[0\].add_s_mm`"):
-        read_run_file(file.path)
-
-
 def test_an_iteration_is_in_the_file_when_the_next_one_begins(tmp_path: Path) -> None:
     path = tmp_path / "a.vfrun"
     run = new_run(SHORT, box_problem(3, 2), (RunFile(path, SHORT),))
@@ -170,40 +162,22 @@ def bodies_of(path: Path) -> list[bytes]:
 
 
 NAN_POSE = packed(np.full((4, 4), np.nan))
-ITERATIONS: list[tuple[Callable[[Any], object] | bytes, str]] = [
-    (b"\xc1", "is damaged"),
-    (b"\x91" * 5000, "is damaged"),
-    (b"\xdd\xff\xff\xff\xff", "is damaged"),
-    (msgspec.msgpack.encode(5), "is damaged"),
+ITERATIONS: list[tuple[Callable[[Any], object], str]] = [
     (lambda v: v.pop("stages"), "is damaged"),
     (lambda v: v.update(index=3), "iteration 2 is missing"),
     (lambda v: v.update(arm=99), "iteration 2 is about hypothesis 100 of instance 0, which has 3"),
-    (lambda v: v.update(arm=-1), "iteration 2 is about hypothesis 0"),
-    (lambda v: v.update(instance_id=7), "hypothesis 1 of instance 7, which has 0"),
-    (lambda v: v.update(stages=[]), "iteration 2 accepted its"),
     (lambda v: v.update(accepted="edited"), "iteration 2 accepted its edited pose, and has none"),
-    (lambda v: v.update(accepted="\x1b[31m\nx"), "is damaged"),
     (lambda v: v["stages"][0].update(T_cam_obj=NAN_POSE), "holds NaN"),
     (lambda v: v["stages"][0].update(T_cam_obj=packed(np.ones(3))), "has shape (3,), expected 4×4"),
-    (lambda v: v["best"].update(T_cam_obj="x"), "$.best.T_cam_obj"),
     (lambda v: v["choice"].update(mean=packed(np.zeros(0))), "another number of hypotheses than 3"),
-    (lambda v: v["path"].update(Ts_cam_obj=packed(np.zeros((0, 3)))), "is damaged"),
-    (lambda v: v["path"].update(contacts=5), "$.path"),
     (lambda v: v.update(placed=[{"instance_id": 9, "T_cam_obj": packed(np.eye(4))}]), "places instance 9"),
 ]
 HEADERS: list[tuple[Callable[[dict[str, Any]], object], str]] = [
     (lambda h: h.update(format=99), "was written by a later version (format 99, this one reads 1); update"),
-    (lambda h: h.update(format="x"), "is damaged"),
-    (lambda h: h.pop("session"), "is damaged"),
     (lambda h: h.update(frame="../.."), "'../..' is no frame"),
-    (lambda h: h.update(versions=[]), "is damaged"),
-    (lambda h: h.update(objects=5), "$.objects"),
-    (lambda h: h.update(objects=[]), "iteration 1 is about hypothesis"),
     (lambda h: h["objects"].append(h["objects"][0]), "an object is in it twice"),
     (lambda h: h["objects"][0].update(instance_id=99), "of instance 0, which has 0"),
-    (lambda h: h["objects"][0].update(initial=[]), ""),
     (lambda h: h["objects"][0]["hypotheses"].pop(), "has 2 hypotheses and 3 scores"),
-    (lambda h: h["objects"][0]["hypotheses"][0].update(T_cam_obj=NAN_POSE), "holds NaN"),
 ]
 
 
@@ -214,46 +188,32 @@ def test_damaged_iterations_and_headers_are_one_line(tmp_path: Path) -> None:
     path = tmp_path / "b.vfrun"
     for place, changes in ((2, ITERATIONS), (0, HEADERS)):
         for change, expected in changes:
-            body = bodies[place]
-            if isinstance(change, bytes):
-                body = body[:1] + change
-            else:
-                values = msgspec.msgpack.decode(body[1:])
-                change(values)
-                body = body[:1] + msgspec.msgpack.encode(values)
+            values = msgspec.msgpack.decode(bodies[place][1:])
+            change(values)
+            body = bodies[place][:1] + msgspec.msgpack.encode(values)
             path.write_bytes(MAGIC + b"".join(map(framed, [*bodies[:place], body, *bodies[place + 1 :]])))
-            if expected:
-                assert expected in refused(path), expected
-
-
-def test_an_answer_that_is_no_pose_is_one_line(tmp_path: Path) -> None:
-    file = RunFile(tmp_path / "a.vfrun", SHORT)
-    for T, expected in ((np.full((4, 4), np.nan), "holds NaN"), (2 * np.eye(4), "is not rigid"), (np.eye(3), "shape")):
-        file.begin(RunHeader(1, "", "0/1", "", {}, ()))
-        file.finish(RunEnd(answers=(Answer(frame="0/1", name="mug", status="ok", T_cam_obj=T),)))
-        assert expected in refused(file.path)
-
-
-FILES: list[tuple[Callable[[Path], object], str]] = [
-    (lambda path: None, "does not exist"),
-    (os.mkdir, "is a folder"),
-    (os.mkfifo, "is a pipe"),
-    (lambda path: path.symlink_to("/dev/zero"), "is a device"),
-    (lambda path: path.symlink_to(path), "cannot be read: Too many levels of symbolic links"),
-    (lambda path: path.write_bytes(b""), "is empty"),
-    (lambda path: path.write_bytes(b"hello"), "is no run file"),
-    (lambda path: path.write_bytes(MAGIC[:5]), "is no run file"),
-    (lambda path: path.write_bytes(MAGIC), "holds nothing of a run"),
-    (lambda path: path.write_bytes(MAGIC + bytes(60)), "holds nothing of a run"),
-    (lambda path: path.write_bytes(MAGIC + bytes(range(256)) * 40), "holds nothing of a run"),
-]
+            assert expected in refused(path), expected
 
 
 def test_what_is_no_run_file_is_one_line(tmp_path: Path) -> None:
-    for k, (make, expected) in enumerate(FILES):
-        path = tmp_path / f"{k}.vfrun"
-        make(path)
-        assert expected in refused(path)
+    assert "does not exist" in refused(tmp_path / "none.vfrun")
+    os.mkfifo(tmp_path / "pipe.vfrun")
+    assert "is a pipe" in refused(tmp_path / "pipe.vfrun")
+    for content, said in (
+        (b"", "is empty"),
+        (b"hello", "is no run file"),
+        (MAGIC + bytes(60), "holds nothing of a run"),
+    ):
+        (tmp_path / "a.vfrun").write_bytes(content)
+        assert said in refused(tmp_path / "a.vfrun")
+
+
+def test_an_answer_that_is_no_pose_is_damage(tmp_path: Path) -> None:
+    file = RunFile(tmp_path / "a.vfrun", SHORT)
+    for fields, expected in (({"T_cam_obj": 2 * np.eye(4)}, "is not rigid"), ({"add_s_mm": -6.0}, "`float` >= 0.0")):
+        file.begin(RunHeader(1, "", "0/1", "", {}, ()))
+        file.finish(RunEnd(answers=(Answer(frame="0/1", name="mug", status="ok", **fields),)))
+        assert expected in refused(file.path)
 
 
 def test_a_disk_that_takes_no_more_is_one_line(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ from typing import Any
 
 import msgspec
 import pytest
-from msgspec import structs
 from msgspec.inspect import StructType
 
 from verefine_viz.core.algorithm_settings import DepthNetSettings
@@ -17,7 +16,7 @@ from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.presets import PRESETS, preset_fields
 from verefine_viz.core.setting_types import descriptions, fields_of
 from verefine_viz.core.settings import Session
-from verefine_viz.run.session_file import FILES, changed, load_session, resolve, save_session
+from verefine_viz.run.session_file import FILES, load_session, resolve, save_session
 
 
 def write(folder: Path, text: str) -> Path:
@@ -109,70 +108,28 @@ def test_every_setting_that_names_a_file_is_known_as_one() -> None:
     assert named == {*FILES, ("scene", "dataset"), ("scene", "split"), ("scene", "masks")}
 
 
-def test_overrides_win_field_by_field(tmp_path: Path) -> None:
-    path = write(tmp_path, "[method]\nname='sir'\niterations=7")
-    session = load_session(path, {"method": {"name": "pir"}})
-    assert (session.method.name, session.method.iterations) == ("pir", 7)
-
-
-TOO_DEEP = "is not TOML: it has lists or tables of more than 20 levels$"
-OPEN_QUOTE = "a quote is opened there or before and"
-NO_DIRECTION = "expected 'plane', 'world' or a list of 3 numbers$"
 WRONG_FILES: tuple[tuple[str, str], ...] = (
     ("[method]\nnam = 'rir'", "unknown field 'method.nam'; did you mean 'name'[?] available: .*exploration.*name"),
-    ('"x` - at `$.scene" = 1', "unknown field 'x.*'; available: breakpoints, "),
     ('[scene]\n"x` - at `$.method" = 1', "unknown field 'scene.x.*'; available: cloud_points, "),
-    ("[score]\npixels = 'x` - at `$.scene'", "score.pixels = 'x.*': expected 'classes'"),
-    ("colour = 1", "unknown field 'colour'; available: .*scene.*score"),
-    ("[score]\ntau_m = -1", r"score.tau_m = -1: expected a number above 0 and at most 1, in metres$"),
-    ("[score]\ntau_m = 20", r"score.tau_m = 20: expected a number above 0 and at most 1, in metres$"),
-    ("[score]\ntau_m = nan", r"score.tau_m = nan: expected a number above 0"),
-    ("[score]\ntau_m = inf", r"score.tau_m = inf: expected a number above 0"),
+    ("[score]\ntau_m = nan", r"score.tau_m = nan: expected a number above 0 and at most 1, in metres$"),
     ("[score]\npixels = 'all'", "score.pixels = 'all': expected 'classes', 'observed' or 'published'$"),
-    ("[method]\niterations = 0", "method.iterations = 0: expected a whole number from 1 to 10000$"),
-    ("[method]\niterations = 'many'", "method.iterations = 'many': expected a whole number from 1 to 10000$"),
-    ("[method]\niterations = 2020-01-01", "method.iterations = datetime.date.*: expected a whole number"),
+    (
+        "[method]\niterations = 2020-01-01",
+        "method.iterations = datetime.date.*: expected a whole number from 1 to 10000",
+    ),
     ("[method]\ntrack = 3", "method.track = 3: expected true or false$"),
-    ("title = 3", "title = 3: expected a text$"),
     ("scene = 3", r"scene = 3: expected a section, \[scene\]"),
-    ("[scene]\nframes = ''", r"scene.frames = '': expected a list, \[\]$"),
     ("[scene]\nobjects = ['mug']", "scene.objects.0 = 'mug': expected the id of an object, as 5 for obj_000005.ply"),
-    ('[method]\nname = "rir\nseed = 1', f"is not TOML: .*line 2.*; {OPEN_QUOTE}"),
-    ("[method]\nname = 'rir\nseed = 1", f"is not TOML: .*end of document.*; {OPEN_QUOTE}"),
     ("[scene]\nobjects = 3", r"scene.objects = 3: expected a list, \[3\]$"),
-    ("[scene]\nobjects = 'mug'", "scene.objects = 'mug': expected a list$"),
-    ("[dependency]\ncut = 3", "dependency.cut = 3: expected a list$"),
-    ("[scene]\ngravity = 'down'", rf"scene.gravity = 'down': {NO_DIRECTION}"),
-    ("[scene]\ngravity = [0, 1]", rf"scene.gravity = \[0, 1\]: {NO_DIRECTION}"),
-    ("[scene]\ngravity = [0, 1, inf]", r"scene.gravity.2 = inf: expected a number from -1000000 to 1000000$"),
+    ('[method]\nname = "rir\nseed = 1', "is not TOML: .*line 2.*; a quote is opened there or before and"),
+    ("[scene]\ngravity = 'down'", "scene.gravity = 'down': expected 'plane', 'world' or a list of 3 numbers$"),
     ("[scene]\ngravity = [0, 0, 0]", r"scene.gravity = \[0.0, 0.0, 0.0\]: expected a vector that is not zero$"),
-    ("[scene]\ngravity = [1e308, 1, 1]", r"scene.gravity.0 = 1e\+308: expected a number from -1000000 to 1000000$"),
     ("preset = 'theirs'", "preset = 'theirs': expected 'paper', 'published' or 'recommended'$"),
-    ("[method\nname=1", "is not TOML"),
     ("[[edits]]\nafter_iteration=1", "edits.0.instance is missing$"),
-    ("[[edits]]\nx=1", "unknown field 'edits.0.x'; available: T_cam_obj, .*instance$"),
-    ("edits = [3]", r"edits.0 = 3: expected a section, \[edits.0\]$"),
     ("[[changes]]\nafter_iteration=1\n[changes.settings.scene]\nseed=1", "unknown section that can change"),
-    (
-        "[[edits]]\nafter_iteration=1\ninstance=0\nhypothesis=0\nT_cam_obj=[1.0]",
-        r"edits.0.T_cam_obj = \[1.0\]: .*of 16$",
-    ),
-    (f"[scene]\nobjects = {'[' * 2000}{']' * 2000}", TOO_DEEP),
-    (f"[scene]\nobjects = {'[' * 60}{']' * 60}", TOO_DEEP),
-    (f"{'.'.join('a' * 3000)} = 1", TOO_DEEP),
-    (f"[scene]\nseed = {'9' * 5000}", "is not TOML: it has a number of thousands of digits$"),
+    (f"[scene]\nobjects = {'[' * 2000}{']' * 2000}", "is not TOML: it has lists or tables of more than 20 levels$"),
     (f"[scene]\nseed = 0x{'f' * 5000}", "scene.seed = a number of thousands of digits: expected a whole number"),
-    (f"[scene]\nobjects = [0x{'f' * 5000}]", "scene.objects.0 = a number of thousands of digits: expected the id"),
     ('[scene]\nsplit = "a\\u0000b"', r"scene.split = 'a.x00b': expected a path, which holds no .0$"),
-    ('[hypotheses]\nsource = "results"\nfiles = ["a\\u0000b"]', r"hypotheses.files.0 = 'a.x00b': expected a path"),
-    (
-        "[dependency]\norder = [[1.5]]",
-        "dependency.order.0.0 = 1.5: expected a whole number from 0 to 2147483647 or a text$",
-    ),
-    ("[hypotheses]\nmax_per_object = 1000000000", "max_per_object = 1000000000: .*from . to 10000$"),
-    ("[method]\nseed = 18446744073709551616", "method.seed = 18446744073709551616: .*from 0 to 4294967295$"),
-    ("[physics]\nsubsteps = 1000000000000", "physics.substeps = 1000000000000: .*from . to 1000$"),
-    ("[physics]\ngravity_m_s2 = 1e308", r"gravity_m_s2 = 1e\+308: .*from . to 1000$"),
     (
         "[[changes]]\nafter_iteration = 1\nsettings = {method = {iterations = 1000000000}}",
         "s.toml: changes.0: changed settings: method.iterations = 1000000000: .*from . to 10000$",
@@ -217,18 +174,6 @@ def test_what_is_no_session_file_is_said_at_once(tmp_path: Path) -> None:
         assert str(caught.value) == f"session file {path} {expected}"
 
 
-def test_a_name_that_no_file_can_have_is_one_line(tmp_path: Path) -> None:
-    for name in ("a\0b.toml", f"{'a' * 300}.toml"):
-        with pytest.raises(InputError, match=r"is no path|File name too long"):
-            load_session(tmp_path / name)
-
-
-def test_a_loop_of_links_in_a_path_is_left_to_who_opens_it(tmp_path: Path) -> None:
-    (tmp_path / "loop").symlink_to("loop")
-    session = load_session(write(tmp_path, '[scene]\nsource = "bop"\ndataset = "loop/data"'))
-    assert session.scene.dataset == str(tmp_path / "loop" / "data")
-
-
 def test_a_byte_order_mark_and_the_line_ends_of_windows_are_read_over(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_bytes(b"\xef\xbb\xbf[method]\r\nname = 'sir'\r\n")
     assert load_session(tmp_path / "s.toml").method.name == "sir"
@@ -256,14 +201,6 @@ def test_half_a_character_is_refused_where_it_was_typed() -> None:
     for typed in ({"title": "a\udcff"}, {"score": {"pixels": "a\udcff"}}):
         with pytest.raises(SettingsError, match=r"^command line: 'a.udcff' is no UTF-8, in which"):
             load_session(None, typed)
-
-
-def test_changes_replace_only_what_they_name() -> None:
-    session = changed(Session(), {"method": {"exploration": 0.3}})
-    assert session.method.exploration == 0.3
-    assert structs.replace(session, method=Session().method) == Session()
-    with pytest.raises(SettingsError, match=r"changed settings: method.exploration = -1"):
-        changed(Session(), {"method": {"exploration": -1}})
 
 
 def test_every_field_has_a_docstring() -> None:

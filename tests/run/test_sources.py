@@ -20,20 +20,15 @@ FORGOTTEN: tuple[tuple[dict[str, Any], str], ...] = (
     ),
     ({"scene": {"dataset": "d"}}, r'scene.dataset is set, but scene.source is "demo" .*; set scene.source = "bop"'),
     ({"ppf": {"step": 0.1}}, r'\[ppf\] is set, but hypotheses.source is "perturb" .*; set .* = "ppf", or write'),
-    ({"pcs": {"bases": 9}, "preset": "published"}, r"\[pcs\] is set, but"),
     ({"ppf": {"step": 0.1}, "hypotheses": {"estimate": [["0/0", 0, "pcs"]]}}, r"\[ppf\] is set, but"),
 )
 CHOSEN: tuple[dict[str, Any], ...] = (
     {"hypotheses": {"files": ["a.csv"], "source": "perturb"}},
     {"hypotheses": {"files": ["a.csv"], "source": "results"}},
-    {"hypotheses": {"files": []}},
     {"scene": {"dataset": "d", "source": "demo"}},
     {"scene": {"dataset": "d", "demo": "mug", "source": "bop"}},
-    {"scene": {"dataset": "", "demo": "bowl"}},
     {"ppf": {"step": 0.1}, "hypotheses": {"source": "ppf"}},
-    {"ppf": {"step": 0.1}, "hypotheses": {"source": "perturb"}},
     {"ppf": {"step": 0.1}, "hypotheses": {"estimate": [["0/0", 0, "ppf"]]}},
-    {"ppf": {}, "preset": "published"},
 )
 
 

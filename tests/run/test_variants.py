@@ -39,21 +39,6 @@ def test_a_preset_sets_what_it_names_and_can_be_taken_back() -> None:
     assert back.method.exploration == MethodSettings().exploration
 
 
-def test_a_preset_sets_the_refiner_and_a_refiner_alone_leaves_colour_and_flips() -> None:
-    def of(session: Session) -> tuple[str, float, bool]:
-        return session.method.refiner, session.score.colour_weight, session.hypotheses.flips
-
-    recommended = resolve({})
-    assert of(variant(recommended, (("method.refiner", "icp"),))) == ("icp", 0.1, True)
-    for preset in ("paper", "published"):
-        assert of(variant(recommended, (("preset", preset),))) == ("icp", 0.0, False)
-        assert variant(variant(recommended, (("preset", preset),)), (("preset", "recommended"),)) == recommended
-    by_icp = (("preset", "recommended"), ("method.refiner", "icp"))
-    assert of(variant(recommended, by_icp)) == of(SESSION) == ("icp", 0.0, False)
-    assert of(variant(SESSION, (("method.refiner", "depth_net_icp"),))) == ("depth_net_icp", 0.0, False)
-    assert of(variant(SESSION, (("preset", "recommended"),))) == ("depth_net_icp", 0.1, True)
-
-
 def test_one_preset_leaves_nothing_of_another() -> None:
     paper = variant(SESSION, (("preset", "paper"),))
     assert paper.score == resolve({"preset": "paper"}).score
