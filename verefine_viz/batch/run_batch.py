@@ -24,7 +24,6 @@ from verefine_viz.batch.machine import (
     gigabytes,
     machine,
     own_peak_bytes,
-    package_versions,
     temporary_folder,
 )
 from verefine_viz.batch.motion_table import MOTION, MotionTrack, read_tracks
@@ -41,6 +40,7 @@ from verefine_viz.core.text_format import first_of
 from verefine_viz.run.record import RunRecord, failed_run
 from verefine_viz.run.session_parts import weights_of
 from verefine_viz.run.toolbox import Toolbox
+from verefine_viz.run.versions import package_versions
 from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.source import SceneSource
 
