@@ -17,7 +17,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from verefine_viz.batch.machine import machine, package_versions
+from verefine_viz.batch.machine import machine
+from verefine_viz.run.versions import package_versions
 
 NAMES = ("score", "landscape", "physics", "icp", "methods", "scenes", "recording", "evaluation")
 OUT = Path("bench.json")

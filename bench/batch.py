@@ -1,4 +1,4 @@
-"""A long batch of light frames, and how it scales: ``python -m bench.batch [N_FRAMES]``, 1000 by default; takes minutes.
+"""A long batch of light frames, and how it scales: ``python -m bench.batch [N_FRAMES]``, 1000 by default.
 
 Measured from outside: the memory of parent and workers while frames come in, milliseconds a frame from the first to the
 last, how much of a worker's time is none of a frame's stages; and frames a second of two workers against one, with

@@ -28,7 +28,7 @@ from rich.table import Table
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner
-from verefine_viz.evaluation.bootstrap import Cells, draws
+from verefine_viz.evaluation.bootstrap import CellSums, draws
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.studies.solve_unit import quality
@@ -149,7 +149,8 @@ def measure(folder: Path, seeds: Iterable[int], out: Path) -> None:
 
 def solved(box: Toolbox, problems: list[Problem], key: tuple[str, str, int, str, str]) -> Cell:
     """All frames by the toolbox's method."""
-    timed = box.__dict__["refiner"] = Timed(box.refiner)
+    timed = Timed(box.refiner)
+    box = box.refined_by(timed)
     for target in (target for problem in problems for target in problem.targets):
         # What is made once per model, and compiled, is not timed.
         box.refiner.refine(target, target.instance.hypotheses[0].T_cam_obj)
@@ -176,7 +177,7 @@ def complete(cells: list[Cell]) -> list[Cell]:
     return [cell for cell in cells if of_start[cell.dataset, cell.start, cell.seed] == n]
 
 
-def sums(cells: list[Cell], value: str) -> Cells:
+def sums(cells: list[Cell], value: str) -> CellSums:
     """A value's sums by frame and object: ``right``, ``auc`` (both as 0 to 1), ``ar``."""
     of = {(f"{c.dataset} {a.frame}", a.name): [] for c in cells for a in c.answers}
     for c in cells:
@@ -188,7 +189,7 @@ def sums(cells: list[Cell], value: str) -> Cells:
     for (frame, name), values in of.items():
         total[frames.index(frame), names.index(name)] = sum(values)
         n[frames.index(frame), names.index(name)] = len(values)
-    return Cells(total, n)
+    return CellSums(total, n)
 
 
 def shown(now: list[Cell], before: list[Cell], value: str) -> str:

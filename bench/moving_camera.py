@@ -29,7 +29,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.evaluation.near_symmetry import flips, near_symmetries
-from verefine_viz.page.protocol import Open, Track
+from verefine_viz.page.protocol import Open, TrackWanted
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.object_track import track
 from verefine_viz.page.workspace import Workspace
@@ -131,7 +131,7 @@ def measured(folder: Path) -> list[dict[str, object]]:
     obj = space.problem.targets[0].instance.instance_id
 
     def strip() -> list[dict[str, Any]]:
-        return track(space, Track(obj), debugger.blobs)["frames"]
+        return track(space, TrackWanted(obj), debugger.blobs)["frames"]
 
     frames, first = _timed(strip)
     strips = [_timed(strip)[1] for _ in range(N_CLICKS)]

@@ -25,7 +25,7 @@ from rich.console import Console
 from rich.table import Table
 
 from verefine_viz.core.problem import Problem
-from verefine_viz.evaluation.bootstrap import Cells, draws
+from verefine_viz.evaluation.bootstrap import CellSums, draws
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.run.engine import Run
 from verefine_viz.run.session_file import resolve
@@ -159,7 +159,7 @@ def main() -> None:
         show(f"{given.method}, {title}", by_row, seconds, n_frames, table)
 
 
-def cells(of: list[Answer], field: str) -> Cells:
+def cells(of: list[Answer], field: str) -> CellSums:
     """A field's sums by frame and object."""
     frames, names = sorted({a.frame for a in of}), sorted({a.name for a in of})
     total, n = np.zeros((2, len(frames), len(names)))
@@ -167,7 +167,7 @@ def cells(of: list[Answer], field: str) -> Cells:
         at = frames.index(a.frame), names.index(a.name)
         total[at] += getattr(a, field)
         n[at] += 1
-    return Cells(total, n)
+    return CellSums(total, n)
 
 
 def share(now: list[Answer], before: list[Answer], field: str) -> str:

@@ -19,10 +19,12 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from verefine_viz.core.arrays import Float
 from verefine_viz.core.presets import PRESETS
-from verefine_viz.core.problem import Problem
+from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner
 from verefine_viz.evaluation.pose_errors import PoseErrors, pose_errors
+from verefine_viz.methods.registry import method_of
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
 
@@ -40,10 +42,10 @@ class Counted:
     inner: Refiner
     calls: int = 0
 
-    def refine(self, *arguments: Any) -> Any:
-        """As the refiner inside."""
+    def refine(self, target: Target, T_cam_obj: Float, fixed: Sequence[Placed] = ()) -> Float:
+        """What the refiner inside answers."""
         self.calls += 1
-        return self.inner.refine(*arguments)
+        return self.inner.refine(target, T_cam_obj, fixed)
 
 
 @dataclass
@@ -117,7 +119,9 @@ def solved(name: str, raw: dict[str, Any], seeds: int, hypotheses: int) -> Row:
         box = Toolbox(resolve({**seeded, "method": method, "mcts": {"expansions": budget}}))
         problem = box.problem(frame)
         box.prepare(problem)
-        counted = box.__dict__["refiner"] = Counted(box.refiner)
+        counted = Counted(box.refiner)
+        if not method_of(name).has_tree:  # A tree search brings trimmed ICP.
+            box = box.refined_by(counted)
         if row.n_frames == 0:
             box.run(problem).finish()  # compiles kernels, builds what is built once
             counted.calls = 0

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 import verefine_viz as vv
 from verefine_viz import cli
 from verefine_viz.commands.flags import given
-from verefine_viz.commands.view import View
+from verefine_viz.commands.view import ViewCommand
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.geometry import axis_angle, inverse, random_unit_vector, transform
 from verefine_viz.core.problem import Problem
@@ -154,7 +154,7 @@ def session_of(cause: Cause, folder: Path) -> Session:
     words = commands().get(cause)
     if words is not None:
         view = cli.parse(words)
-        assert isinstance(view, View)
+        assert isinstance(view, ViewCommand)
         return load_session(None, given(view.settings, words))
     one, name = SCENES[cause], f"cause_{cause}"
     demo._ALL[name] = one.scene

@@ -23,7 +23,7 @@ from verefine_viz import cli  # noqa: E402
 from verefine_viz.core.algorithm_settings import BreakpointSettings  # noqa: E402
 from verefine_viz.diagnosis.causes import Cause  # noqa: E402
 from verefine_viz.page.app import App  # noqa: E402
-from verefine_viz.page.what_lies_at import what_lies_at  # noqa: E402
+from verefine_viz.page.openable import read_openable  # noqa: E402
 
 DOCS = ROOT / "docs"
 SIZE = {"width": 1280, "height": 760}
@@ -60,7 +60,7 @@ def window_of(browser: Any, app: App, **size: int) -> Iterator[Screen]:
 @contextmanager
 def shown(browser: Any, path: Path, **size: int) -> Iterator[Screen]:
     """Open what lies at a path in a window of the page."""
-    there = what_lies_at(path)
+    there = read_openable(path)
     session = structs.replace(there.session, breakpoints=BreakpointSettings())
     with window_of(browser, App(session, there.session_path, port=0, gallery=there.gallery), **size) as screen:
         yield screen

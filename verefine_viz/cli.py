@@ -24,21 +24,21 @@ from typing import Annotated, Any, Protocol, Union
 import tyro
 
 import verefine_viz
-from verefine_viz.commands.batch import Batch
+from verefine_viz.commands.batch import BatchCommand
 from verefine_viz.commands.datasets import Datasets
-from verefine_viz.commands.doctor import Doctor
-from verefine_viz.commands.estimate import Estimate
-from verefine_viz.commands.evaluate import Evaluate
+from verefine_viz.commands.doctor import DoctorCommand
+from verefine_viz.commands.estimate import EstimateCommand
+from verefine_viz.commands.evaluate import EvaluateCommand
 from verefine_viz.commands.flags import HELP_SETTINGS, SECTIONS, show_help
-from verefine_viz.commands.import_data import Import
-from verefine_viz.commands.replay import Replay
-from verefine_viz.commands.report import Report
-from verefine_viz.commands.share_file import Share
-from verefine_viz.commands.study import Study
-from verefine_viz.commands.train import Train
-from verefine_viz.commands.view import View
-from verefine_viz.core.errors import SettingsError, VerefineError, in_one_line, quoted, unknown
-from verefine_viz.core.writing import DISK_FULL, at_home
+from verefine_viz.commands.import_data import ImportCommand
+from verefine_viz.commands.replay import ReplayCommand
+from verefine_viz.commands.report import ReportCommand
+from verefine_viz.commands.share_file import ShareCommand
+from verefine_viz.commands.study import StudyCommand
+from verefine_viz.commands.train import TrainCommand
+from verefine_viz.commands.view import ViewCommand
+from verefine_viz.core.errors import SettingsError, VerefineError, one_line, quoted, unknown
+from verefine_viz.core.writing import DISK_FULL, expand_home
 
 PROGRAM = "verefine-viz"
 USAGE = 2
@@ -48,18 +48,18 @@ LONGEST = 300
 TIDYING_S = 5.0
 """How long after a signal to stop others are left out [s]."""
 COMMANDS: dict[str, type[Command]] = {
-    "view": View,
-    "batch": Batch,
-    "estimate": Estimate,
-    "evaluate": Evaluate,
-    "study": Study,
-    "train": Train,
-    "report": Report,
-    "share": Share,
+    "view": ViewCommand,
+    "batch": BatchCommand,
+    "estimate": EstimateCommand,
+    "evaluate": EvaluateCommand,
+    "study": StudyCommand,
+    "train": TrainCommand,
+    "report": ReportCommand,
+    "share": ShareCommand,
     "datasets": Datasets,
-    "import": Import,
-    "replay": Replay,
-    "doctor": Doctor,
+    "import": ImportCommand,
+    "replay": ReplayCommand,
+    "doctor": DoctorCommand,
 }
 
 
@@ -143,7 +143,7 @@ def stopped_by_signals() -> Iterator[None]:
             return
         tidying_until = time.monotonic() + TIDYING_S
         if number == signal.SIGHUP:
-            _leave_closed_terminal()
+            _silence_closed_terminal()
         raise KeyboardInterrupt if number == signal.SIGINT else Stopped(number)
 
     for number in mine:
@@ -155,7 +155,7 @@ def stopped_by_signals() -> Iterator[None]:
             signal.signal(number, before)
 
 
-def _leave_closed_terminal() -> None:
+def _silence_closed_terminal() -> None:
     """Output that went to a terminal which is gone goes nowhere: writing there would be an error in the middle of
     tidying up.
     """
@@ -170,7 +170,7 @@ def _leave_closed_terminal() -> None:
 def _with_home(word: str) -> str:
     """A word with the home folder for "~", which shells leave as it is within quotes and after ``--out=``."""
     option, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
-    return f"{option}{equals}{at_home(value)}" if value == "~" or value.startswith("~/") else word
+    return f"{option}{equals}{expand_home(value)}" if value == "~" or value.startswith("~/") else word
 
 
 def _drop_output() -> None:
@@ -233,7 +233,7 @@ def _parsed(words: list[str]) -> Command:
         return command
     if HELP_SETTINGS in words:
         # They are the same for all commands that run a session.
-        show_help(View, f"{PROGRAM} view", words)
+        show_help(ViewCommand, f"{PROGRAM} view", words)
     names = [Annotated[_named(kind), tyro.conf.subcommand(name)] for name, kind in COMMANDS.items()]
     one_of: Any = Union[tuple(names)]  # noqa: UP007
     return tyro.cli(one_of, prog=PROGRAM, args=words, description=verefine_viz.__doc__)
@@ -248,7 +248,7 @@ def _named(kind: type[Command]) -> Any:
 
 def fail(text: str) -> int:
     """One line on stderr; exit code 2."""
-    print(f"{PROGRAM}: {in_one_line(text)}", file=sys.stderr)
+    print(f"{PROGRAM}: {one_line(text)}", file=sys.stderr)
     return USAGE
 
 

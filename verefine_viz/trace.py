@@ -475,7 +475,7 @@ def file_beside(folders: Sequence[Path], name: str) -> Path | None:
     for relative in [way for one in names for way in (one, one.rsplit("/", 1)[-1])]:
         for folder in folders:
             try:
-                path = _in_any_case(folder, relative)
+                path = _match_ignoring_case(folder, relative)
                 if path is not None and path.is_file():
                     return Path(os.path.abspath(path))  # noqa: PTH100
             except (OSError, ValueError):  # No name of a file.
@@ -483,7 +483,7 @@ def file_beside(folders: Sequence[Path], name: str) -> Path | None:
     return None
 
 
-def _in_any_case(folder: Path, relative: str) -> Path | None:
+def _match_ignoring_case(folder: Path, relative: str) -> Path | None:
     path = folder
     for part in Path(relative).parts:
         following = path / part

@@ -7,12 +7,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from tests.made_runs import answer, finished, written
+from verefine_viz.batch import run_batch as run_batch_module
 from verefine_viz.batch.pace import Pace
-from verefine_viz.batch.run_batch import Backend, Workers
+from verefine_viz.batch.run_batch import Backend, BatchOutcome, BatchStatus, Workers, run_batch
 from verefine_viz.batch.runs import file_stem
-from verefine_viz.batch.worker_process import TaskName
+from verefine_viz.batch.worker_tasks import TaskName
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord, failed_run
 
@@ -32,11 +34,14 @@ def failed(frame: str, message: str) -> RunRecord:
     return failed_run(Session(), frame, message)
 
 
+Answers = Callable[[str], RunRecord | str | None]
+
+
 @dataclass
 class AtOnce:
     """The workers."""
 
-    answer: Callable[[str], RunRecord | str | None] = solved
+    answer: Answers = solved
     needs: str = ""
     warning: str = ""
     is_closed: bool = False
@@ -71,3 +76,29 @@ class AtOnceBackend(Backend):
     def workers(self, session: Session, out: Path, task: TaskName) -> Workers:
         self.made.out = out
         return self.made
+
+
+@dataclass
+class Loop:
+    """A batch of made-up frames; what the last call of ``run`` asked its workers for, and told."""
+
+    out: Path
+    patch: pytest.MonkeyPatch
+    asked: list[str] = field(default_factory=list)
+    seen: list[BatchStatus] = field(default_factory=list)
+
+    def frames(self, n: int, *notes: str) -> tuple[str, ...]:
+        """The frames of the session from now on."""
+        names = tuple(f"0/{k}" for k in range(n))
+        self.patch.setattr(run_batch_module, "check", lambda session: (names, notes))
+        return names
+
+    def run(self, answer: Answers = solved, retry_failed: bool = False, workers: AtOnce | None = None) -> BatchOutcome:
+        self.asked, self.seen = [], []
+        workers = workers or AtOnce(lambda frame: self.asked.append(frame) or answer(frame))
+        backend = AtOnceBackend(made=workers)
+        return run_batch(Session(), self.out, backend, self.seen.append, retry_failed=retry_failed)
+
+    @property
+    def told(self) -> list[str]:
+        return [now.doing for now in self.seen if now.doing]

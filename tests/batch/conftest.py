@@ -6,9 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.batch.at_once import Loop
 from tests.batch.frames import batch_here, make_frames, write_session
 
 N_FRAMES = 6
+
+
+@pytest.fixture
+def loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Loop:
+    return Loop(tmp_path / "out", monkeypatch)
 
 
 @pytest.fixture(scope="session")

@@ -21,7 +21,7 @@ from verefine_viz import cli
 from verefine_viz.batch import batch_command, worker_pool
 from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.solve_frame import TASKS
-from verefine_viz.batch.worker_process import TaskName
+from verefine_viz.batch.worker_tasks import TaskName
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord
 from verefine_viz.run.toolbox import Toolbox

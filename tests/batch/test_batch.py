@@ -29,9 +29,8 @@ from tests.batch.frames import (
 from tests.batch.killed_batches import without_times
 from tests.batch.outputs import done, stop_in_the_middle
 from tests.scenes.bop_folder import Made
-from verefine_viz.batch.runs import Runs
 from verefine_viz.run.session_file import load_session
-from verefine_viz.scenes.results_csv import ResultRow, read_results, write_results
+from verefine_viz.scenes.results_csv import read_results
 
 pytestmark = pytest.mark.usefixtures("processes")
 
@@ -79,44 +78,6 @@ def test_a_batch_leaves_these_files(uninterrupted: Path, session: Path, made: Ma
     assert run["totals"]["frames_done"] == N_FRAMES
     assert run["totals"]["objects"] == 3 * N_FRAMES
     assert run["packages"]["pybullet"] != "missing"
-
-
-def test_several_workers_give_the_same_bits(uninterrupted: Path, session: Path, tmp_path: Path) -> None:
-    done = batch_here(session, tmp_path / "out", "--workers", 2, "--recording.keep", "none")
-    assert done.returncode == 0, done.stderr
-    assert without_times(tmp_path / "out") == without_times(uninterrupted)
-    assert not list((tmp_path / "out" / "recordings").iterdir())
-
-
-def test_a_killed_batch_goes_on_to_the_same_end(uninterrupted: Path, session: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    with started_batch(session, out, "--workers", 1) as child:
-        n_done = stop_in_the_middle(child, out, N_FRAMES)
-        workers = workers_of(child)
-        child.kill()
-        # Workers of a killed batch must not go on: the next start writes to the same folder.
-        assert len(workers) == 1
-        assert psutil.wait_procs(workers, timeout=30)[1] == []
-    before = {file: file.stat().st_mtime_ns for file in map(Runs(out / "runs").path, done(out))}
-    # The worker may have finished its frame.
-    assert n_done <= len(before) <= n_done + 1
-    again = batch_here(session, out, "--workers", 2)
-    assert again.returncode == 0, again.stderr
-    assert f"{N_FRAMES} frames ({len(before)} done before)" in again.stdout
-    assert {file: file.stat().st_mtime_ns for file in before} == before
-    assert without_times(out) == without_times(uninterrupted)
-    assert not list(out.rglob("*.part"))
-    assert len(list((out / "recordings").glob("*.rrd"))) == N_FRAMES
-
-
-def test_a_finished_batch_has_nothing_left_to_do(uninterrupted: Path, session: Path) -> None:
-    before = {path: path.read_bytes() for path in uninterrupted.rglob("*") if path.is_file()}
-    done = batch_here(session, uninterrupted)
-    assert done.returncode == 0
-    first, *_ = done.stdout.splitlines()
-    assert first.startswith(f"{N_FRAMES} frames ({N_FRAMES} done before), {3 * N_FRAMES} objects, ")
-    assert first.endswith(f"; nothing was left to do. Results in {uninterrupted}")
-    assert {path: path.read_bytes() for path in uninterrupted.rglob("*") if path.is_file()} == before
 
 
 def test_ctrl_c_keeps_what_is_done(uninterrupted: Path, session: Path, tmp_path: Path) -> None:
@@ -221,34 +182,3 @@ def test_an_object_whose_model_is_damaged_is_a_failure_until_it_is_mended(
     assert again.returncode == 0
     assert "left out" not in again.stdout
     assert without_times(out) == without_times(uninterrupted)
-
-
-def test_an_object_without_a_row_in_the_pool_is_reported_once(made: Made, tmp_path: Path) -> None:
-    pool, rows = tmp_path / "pool.csv", []
-    for im_id in range(N_FRAMES):
-        for instance in made.problem.instances[::2]:
-            assert instance.T_cam_obj_gt is not None
-            rows.append(ResultRow(7, im_id, 2, 1.0, instance.T_cam_obj_gt))
-    write_results(pool, rows)
-    session = write_session(tmp_path, made, hypotheses={"source": "results", "files": [str(pool)]})
-    done = batch_here(session, tmp_path / "out", "--workers", 1)
-    assert f"{N_FRAMES} without a hypothesis" in done.stdout
-    told = [line for line in done.stdout.splitlines()[1:] if "hypothesis" in line]
-    assert told == [
-        f"note ({N_FRAMES} frames): obj_000005 (#1) has no hypothesis: no row for object 5 of this frame in pool"
-    ]
-
-
-def test_several_sessions_get_a_folder_each(session: Path, tmp_path: Path) -> None:
-    names = ("pir", "rir")
-    paths = []
-    for name in names:
-        path = tmp_path / f"{name}.toml"
-        path.write_text(session.read_text().replace('name = "rir"', f'name = "{name}"'))
-        paths.append(path)
-    done = batch_here(paths, tmp_path / "runs", "--workers", 1, "--scene.frames", "7/1", "--recording.keep", "none")
-    assert done.returncode == 0, done.stderr
-    for name in names:
-        saved = load_session(tmp_path / "runs" / name / "session.toml")
-        assert (saved.method.name, saved.scene.frames) == (name, ("7/1",))
-        assert len(without_times(tmp_path / "runs" / name)[1]) == 3

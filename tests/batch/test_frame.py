@@ -7,7 +7,6 @@ from time import sleep
 from typing import Any
 
 import pytest
-from msgspec import structs
 from numba import njit
 
 from tests.batch.frames import depth_file, make_frames, write_session
@@ -20,11 +19,10 @@ from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.evaluation.landscape import landscape
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
-from verefine_viz.run.answers import COLUMNS, STAGES, once_s, solving_s, table_lines
+from verefine_viz.run.answers import STAGES, once_s, solving_s, table_lines
 from verefine_viz.run.record import RunEnd
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
-from verefine_viz.scenes.bop_source import BopSource
 
 
 @pytest.fixture
@@ -32,22 +30,22 @@ def made(tmp_path: Path) -> Made:
     return make_frames(tmp_path / "data", 1)
 
 
-def toolbox(folder: Path, made: Made, keep: str, **hypotheses: object) -> Toolbox:
-    """Hypotheses that are never moved: what goes in comes out."""
+def toolbox(made: Made, keep: str = "none", off_mm: float = 0.0) -> Toolbox:
+    """An initial pose per object, so far off, that is never moved: what goes in comes out."""
     session = write_session(
-        folder, made,
-        hypotheses={"max_per_object": 1, **hypotheses}, recording={"keep": keep, "maps": False},
+        made.root.parent, made,
+        hypotheses={"max_per_object": 1, "rotation_deg": 0.0, "translation_mm": off_mm},
+        recording={"keep": keep, "maps": False},
         method={"name": "refine", "refiner": "identity", "iterations": 3},
     )  # fmt: skip
     return Toolbox(load_session(session))
 
 
-def solved(tools: Toolbox, frame: str, out: Path, task: FrameTask = solve_frame) -> RunEnd:
+def solved(tools: Toolbox, task: FrameTask = solve_frame) -> RunEnd:
     """How the frame ended; its run file says the same, and there is none where it failed."""
-    record = task(tools, frame, out)
-    assert record.end is not None
-    path = Runs(out / "runs").path(frame)
-    written = Runs(out / "runs").entry(frame) if path.exists() else None
+    out = Path(tools.session.scene.dataset).parent
+    record, runs = task(tools, "7/0", out), Runs(out / "runs")
+    written = runs.entry("7/0") if runs.path("7/0").exists() else None
     assert (written is None) == record.end.failed
     if written is not None:
         assert table_lines(written) == table_lines(record)
@@ -57,60 +55,32 @@ def solved(tools: Toolbox, frame: str, out: Path, task: FrameTask = solve_frame)
 
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize(
-    ("keep", "translation_mm", "n_kept"),
+    ("keep", "off_mm", "n_kept"),
     [("all", 0.0, 1), ("failures", 0.0, 0), ("failures", 60.0, 1), ("none", 60.0, 0)],
 )
 def test_the_recordings_that_were_asked_for_are_kept(
-    tmp_path: Path, made: Made, keep: str, translation_mm: float, n_kept: int
+    tmp_path: Path, made: Made, keep: str, off_mm: float, n_kept: int
 ) -> None:
-    tools = toolbox(tmp_path, made, keep, rotation_deg=0.0, translation_mm=translation_mm)
-    result = solved(tools, "7/0", tmp_path)
-    assert [row.is_correct for row in result.answers] == [translation_mm == 0.0] * 3
+    result = solved(toolbox(made, keep, off_mm))
+    assert [row.is_correct for row in result.answers] == [off_mm == 0.0] * 3
     recordings = list((tmp_path / "recordings").glob("*"))
     assert len(recordings) == n_kept
     for file in recordings:
         assert len(read_recording(file).iterations) == 9  # 3 objects, 3 iterations: the whole history
 
 
-@pytest.mark.parametrize("keep", ["all", "failures"])
-def test_recording_is_no_part_of_the_time_of_solving(
-    tmp_path: Path, made: Made, keep: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_recording_is_no_part_of_the_time_of_solving(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     def slow(recorder: Recorder, *_: object) -> None:
-        sleep(0.3)
+        sleep(0.1)
 
-    monkeypatch.setattr(Recorder, "on_start", slow)
-    monkeypatch.setattr(Recorder, "on_iteration", slow)
-    monkeypatch.setattr(Recorder, "on_finish", slow)
-    result = solved(toolbox(tmp_path, made, keep, rotation_deg=0.0, translation_mm=60.0), "7/0", tmp_path)
+    for name in ("on_start", "on_iteration", "on_finish"):
+        monkeypatch.setattr(Recorder, name, slow)
+    result = solved(toolbox(made, "failures", 60.0))
     n_calls = 1 + 9 + 1  # start, iterations, end
-    assert result.stages_ms["record"] > 300 * n_calls
+    assert result.stages_ms["record"] > 100 * n_calls
     assert solving_s(result) == pytest.approx(1e-3 * (result.stages_ms["start"] + result.stages_ms["iterate"]))
-    assert solving_s(result) < result.seconds - 0.3 * n_calls
+    assert solving_s(result) < result.seconds - 0.1 * n_calls
     assert sum(result.stages_ms.values()) < 1e3 * result.seconds
-
-
-def test_models_are_prepared_at_the_first_frame_and_that_is_no_reading(
-    tmp_path: Path, made: Made, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    read = BopSource._models
-    solids = Toolbox._solvable
-
-    def slow_reading(*arguments: Any) -> Any:
-        sleep(0.3)
-        return read(*arguments)
-
-    def slow_solids(*arguments: Any) -> Any:
-        sleep(0.4)
-        return solids(*arguments)
-
-    tools = toolbox(tmp_path, made, "none", rotation_deg=0.0, translation_mm=0.0)
-    before = solved(tools, "7/0", tmp_path).stages_ms
-    monkeypatch.setattr(BopSource, "_models", slow_reading)
-    monkeypatch.setattr(Toolbox, "_solvable", slow_solids)
-    after = solved(tools, "7/0", tmp_path).stages_ms
-    assert after["prepare"] > 700
-    assert after.keys() == before.keys() - {"compile"} == {"prepare", "read", "record", "start", "iterate", "summarise"}
 
 
 def test_kernels_are_compiled_once_and_that_is_no_part_of_what_waits_for_them(
@@ -123,29 +93,26 @@ def test_kernels_are_compiled_once_and_that_is_no_part_of_what_waits_for_them(
         kernel(1.0)
         return solids(*arguments)
 
-    tools = toolbox(tmp_path, made, "none", rotation_deg=0.0, translation_mm=0.0)
-    solved(tools, "7/0", tmp_path)
+    tools = toolbox(made)
+    solved(tools)
     monkeypatch.setattr(Toolbox, "_solvable", with_a_kernel)
     told: list[str] = []
     first, second = (solve_frame(tools, "7/0", tmp_path, lambda: told.append("compiling")).end for _ in range(2))
-    assert first is not None
-    assert second is not None
     assert told == ["compiling"]
     assert first.stages_ms["compile"] > 10
-    assert "compile" not in second.stages_ms
+    assert second.stages_ms.keys() == {"prepare", "read", "record", "start", "iterate", "summarise"}
     assert once_s(first) == pytest.approx(1e-3 * (first.stages_ms["compile"] + first.stages_ms["prepare"]))
 
 
 @pytest.mark.parametrize("what", ["mask", "model"])
-def test_an_object_whose_mask_or_model_is_gone_is_a_row_and_a_miss(tmp_path: Path, made: Made, what: str) -> None:
+def test_an_object_whose_mask_or_model_is_gone_is_a_row_and_a_miss(made: Made, what: str) -> None:
     files = {
         "mask": (made.scene / "mask_visib/000000_000001.png", "000000_000001.png is missing"),
         "model": (made.root / "models/obj_000005.ply", "unknown model 5"),
     }
     file, said = files[what]
     file.unlink()
-    tools = toolbox(tmp_path, made, "none", rotation_deg=0.0, translation_mm=60.0)
-    result = solved(tools, "7/0", tmp_path, explain_frame)
+    result = solved(toolbox(made, off_mm=60.0), explain_frame)
     assert not result.failed
     assert [row.status for row in result.answers] == ["ok", "ok", "left_out"]
     row = result.answers[-1]
@@ -157,7 +124,7 @@ def test_an_object_whose_mask_or_model_is_gone_is_a_row_and_a_miss(tmp_path: Pat
 
 def test_a_frame_that_cannot_be_read_is_a_row(tmp_path: Path, made: Made) -> None:
     depth_file(made, 0).unlink()
-    result = solved(toolbox(tmp_path, made, "all"), "7/0", tmp_path)
+    result = solved(toolbox(made, "all"))
     assert result.failed
     (row,) = result.answers
     assert (row.scene_id, row.im_id, row.status) == (7, 0, "failed")
@@ -168,42 +135,38 @@ def test_a_frame_that_cannot_be_read_is_a_row(tmp_path: Path, made: Made) -> Non
 def test_an_error_that_nobody_foresaw_leaves_its_traceback(
     tmp_path: Path, made: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tools = toolbox(tmp_path, made, "none")
+    tools = toolbox(made)
 
     def broken(*_: object) -> None:
         raise ZeroDivisionError("division by zero")
 
     monkeypatch.setattr(tools, "problem", broken)
-    (row,) = solved(tools, "7/0", tmp_path).answers
+    (row,) = solved(tools).answers
     assert row.message == "ZeroDivisionError: division by zero (see errors/000007_000000.txt)"
     assert "Traceback" in (tmp_path / "errors" / "000007_000000.txt").read_text()
 
 
-def test_causes_are_asked_for_where_the_answer_is_wrong(tmp_path: Path, made: Made) -> None:
-    near = toolbox(tmp_path, made, "none", rotation_deg=0.0, translation_mm=0.0)
-    assert {row.cause for row in solved(near, "7/0", tmp_path, explain_frame).answers} == {""}
-    far = toolbox(tmp_path, made, "none", rotation_deg=0.0, translation_mm=60.0)
-    asked = solved(far, "7/0", tmp_path, explain_frame)
+def test_causes_are_asked_for_where_the_answer_is_wrong(made: Made) -> None:
+    assert {row.cause for row in solved(toolbox(made), explain_frame).answers} == {""}
+    far = toolbox(made, off_mm=60.0)
+    asked = solved(far, explain_frame)
     for row in asked.answers:
         assert row.cause in set(Cause)
         assert row.evidence
-    plain = solved(far, "7/0", tmp_path)
+    plain = solved(far)
     assert {row.cause for row in plain.answers} == {""}
     for one, other in zip(asked.answers, plain.answers, strict=True):
-        assert one.T_cam_obj is not None
-        assert other.T_cam_obj is not None
         assert one.T_cam_obj.tobytes() == other.T_cam_obj.tobytes()
     assert asked.stages_ms["explain"] > 0
     assert set(asked.stages_ms) <= set(STAGES)
 
 
-def test_a_diagnosis_that_breaks_costs_no_answer(tmp_path: Path, made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_diagnosis_that_breaks_costs_no_answer(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(run: object, toolbox: object) -> None:
         raise ZeroDivisionError("division by zero")
 
     monkeypatch.setattr(causes, "diagnose", broken)
-    tools = toolbox(tmp_path, made, "none", rotation_deg=0.0, translation_mm=60.0)
-    result = solved(tools, "7/0", tmp_path, explain_frame)
+    result = solved(toolbox(made, off_mm=60.0), explain_frame)
     assert not result.failed
     assert {row.evidence for row in result.answers} == {"no diagnosis: ZeroDivisionError: division by zero"}
 
@@ -213,19 +176,15 @@ def test_a_pool_without_hypotheses_is_no_failure(tmp_path: Path, made: Made) -> 
     csv = tmp_path / "r.csv"
     csv.write_text("7,0,5,0.9,1 0 0 0 1 0 0 0 1,0 80 600,-1\n")
     session = write_session(tmp_path, made, hypotheses={"source": "results", "files": [str(csv)]})
-    result = solved(Toolbox(load_session(session)), "7/0", tmp_path)
+    result = solved(Toolbox(load_session(session)))
     assert not result.failed
     assert {row.status for row in result.answers} == {"no_answer", "ok"}
     assert sum(row.T_cam_obj is not None for row in result.answers) == 1
 
 
-@pytest.mark.parametrize("keep", ["none", "all"])
-def test_a_row_has_what_the_page_shows_of_the_score_around_the_answer(tmp_path: Path, made: Made, keep: str) -> None:
-    """Also where the recording, which has score maps, holds it."""
-    session = toolbox(tmp_path, made, keep, rotation_deg=2.0, translation_mm=3.0).session
-    recording = structs.replace(session.recording, maps=True)
-    tools = Toolbox(structs.replace(session, recording=recording))
-    result = solved(tools, "7/0", tmp_path)
+def test_a_row_has_what_the_page_shows_of_the_score_around_the_answer(made: Made) -> None:
+    tools = toolbox(made, off_mm=3.0)
+    result = solved(tools)
     page = Toolbox(tools.session)
     problem = page.problem("7/0")
     best = page.run(problem).finish().best
@@ -233,8 +192,6 @@ def test_a_row_has_what_the_page_shows_of_the_score_around_the_answer(tmp_path: 
         around = landscape(page.verifier, target, answer.T_cam_obj)
         assert row.undetermined_mm == around.undetermined_mm > 0
         assert row.undetermined_deg == around.undetermined_deg > 0
-    (column,) = (column for column in COLUMNS if column.name == "undetermined_mm")
-    assert column.cell(result.answers[0]) == f"{result.answers[0].undetermined_mm:.3f}"
 
 
 def test_a_frame_is_finished_only_once_its_recording_is(
@@ -247,7 +204,7 @@ def test_a_frame_is_finished_only_once_its_recording_is(
         raise InputError("cannot write the recording: No space left on device")
 
     monkeypatch.setattr(Recorder, "close", refused)
-    end = solved(toolbox(tmp_path, made, "all"), "7/0", tmp_path)
+    end = solved(toolbox(made, "all"))
     assert end.failed
     assert Runs(tmp_path / "runs").path("7/0").exists()
     assert Runs(tmp_path / "runs").entry("7/0") is None

@@ -5,12 +5,10 @@ The system's own limit on the size of files stands in for the disk: writing beyo
 
 from __future__ import annotations
 
-import csv
 import os
 import resource
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,7 +17,7 @@ import psutil
 import pytest
 
 from tests.batch import answering
-from tests.batch.at_once import AtOnce, AtOnceBackend, failed, solved
+from tests.batch.at_once import Loop, failed, solved
 from tests.batch.conftest import N_FRAMES
 from tests.batch.frames import ROOT, PoolHere, batch_here, command, started_batch
 from tests.batch.killed_batches import without_times
@@ -28,9 +26,7 @@ from verefine_viz import cli
 from verefine_viz.batch import run_batch as runner
 from verefine_viz.batch import worker_pool as pool
 from verefine_viz.batch.pace import Pace
-from verefine_viz.batch.run_batch import run_batch as run_here
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord
 
 pytestmark = pytest.mark.usefixtures("processes")
@@ -72,9 +68,7 @@ def answered(session: Path, tmp_path_factory: pytest.TempPathFactory, processes:
 @pytest.mark.parametrize(
     ("n_bytes", "refused"),
     [
-        (1000, "session.toml"),
         (3_000, "runs/000007_000000.vfrun"),
-        (9_000, "frames.csv"),
         (12_000, "results.csv"),
     ],
 )
@@ -118,52 +112,14 @@ def test_a_disk_that_fills_in_the_middle_loses_nothing(session: Path, whole: Pat
     assert not list(out.rglob("*.part"))
 
 
-def test_a_frame_whose_recording_is_refused_fails_with_its_name(session: Path, whole: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    with file_limit(20_000):  # a recording takes some 300 kB
-        refused = batch_here(session, out, "--workers", 1, "--scene.frames", "7/0")
-    assert refused.returncode == 1, refused.stderr
-    recording = out / "recordings" / "000007_000000.rrd"
-    assert f"frame 7/0 failed: cannot write the recording {recording}: File too large" in refused.stdout
-    assert "The same command with --retry-failed tries them again." in refused.stdout
-    again = batch_here(session, out, "--workers", 1, "--scene.frames", "7/0", "--retry-failed")
-    assert again.returncode == 0, again.stderr
-    assert sorted(p.name for p in (out / "recordings").iterdir()) == ["000007_000000.rrd"]
-    results, frames = without_times(out)
-    assert results == without_times(whole)[0][: len(results)]
-    assert frames == without_times(whole)[1][: len(frames)]
-
-
-def test_a_full_disk_ends_the_batch_instead_of_failing_every_frame(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(runner, "check", lambda session: (("0/0", "0/1", "0/2"), ()))
-    refused = AtOnce(lambda f: failed(f, "cannot write it") if f == "0/1" else solved(f))
-    monkeypatch.setattr(runner, "free_bytes", lambda folder: 0)
-    with pytest.raises(InputError) as caught:
-        run_here(Session(), tmp_path, AtOnceBackend(made=refused))
-    assert str(caught.value) == (
-        f"the disk of {tmp_path} is full: frame 0/1 failed, cannot write it; "
-        "what is done is saved: free some space and repeat the command"
-    )
-    assert done(tmp_path) == ["0/0"]
-    outcome = run_here(Session(), tmp_path, AtOnceBackend(made=AtOnce()))
+def test_a_full_disk_ends_the_batch_instead_of_failing_every_frame(loop: Loop) -> None:
+    loop.frames(3)
+    loop.patch.setattr(runner, "free_bytes", lambda folder: 0)
+    with pytest.raises(InputError, match=r"the disk of .* is full: frame 0/1 failed, cannot write it"):
+        loop.run(lambda f: failed(f, "cannot write it") if f == "0/1" else solved(f))
+    assert done(loop.out) == ["0/0"]
+    outcome = loop.run()
     assert (outcome.n_resumed, outcome.n_failed) == (1, 0)
-
-
-def test_a_full_disk_of_temporary_files_is_named_where_none_can_be_made(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuses() -> str:
-        raise FileNotFoundError("No usable temporary directory found")
-
-    monkeypatch.setattr(tempfile, "gettempdir", refuses)
-    monkeypatch.setattr(runner, "check", lambda session: (("0/0",), ()))
-    monkeypatch.setattr(runner, "free_bytes", lambda folder: 0 if folder == Path("/tmp") else 10**9)
-    refused = AtOnce(lambda f: failed(f, "cannot write it"))
-    with pytest.raises(InputError, match="the disk of /tmp is full: frame 0/0 failed, cannot write it"):
-        run_here(Session(), tmp_path, AtOnceBackend(made=refused))
-    assert done(tmp_path) == []
 
 
 def test_a_report_is_whole_or_not_there(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -179,41 +135,11 @@ def test_a_report_is_whole_or_not_there(whole: Path, tmp_path: Path, capsys: pyt
     assert not list(run.rglob("*.part"))
 
 
-def test_a_study_goes_on_when_there_is_room(session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["study", "robustness", "--quick", "--session", str(session), "--seeds", "1", "--workers", "1"]
-    words += ["--scene.frames", "7/0", "--scene.objects", "5", "--out"]
-    assert cli.main([*words, str(tmp_path / "whole")]) == 0
-    capsys.readouterr()
-    out = tmp_path / "out"
-    with file_limit(1_000):
-        assert cli.main([*words, str(out)]) == 2
-    refused = capsys.readouterr().err.splitlines()[-1]
-    assert refused.startswith(f"verefine-viz: cannot write {out / 'robustness.journal'}/")
-    assert refused.endswith(": File too large")
-    assert [p.name for p in out.iterdir()] == ["robustness.journal"]
-    assert [p.name for p in (out / "robustness.journal").iterdir()] == [".lock"]
-    with file_limit(40_000):  # The numbers fit, the figure does not.
-        assert cli.main([*words, str(out)]) == 2
-    assert f"cannot write {out / 'robustness.png'}: " in capsys.readouterr().err.splitlines()[-1]
-    assert not list(out.glob("*.part"))
-    before = {file.name: file.stat().st_mtime_ns for file in (out / "robustness.journal").glob("* seed 0.json")}
-    assert len(before) > 1
-    assert cli.main([*words, str(out)]) == 0
-    assert {file.name: file.stat().st_mtime_ns for file in (out / "robustness.journal").glob("* seed 0.json")} == before
-    assert _objects(out) == _objects(tmp_path / "whole")
-
-
-def _objects(out: Path) -> list[dict[str, str]]:
-    with (out / "robustness_objects.csv").open(newline="") as file:
-        return [{k: v for k, v in row.items() if k != "ms"} for row in csv.DictReader(file)]
-
-
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
-@pytest.mark.parametrize("words", ["datasets", "replay {whole}/recordings/000007_000000.rrd --verify"])
-def test_output_that_goes_to_a_full_disk(words: str, whole: Path) -> None:
+def test_output_that_goes_to_a_full_disk() -> None:
     with Path("/dev/full").open("w") as full:
         ended = subprocess.run(
-            command(*words.format(whole=whole).split()), stdout=full, stderr=subprocess.PIPE, text=True, cwd=ROOT,
+            command("datasets"), stdout=full, stderr=subprocess.PIPE, text=True, cwd=ROOT,
             env=os.environ | {"COLUMNS": "200"}, check=False,
         )  # fmt: skip
     assert ended.returncode == 2

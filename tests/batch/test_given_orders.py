@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.batch.frames import make_frames, write_session
-from tests.scenes.bop_folder import Made
-from verefine_viz import cli
+from tests.cli.command_line import CommandLine
 from verefine_viz.batch.session_check import check
 from verefine_viz.run.session_file import load_session
 
@@ -20,22 +18,16 @@ pytestmark = pytest.mark.usefixtures("processes")
 FRAMES = ("7/0", "7/1")
 
 
-@dataclass(frozen=True)
-class BadInput:
+class BadInput(CommandLine):
     """Two frames of objects 2, 5 and 2."""
-
-    folder: Path
-    made: Made
-    capsys: pytest.CaptureFixture[str]
 
     def session(self, **dependency: Any) -> Path:
         return write_session(self.folder, self.made, dependency=dependency)
 
-    def refused(self, **dependency: Any) -> str:
-        assert cli.main(["batch", str(self.session(**dependency)), "--out", str(self.folder / "out")]) == 2
-        (line,) = self.capsys.readouterr().err.splitlines()
+    def batch(self, **dependency: Any) -> str:
+        line = self.refused("batch", self.session(**dependency), "--out", self.folder / "out")
         assert not (self.folder / "out").exists()
-        return line.removeprefix("verefine-viz: ")
+        return line
 
 
 @pytest.fixture
@@ -54,14 +46,12 @@ def orders(folder: Path, content: object) -> str:
     [
         ([[2, 99]], "dependency.order: unknown object 99; available: 2, 5"),
         ([[5, 2], [2, 5]], "dependency.order runs in a circle: it names 2 twice; name what supports others first"),
-        ([["#1"], [2, "#1"]], "dependency.order runs in a circle: it names '#1' twice"),
-        ([["mug"]], "dependency.order: Expected `str` matching regex"),
     ],
 )
 def test_an_order_that_cannot_be_meant(order: list[Any], words: str, bad_input: BadInput) -> None:
-    assert words in bad_input.refused(order=order)
+    assert words in bad_input.batch(order=order)
     path = orders(bad_input.folder, {"7/1": order})
-    assert words.removeprefix("dependency.order") in bad_input.refused(order_file=path)
+    assert words.removeprefix("dependency.order") in bad_input.batch(order_file=path)
 
 
 @pytest.mark.parametrize(
@@ -69,14 +59,13 @@ def test_an_order_that_cannot_be_meant(order: list[Any], words: str, bad_input: 
     [
         (None, "orders.json does not exist"),
         ("{", "orders.json: not JSON"),
-        ([[2, 5]], "orders.json: Expected `object`, got `array`"),
         ({"7-1": [[2]]}, "orders.json: frame '7-1' is not \"scene/image\""),
         ({"07/1": [[2]]}, "orders.json: frame '07/1' is called '7/1'; rename it"),
     ],
 )
 def test_an_order_file_that_cannot_be_used(content: object, words: str, bad_input: BadInput) -> None:
     path = orders(bad_input.folder, content) if content is not None else str(bad_input.folder / "orders.json")
-    assert words in bad_input.refused(order_file=path)
+    assert words in bad_input.batch(order_file=path)
 
 
 def test_orders_that_can_be_meant(bad_input: BadInput) -> None:
@@ -85,9 +74,3 @@ def test_orders_that_can_be_meant(bad_input: BadInput) -> None:
     # What is said about frames that are not asked for does not matter, nor what an object set aside would be.
     path = orders(bad_input.folder, {"7/0": [[2, 5]], "7/9": [[99]]})
     assert check(load_session(bad_input.session(order_file=path), {"scene": {"objects": (5,)}})) == (FRAMES, ())
-
-
-def test_of_several_mistakes_the_first_frame_s_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    bad_input = BadInput(tmp_path, make_frames(tmp_path / "data", 8), capsys)
-    path = orders(tmp_path, {f"7/{k}": [[90 + k]] for k in reversed(range(1, 8))})
-    assert "frame '7/1': unknown object 91" in bad_input.refused(order_file=path)

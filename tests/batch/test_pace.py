@@ -139,19 +139,6 @@ def test_few_readings_are_wrong_where_frames_differ_by_far(name: str, n_workers:
     assert sum(shares) / len(shares) > 0.95, shares
 
 
-def test_results_come_in_bursts() -> None:
-    for reading in readings([3.0] * 80, 8):
-        if reading.share_done >= 0.1:
-            assert reading.left_s == pytest.approx(reading.true_s)
-
-
-@pytest.mark.parametrize("n_workers", [2, 3])
-def test_workers_that_wait_for_each_other_between_runs(n_workers: int) -> None:
-    for seed in range(3):
-        durations = drawn(WELL_BEHAVED["a fifth more or less"], 90, seed)
-        assert share_right(readings(durations, n_workers, 6.0, 3.0, run_of=3), 2.0) == 1.0, seed
-
-
 def test_frames_with_many_objects_come_last() -> None:
     n_objects = [1 + k // 10 for k in range(80)]
     durations = [0.5 * n for n in n_objects]

@@ -13,11 +13,11 @@ from rich.console import Console
 
 from tests.made_runs import answer, finished
 from verefine_viz.batch import progress
-from verefine_viz.batch.batch_command import in_short
+from verefine_viz.batch.batch_command import brief
 from verefine_viz.batch.pace import Pace
-from verefine_viz.batch.progress import BatchProgress, counted_bar, two_digits
-from verefine_viz.batch.run_batch import Outcome, Progress
-from verefine_viz.batch.totals import Counts, Totals
+from verefine_viz.batch.progress import BatchProgress, counted_bar
+from verefine_viz.batch.run_batch import BatchOutcome, BatchStatus
+from verefine_viz.batch.totals import BatchCounts, Totals
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
 from verefine_viz.run.kernel_compilation import COMPILING
@@ -47,21 +47,17 @@ RESULTS = [
 ]
 
 
-def counted() -> Counts:
-    counts = Counts()
+def counted() -> BatchCounts:
+    counts = BatchCounts()
     for result in RESULTS:
         counts.add(end_of(result))
     return counts
 
 
-def test_objects_without_an_answer_are_missed() -> None:
+def test_objects_without_an_answer_left_out_or_in_failed_frames_are_missed() -> None:
     counts = counted()
     assert counts.recall == 2 / 4
     assert (counts.frames_done, counts.frames_failed, counts.objects_without_answer) == (5, 1, 1)
-
-
-def test_objects_that_were_left_out_or_are_in_failed_frames_are_missed() -> None:
-    counts = counted()
     objects = [LeftOut(k, 5, "mug", "its mask is missing", has_truth=True) for k in range(3)]
     counts.add(end_of(failed("0/5", objects)))
     counts.add(end_of(solved(6, None, "left_out")))
@@ -75,11 +71,11 @@ def test_the_summary_adds_up(tmp_path: Path) -> None:
     objects = [LeftOut(k, 5, "mug", "", has_truth=True) for k in range(2)]
     for _ in totals.passing([*RESULTS[:3], failed("0/5", objects), solved(6, None, "left_out")]):
         pass
-    said = in_short(Outcome(tmp_path, totals.as_json(5), (), 0, 1.0, ""))
-    assert said == (
-        "5 frames, 6 objects, 1 without a hypothesis, 1 left out (frames.csv says why), 2 in failed frames, "
-        "median ADD(-S) 27.5 mm of 2 answers, 1 of 6 right (17%; ADD(-S) below 10 % of the diameter)"
+    said = brief(BatchOutcome(tmp_path, totals.as_json(5), (), 0, 1.0, ""))
+    assert said.startswith(
+        "5 frames, 6 objects, 1 without a hypothesis, 1 left out (frames.csv says why), 2 in failed "
     )
+    assert "median ADD(-S) 27.5 mm of 2 answers, 1 of 6 right (17%" in said
 
 
 def test_totals_see_every_result_once() -> None:
@@ -107,13 +103,6 @@ class Clock:
             pace.end("0/0", self.now)
 
 
-def test_rates_are_in_one_unit_whatever_their_size() -> None:
-    seconds = [0.0, 0.0012, 0.012, 0.25, 0.99, 1.0, 1.23, 9.9, 12.3, 125.4]
-    assert [two_digits(one) for one in seconds] == [
-        "0", "0.001", "0.012", "0.25", "0.99", "1.0", "1.2", "9.9", "12", "125",
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize(
     ("frame_s", "n_frames", "said"),
     [
@@ -125,11 +114,11 @@ def test_rates_are_in_one_unit_whatever_their_size() -> None:
 def test_rate_rest_and_recall(frame_s: float, n_frames: int, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
     clock, shown = Clock(monkeypatch), BatchProgress(Console(file=io.StringIO()))
     with shown.run("run") as report:
-        report(Progress(Counts(), n_frames))
-        assert shown.in_words() == f"run, 0/{n_frames} frames, starting"
+        report(BatchStatus(BatchCounts(), n_frames))
+        assert shown.describe() == f"run, 0/{n_frames} frames, starting"
         clock.solve(shown.pace, 5, frame_s)
-        report(Progress(counted(), n_frames))
-        assert shown.in_words() == f"run, 5/{n_frames} frames, {said}"
+        report(BatchStatus(counted(), n_frames))
+        assert shown.describe() == f"run, 5/{n_frames} frames, {said}"
 
 
 def test_several_runs_are_counted_together_and_the_recall_is_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -137,11 +126,11 @@ def test_several_runs_are_counted_together_and_the_recall_is_of_one(monkeypatch:
     for k in range(2):
         with shown.run(f"run {k}") as report:
             clock.solve(shown.pace, 5, 2.0)
-            report(Progress(counted(), 5))
-            assert shown.in_words().startswith(f"run {k}, {5 * k + 5}/20 frames, 2.0 s a frame, 0:{30 - 10 * k} left, ")
+            report(BatchStatus(counted(), 5))
+            assert shown.describe().startswith(f"run {k}, {5 * k + 5}/20 frames, 2.0 s a frame, 0:{30 - 10 * k} left, ")
     with shown.run("run 2") as report:
-        report(Progress(Counts(), 5))
-        assert shown.in_words() == "run 2, 10/20 frames, 2.0 s a frame, 0:20 left"
+        report(BatchStatus(BatchCounts(), 5))
+        assert shown.describe() == "run 2, 10/20 frames, 2.0 s a frame, 0:20 left"
 
 
 @pytest.mark.parametrize(("why", "doing"), [(COMPILING, "compiling"), ("Preparing a mug.", "preparing")])
@@ -155,9 +144,9 @@ def test_what_is_done_once_is_a_line_of_its_own_and_not_in_the_time_left(
         shown.pace.begin("0/1", clock.now)
         shown.pace.slow_down("0/1", why)
         for one in ("", why, ""):
-            report(Progress(counted(), 10, doing=one))
+            report(BatchStatus(counted(), 10, doing=one))
         clock.now += 60.0
-        assert f"2.0 s a frame, 0:08 left + {doing}, " in shown.in_words()
+        assert f"2.0 s a frame, 0:08 left + {doing}, " in shown.describe()
     assert text.getvalue().splitlines() == [why]
 
 
@@ -165,7 +154,7 @@ def test_a_warning_is_printed_once() -> None:
     text = io.StringIO()
     with BatchProgress(Console(file=text, width=200)).run("run") as report:
         for _ in range(3):
-            report(Progress(counted(), 100, "too little memory"))
+            report(BatchStatus(counted(), 100, "too little memory"))
     assert text.getvalue().splitlines() == ["note: too little memory"]
 
 
@@ -174,15 +163,11 @@ def test_a_log_file_gets_a_line_now_and_then_also_while_one_frame_takes_long(mon
     text = io.StringIO()
     with BatchProgress(Console(file=text, width=200)).shown() as shown, shown.run("run") as report:
         wait_for(lambda: text.getvalue().count("run, 0/? frames, starting\n") >= 2)
-        report(Progress(counted(), 100))
+        report(BatchStatus(counted(), 100))
         wait_for(lambda: text.getvalue().count("run, 5/100 frames, starting, recall 50%, 1 failed\n") >= 2)
     n = len(text.getvalue())
     time.sleep(0.2)
     assert len(text.getvalue()) == n, "it ends with the batch"
-
-
-def test_lines_come_at_least_every_half_minute() -> None:
-    assert progress.EVERY_S < 30.0
 
 
 def test_counted_things_are_lines_in_a_log_too(
@@ -218,19 +203,17 @@ def on_terminal(width: int, n_failed: int = 0) -> str:
     text = io.StringIO()
     console = Console(file=text, width=width, force_terminal=True, color_system="standard", legacy_windows=False)
     with BatchProgress(console, 300).run("run 12 of 100: a-long-name-of-a-method-17") as report:
-        report(Progress(Counts(frames_done=7, frames_failed=n_failed, objects_with_truth=3, objects_correct=3), 30))
+        report(
+            BatchStatus(BatchCounts(frames_done=7, frames_failed=n_failed, objects_with_truth=3, objects_correct=3), 30)
+        )
     return text.getvalue()
 
 
 @pytest.mark.parametrize("width", [80, 130])
-def test_the_bar_is_red_only_where_frames_fail(width: int) -> None:
+def test_the_bar_leaves_room_for_a_typed_ctrl_c_and_is_red_only_where_frames_fail(width: int) -> None:
     red = re.compile(r"\x1b\[(\d+;)*(31|91|35)m")
     assert not red.search(on_terminal(width))
     assert red.search(on_terminal(width, n_failed=1))
-
-
-@pytest.mark.parametrize("width", [80, 130])
-def test_the_bar_leaves_room_for_a_typed_ctrl_c(width: int) -> None:
     lines = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", on_terminal(width, n_failed=2)).replace("\r", "\n").splitlines()
     bars = [line for line in lines if "━" in line]
     assert max(len(line) for line in bars) <= width - 3
@@ -243,16 +226,16 @@ def test_the_bar_leaves_room_for_a_typed_ctrl_c(width: int) -> None:
 @pytest.mark.parametrize(
     ("counts", "said"),
     [
-        (Counts(), ""),
+        (BatchCounts(), ""),
         (counted(), "run: stopped after 5 of 100 frames, recall 50%, 1 failed; the same command goes on\n"),
     ],
 )
-def test_ctrl_c_says_how_far_it_came(counts: Counts, said: str) -> None:
+def test_ctrl_c_says_how_far_it_came(counts: BatchCounts, said: str) -> None:
     text = io.StringIO()
 
     def stopped() -> None:
         with BatchProgress(Console(file=text, width=200)).run("run") as report:
-            report(Progress(counts, 100))
+            report(BatchStatus(counts, 100))
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

@@ -66,15 +66,3 @@ def test_frames_that_fail_are_listed_by_run(session: Path, made: Made, tmp_path:
     assert done.returncode == 1
     assert done.stdout.count("frame 7/1 failed: ") == 4
     assert "4 frames failed; the same command with --retry-failed" in done.stdout
-
-
-def test_models_that_cannot_be_read_are_counted_over_the_runs(session: Path, made: Made, tmp_path: Path) -> None:
-    file = made.root / "models" / "obj_000005.ply"
-    whole = file.read_bytes()
-    try:
-        file.unlink()
-        done = batch_here(session, tmp_path / "out", "--methods", "pir", "refine", "--workers", 1)
-    finally:
-        file.write_bytes(whole)
-    assert done.returncode == 1
-    assert "6 objects were not solved, as a model or mask is missing or damaged" in done.stdout

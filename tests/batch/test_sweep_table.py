@@ -11,8 +11,8 @@ from rich.console import Console
 from tests.made_runs import answer
 from tests.report.runs import row, write_run
 from verefine_viz.batch.batch_command import sweep_row, sweep_table
-from verefine_viz.batch.jobs import Job
-from verefine_viz.batch.run_batch import Outcome
+from verefine_viz.batch.jobs import BatchJob
+from verefine_viz.batch.run_batch import BatchOutcome
 from verefine_viz.report.bop_recalls import BopRecalls
 from verefine_viz.report.group_numbers import compare
 from verefine_viz.report.groups import read_runs, sections_of
@@ -66,7 +66,7 @@ def test_objects_of_all_runs_count_the_same() -> None:
 
 def test_the_best_comes_first(tmp_path: Path) -> None:
     outcomes = [
-        (Job(resolve({}), path, method), Outcome(path, {}, (), 0, 1.0, ""))
+        (BatchJob(resolve({}), path, method), BatchOutcome(path, {}, (), 0, 1.0, ""))
         for method, paths in reversed(runs(tmp_path).items())
         for path in paths
     ]
@@ -77,8 +77,3 @@ def test_the_best_comes_first(tmp_path: Path) -> None:
     assert head[:4] == ["runs", "of", "seeds", "right"]
     assert head[-2:] == ["iterations", "ms"]
     assert [line[:2] for line in lines] == [["rir", "3"], ["pir", "3"]]
-
-
-def test_of_nothing_nothing_is_said() -> None:
-    found = sweep_row([[answer(scene_id=1, im_id=1, status="failed", message="no depth")]])
-    assert (found.recall, found.ends, found.median_mm, found.score, found.ms_per_frame) == (None,) * 5

@@ -12,7 +12,7 @@ from tests.batch.frames import batch_here
 from tests.batch.killed_batches import without_times
 from tests.scenes.test_foundation_pose import write_sequence
 from tests.scenes.test_trace import picture, pose
-from verefine_viz.batch.run_batch import Backend, Progress, _after, run_batch
+from verefine_viz.batch.run_batch import Backend, BatchStatus, run_batch
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.verify import verify
 from verefine_viz.run.data_folder import open_session
@@ -65,7 +65,7 @@ def test_two_workers_and_a_batch_that_goes_on_give_the_same(sequence: Path, whol
     assert without_times(tmp_path / "two") == without_times(whole)
     # As a kill leaves it, and worse: a frame in the middle is gone, and those after it began with its answer.
     (tmp_path / "two" / "runs" / "000000_000002.vfrun").unlink()
-    reports: list[Progress] = []
+    reports: list[BatchStatus] = []
     session = load_session(tmp_path / "two" / "session.toml")
     outcome = run_batch(session, tmp_path / "two", Backend(1), reports.append, task="explain")
     assert (outcome.n_resumed, outcome.totals["frames_done"]) == (1, N)
@@ -86,7 +86,3 @@ def test_the_page_begins_a_frame_as_the_batch_does(sequence: Path, whole: Path) 
 def test_a_recording_is_the_same_when_run_again(whole: Path) -> None:
     result = verify(whole / "recordings" / f"000000_{N:06d}.rrd")
     assert (result.difference, result.n_compared) == (None, 2)
-
-
-def test_what_comes_after_a_frame_is_of_its_scene() -> None:
-    assert _after({"1/2"}, ["1/1", "1/2", "2/1", "1/3", "2/2", "1/4"]) == {"1/3", "1/4"}

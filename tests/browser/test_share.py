@@ -11,7 +11,7 @@ from msgspec import structs
 
 from tests.browser.conftest import Pages, Screen
 from tests.browser.test_image import PICTURE, changes, to_pixel
-from verefine_viz.page.protocol import Run
+from verefine_viz.page.protocol import RunVerb
 from verefine_viz.page.share import opened, share
 from verefine_viz.page.views.rows import run_message
 
@@ -142,7 +142,7 @@ def test_names_of_data_are_text_in_a_file(pages: Pages, tmp_path: Path):
 def test_the_page_shares_itself(pages: Pages, tmp_path: Path):
     app = pages.app()
     screen = pages.show(app)
-    app.send(Run(min(app.debugger.space.branches)))
+    app.send(RunVerb(min(app.debugger.space.branches)))
     screen.until("moment.isAnswer")
     screen.page.get_by_title("Share: this page").click()
     screen.until("state.written.length > 0")

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tests.scenes.write_bop import write_bop
 from verefine_viz.calibration import camera_check
-from verefine_viz.calibration.camera_check import Verdict, outline_fits
+from verefine_viz.calibration.camera_check import CameraVerdict, outline_fits
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.model import ObjectModel
@@ -54,7 +54,7 @@ def objects(problem: Problem) -> Objects:
     return [(problem.models[i.obj_id], i.T_cam_obj_gt, i.mask) for i in problem.instances if i.T_cam_obj_gt is not None]
 
 
-def verdict(of: Objects, camera: Camera, depth_m: Depth) -> Verdict:
+def verdict(of: Objects, camera: Camera, depth_m: Depth) -> CameraVerdict:
     together = np.any([mask for _, _, mask in of], axis=0)
     return camera_check.verdict(outline_fits(of, camera, depth_m.astype(np.float32), together))
 
@@ -63,12 +63,12 @@ def with_focal(camera: Camera, factor: float) -> Camera:
     return Camera(camera.K * np.array([[factor, 1, 1], [1, factor, 1], [1, 1, 1]]), camera.width, camera.height)
 
 
-def of_problem(problem: Problem, focal: float = 1.0) -> Verdict:
+def of_problem(problem: Problem, focal: float = 1.0) -> CameraVerdict:
     observation = problem.observation
     return verdict(objects(problem), with_focal(observation.camera, focal), observation.depth_m)
 
 
-def fitting(said: Verdict) -> float:
+def fitting(said: CameraVerdict) -> float:
     """The factor that a verdict advises."""
     found = re.search(r"about ([0-9.]+) times as much would fit", said.advice)
     return float(found[1])

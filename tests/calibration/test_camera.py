@@ -10,7 +10,7 @@ import pytest
 
 from tests.calibration.sizes import fitting, objects, of_problem, real, scene, verdict
 from tests.calibration.test_sizes import REAL
-from verefine_viz.calibration.camera_check import Verdict
+from verefine_viz.calibration.camera_check import CameraVerdict
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.problem import Problem
 
@@ -80,7 +80,7 @@ def test_objects_that_lie_beside_their_models_each_another_way_say_nothing_of_th
     seen = scene().observation
     ways = [(0, 30), (0, -30), (30, 0), (-30, 0), (20, 20), (-20, -20)]
     beside = [(m, T, np.roll(mask, way, axis=(0, 1))) for (m, T, mask), way in zip(objects(scene()), ways, strict=True)]
-    assert verdict(beside, seen.camera, seen.depth_m) == Verdict(
+    assert verdict(beside, seen.camera, seen.depth_m) == CameraVerdict(
         "objects appear as large as their models in their ground-truth poses"
     )
 

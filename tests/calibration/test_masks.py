@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from tests.calibration.sizes import Depth, Objects, fitting, objects, scene, verdict, with_focal
 from verefine_viz.calibration import camera_check
-from verefine_viz.calibration.camera_check import Verdict
+from verefine_viz.calibration.camera_check import CameraVerdict
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.problem import Problem
@@ -112,5 +112,5 @@ def test_objects_of_few_pixels_say_nothing() -> None:
     small = Camera(np.diag([1 / step, 1 / step, 1]) @ camera.K, camera.width // step, camera.height // step)
     of = [(model, T, mask[::step, ::step]) for model, T, mask in objects(scene())]
     said = verdict(of, with_focal(small, 0.8), scene().observation.depth_m[::step, ::step])
-    assert said == Verdict(SHAPES)
-    assert camera_check.verdict([]) == Verdict(SHAPES)
+    assert said == CameraVerdict(SHAPES)
+    assert camera_check.verdict([]) == CameraVerdict(SHAPES)

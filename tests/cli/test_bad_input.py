@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import socket
 import subprocess
 import sys
@@ -14,8 +13,6 @@ import pytest
 import rerun as rr
 
 from tests.cli.bad_input_sessions import BadInput
-from verefine_viz.batch.folder import RunFolder
-from verefine_viz.run.session_file import resolve
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -52,18 +49,11 @@ def test_out_is_below_a_file(bad_input: BadInput) -> None:
 
 
 @pytest.mark.usefixtures("processes")
-@pytest.mark.parametrize("command", ["batch", "estimate"])
-def test_out_is_no_place_to_write_to(bad_input: BadInput, command: str) -> None:
-    loop = bad_input.folder / "loop"
-    loop.symlink_to(loop)
-    places = {
-        "/proc/runs": r" in /proc \(No such file or directory\); choose another --out$",  # It refuses even root.
-        "a\0b": r"^'a\\x00b': it holds \\0, which no path can$",
-        str(loop / "x"): "Too many levels of symbolic links|Symlink loop from ",
-        str(bad_input.folder / ("n" * 300)): "File name too long",
-    }
-    for place, expected in places.items():
-        assert re.search(expected, bad_input.refused(*BELOW[command](bad_input), place)), place
+def test_out_is_no_place_to_write_to(bad_input: BadInput) -> None:
+    for command in ("batch", "estimate"):
+        said = bad_input.refused(*BELOW[command](bad_input), "/proc/runs")  # It refuses even root.
+        assert said.endswith(" in /proc (No such file or directory); choose another --out")
+    assert "File name too long" in bad_input.refused(*BELOW["batch"](bad_input), bad_input.folder / ("n" * 300))
 
 
 @pytest.mark.parametrize("command", ["estimate", "report"])
@@ -76,10 +66,10 @@ def test_out_is_a_folder_instead_of_a_file(bad_input: BadInput, command: str) ->
 @pytest.mark.parametrize("command", ["batch", "batch of several", "estimate"])
 def test_out_lies_among_the_images(bad_input: BadInput, command: str) -> None:
     split = bad_input.made.root / "test"
-    for out in (split / "new.csv", split / "000007" / "run" / "new.csv"):
-        said = bad_input.refused(*BELOW[command](bad_input), out)
-        assert said == f"--out {out} lies among the images of the data set, in {split}; choose another --out"
-        assert not (split / "000007" / "run").exists()
+    out = split / "000007" / "run" / "new.csv"
+    said = bad_input.refused(*BELOW[command](bad_input), out)
+    assert said.startswith(f"--out {out} lies among the images of the data set, in {split}")
+    assert not out.parent.exists()
 
 
 @pytest.mark.usefixtures("processes")
@@ -87,42 +77,14 @@ def test_the_home_folder_that_a_shell_left_alone(bad_input: BadInput, monkeypatc
     bad_input.file("runs/thesis.tex", "")
     monkeypatch.setenv("HOME", str(bad_input.folder))
     bad_input.bop()
-    for words in (["--out", "~/runs"], ["--out=~/runs"]):
-        said = bad_input.refused("batch", "~/session.toml", *words)
-        assert said.startswith(f"{bad_input.folder / 'runs'} holds other files (thesis.tex)")
-
-
-@pytest.mark.usefixtures("processes")
-def test_out_holds_other_files(bad_input: BadInput) -> None:
-    bad_input.file("out/thesis.tex", "")
-    assert "holds other files (thesis.tex) and no batch run" in bad_input.batch(bad_input.bop())
-
-
-@pytest.mark.usefixtures("processes")
-def test_out_holds_another_session(bad_input: BadInput) -> None:
-    RunFolder(bad_input.folder / "out", resolve({"method": {"name": "pir"}})).close()
-    assert "holds a run of another session: " in bad_input.batch(bad_input.bop())
+    said = bad_input.refused("batch", "~/session.toml", "--out=~/runs")
+    assert said.startswith(f"{bad_input.folder / 'runs'} holds other files (thesis.tex)")
 
 
 @pytest.mark.usefixtures("processes")
 def test_out_holds_a_damaged_session(bad_input: BadInput) -> None:
     bad_input.file("out/session.toml", "[[[")
     assert "is not TOML" in bad_input.batch(bad_input.bop())
-
-
-@pytest.mark.usefixtures("processes")
-def test_out_is_in_use(bad_input: BadInput) -> None:
-    folder = RunFolder(bad_input.folder / "out", resolve({}))
-    assert "another batch is writing to" in bad_input.batch(bad_input.bop())
-    folder.close()
-
-
-@pytest.mark.usefixtures("processes")
-def test_out_holds_a_damaged_run_json(bad_input: BadInput) -> None:
-    session = bad_input.file("demo.toml", '[scene]\ndemo = "mug"\n')
-    RunFolder(bad_input.folder / "out", resolve({})).close()
-    bad_input.file("out/run.json", "{")
-    assert "run.json: " in bad_input.batch(session)
 
 
 # Inputs
@@ -145,15 +107,12 @@ def test_an_input_that_is_no_file_is_one_line_at_once(bad_input: BadInput, comma
 
 
 def test_a_value_of_thousands_of_letters_is_cut(bad_input: BadInput) -> None:
-    for words in (["--method.name", "x" * 5000], ["--method.iterations", "9" * 5000], ["--port", "9" * 5000]):
-        assert len(bad_input.refused("view", *words)) < 500
+    assert len(bad_input.refused("view", "--method.name", "x" * 5000)) < 500
 
 
 def test_frames_and_pictures_that_no_report_holds(bad_input: BadInput) -> None:
-    for flag, most in (("--embed", 200), ("--pictures", 10_000)):
-        for n in (-1, most + 1):
-            said = bad_input.refused("report", bad_input.folder, flag, str(n))
-            assert said == f"{flag} is {n}, expected 0 to {most}"
+    for flag, n, most in (("--embed", -1, 200), ("--embed", 201, 200), ("--pictures", 10_001, 10_000)):
+        assert bad_input.refused("report", bad_input.folder, flag, n) == f"{flag} is {n}, expected 0 to {most}"
 
 
 # view
@@ -177,23 +136,20 @@ def test_make_takes_the_port_that_is_advised() -> None:
 
 
 def test_a_port_that_does_not_exist(bad_input: BadInput) -> None:
-    for port in ("-1", "65536"):
-        assert port in bad_input.refused("view", "--port", port)
+    assert "65536" in bad_input.refused("view", "--port", "65536")
 
 
 @pytest.mark.usefixtures("processes")
 def test_a_host_that_is_not_this_machine(bad_input: BadInput) -> None:
     for host in ("192.0.2.1", "no.such.host.invalid"):
         assert host in bad_input.refused("view", "--host", host, "--port", "0")
-    for host in ("h" * 300, "a\udcff"):
-        assert "is no name of a machine" in bad_input.refused("view", "--host", host, "--port", "0")
+    assert "is no name of a machine" in bad_input.refused("view", "--host", "a\udcff", "--port", "0")
 
 
 def test_report_of_what_is_no_folder(bad_input: BadInput) -> None:
-    run, file, missing = bad_input.batch_folder(), bad_input.file("thesis.tex", ""), bad_input.folder / "nowhere"
-    for words in (["report"], ["report", run]):
-        assert f"{file} is a file; expected the folder of a batch run" in bad_input.refused(*words, file)
-        assert f"{missing} does not exist; expected the folder of a batch run" in bad_input.refused(*words, missing)
+    file, missing = bad_input.file("thesis.tex", ""), bad_input.folder / "nowhere"
+    assert f"{file} is a file; expected the folder of a batch run" in bad_input.refused("report", file)
+    assert f"{missing} does not exist" in bad_input.refused("report", bad_input.batch_folder(), missing)
 
 
 def test_a_file_is_no_data_set(bad_input: BadInput) -> None:
@@ -223,7 +179,7 @@ def test_view_of_a_batch_without_a_finished_frame(bad_input: BadInput) -> None:
 
 @pytest.mark.usefixtures("processes")
 @pytest.mark.parametrize("verify", [[], ["--verify"]])
-def test_files_that_are_no_recordings(bad_input: BadInput, verify: list[str]) -> None:
+def test_what_is_no_recording(bad_input: BadInput, verify: list[str]) -> None:
     file = bad_input.folder / "run.rrd"
     assert "does not exist" in bad_input.refused("replay", file, *verify)
     for content, expected in (
@@ -233,25 +189,14 @@ def test_files_that_are_no_recordings(bad_input: BadInput, verify: list[str]) ->
     ):
         file.write_bytes(content)
         assert expected in bad_input.refused("replay", file, *verify), content
-
-
-@pytest.mark.parametrize("verify", [[], ["--verify"]])
-def test_a_folder_is_no_recording(bad_input: BadInput, verify: list[str]) -> None:
-    assert "is a folder, expected a recorded run (.rrd, .vfrun)" in bad_input.refused(
-        "replay", bad_input.folder, *verify
-    )
     run = bad_input.batch_folder()
     for folder in (run, run.parent):
-        assert bad_input.refused("replay", folder, *verify).endswith(
-            f"; those of a batch lie in {run / 'runs'}, and drawn in recordings/ beside it"
-        )
+        assert f"; those of a batch lie in {run / 'runs'}" in bad_input.refused("replay", folder, *verify)
 
 
 def test_two_runs_to_view_are_reported_how_to_compare_and_where_they_are(bad_input: BadInput) -> None:
     run = bad_input.batch_folder()
-    line = bad_input.refused("view", run, run)
-    assert "report RUN_A RUN_B" in line
-    assert "runs in" not in line
+    assert "report RUN_A RUN_B" in bad_input.refused("view", run, run)
     assert bad_input.refused("view", run, run.parent).endswith(f"; runs in {run.parent}: {run}")
 
 
@@ -284,27 +229,15 @@ def test_the_real_program_says_one_line_and_exits_2(tmp_path: Path) -> None:
 
 # study grasping
 
-LAYOUT = ("--scene.source", "layout", "--scene.layout")
-GRASPING: dict[str, tuple[Callable[[BadInput], list[object]], str]] = {
-    "unknown layout": (
-        lambda d: [*LAYOUT, d.folder / "layout_7.xml", "--scene.dataset", d.made.root],
-        "layout_7.xml",
-    ),
-    "no layout": (
-        lambda d: [*LAYOUT, d.file("notes.xml", "banana"), "--scene.dataset", d.made.root],
-        "ParseError",
-    ),
-    "no grasps": (lambda d: ["--scene.demo", "duck", "--grasp.folder", d.folder / "none"], "is no folder"),
-    "nothing fits": (
-        lambda d: ["--scene.demo", "duck", "--grasp.opening-m", "0.02"],
-        "frame 0/0: no object can be gripped",
-    ),
-}
-
 
 @pytest.mark.usefixtures("processes")
 def test_what_cannot_be_grasped_is_named_in_one_line(bad_input: BadInput) -> None:
-    for case, (words, expected) in GRASPING.items():
-        out = bad_input.folder / case
-        said = bad_input.refused("study", "grasping", "--workers", "1", "--out", out, *words(bad_input))
-        assert expected in said, case
+    layout = ("--scene.source", "layout", "--scene.dataset", bad_input.made.root, "--scene.layout")
+    cases = (
+        ((*layout, bad_input.file("notes.xml", "banana")), "ParseError"),
+        (("--scene.demo", "duck", "--grasp.folder", bad_input.folder / "none"), "is no folder"),
+        (("--scene.demo", "duck", "--grasp.opening-m", "0.02"), "frame 0/0: no object can be gripped"),
+    )
+    for k, (words, expected) in enumerate(cases):
+        out = bad_input.folder / f"out {k}"
+        assert expected in bad_input.refused("study", "grasping", "--workers", "1", "--out", out, *words)

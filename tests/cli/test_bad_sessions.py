@@ -20,28 +20,15 @@ SESSION_FILES: dict[str, Case] = {
     "a folder": (lambda d: d.folder, "holds no data that are known; looked for run files"),
     "the folder of a batch": (BadInput.batch_folder, "did you mean "),
     "JSON instead of TOML": (lambda d: d.file("s.toml", '{"scene": {}}'), "is not TOML"),
-    "not text": (lambda d: d.file("s.toml", b"\xff\xfe\x00"), "cannot be read: it is no text, expected a .toml file"),
     "unknown section": (lambda d: d.file("s.toml", "[scnee]\n"), "unknown field 'scnee'; did you mean 'scene'? "),
     "wrong type": (lambda d: d.file("s.toml", '[method]\niterations = "many"\n'), "method.iterations = 'many'"),
     "unknown method": (lambda d: d.file("s.toml", '[method]\nname = "rirr"\n'), "unknown method 'rirr'; did you mean"),
-    "unknown refiner": (
-        lambda d: d.file("s.toml", '[method]\nrefiner = "ipc"\n'),
-        "unknown refiner 'ipc'; did you mean 'icp'? available: ",
-    ),
     "terminal codes in a name": (
         lambda d: d.file("s.toml", '[scene]\ndemo = "\\u001b[2J\\nrm"\n'),
         r"unknown demo scene '\x1b[2J\nrm'",
     ),
     "no data set": (lambda d: d.file("s.toml", '[scene]\nsource = "bop"\n'), "scene.dataset is empty"),
-    "no BOP layout": (lambda d: d.file("empty/s.toml", '[scene]\nsource = "bop"\ndataset = "."\n'), "empty"),
-    "split outside the data set": (lambda d: d.bop(scene='split = "../../.."'), "unknown split '../../..'"),
     "unknown object": (lambda d: d.bop(scene="objects = [99]"), "unknown object 99 in scene.objects; available: 2"),
-    "object of no chosen frame": (
-        lambda d: _unseen(d, 9),
-        "none of the chosen frames (7/3) holds object 9 of scene.objects; objects there: 2 (obj_000002), 5 ",
-    ),
-    "frame outside": (lambda d: d.bop(scene='frames = ["../../etc/passwd"]'), "passwd"),
-    "masks of another kind": (lambda d: d.bop(scene='masks = "sam"'), "scene.masks is"),
     "detections missing": (lambda d: d.bop(scene='masks = "none.json"'), "none.json"),
     "results missing": (
         lambda d: d.bop(hypotheses='source = "results"\nfiles = ["none.csv"]'),
@@ -51,10 +38,6 @@ SESSION_FILES: dict[str, Case] = {
         lambda d: d.results("7,3,77,0.9,1 0 0 0 1 0 0 0 1,0 0 500,-1"),
         "r.csv has no row for an object of the chosen frames: the frames need 2, 5, the rows are of 77; ",
     ),
-    "a mirrored pose": (
-        lambda d: d.results("7,3,2,0.9,1 0 0 0 1 0 0 0 -1,0 0 500,-1"),
-        "not rigid: det(R) = -1.000",
-    ),
     "scene_camera.json damaged": (lambda d: _damaged(d, "scene_camera.json"), "scene_camera.json"),
 }
 
@@ -63,14 +46,6 @@ def _damaged(bad_input: BadInput, name: str) -> Path:
     made = make(bad_input.folder / "damaged", targets=False)
     (made.scene / name).write_text("{")
     return bad_input.file("d.toml", '[scene]\nsource = "bop"\ndataset = "damaged"\n')
-
-
-def _unseen(bad_input: BadInput, obj_id: int) -> Path:
-    """Asks for an object that has a model and is in no frame."""
-    models = make(bad_input.folder / "more").root / "models"
-    (models / f"obj_{obj_id:06d}.ply").write_bytes((models / "obj_000002.ply").read_bytes())
-    scene = f'source = "bop"\ndataset = "more"\nframes = ["7/3"]\nobjects = [{obj_id}]'
-    return bad_input.file("u.toml", f"[scene]\n{scene}\n")
 
 
 @pytest.mark.usefixtures("processes")
@@ -84,12 +59,8 @@ def test_a_bad_session_is_one_clear_line(bad_input: BadInput) -> None:
 def test_a_bad_option_is_one_clear_line(bad_input: BadInput) -> None:
     options = {
         "--score.alpha 3": "score.alpha = 3",
-        "--method.iterations -1": "command line: method.iterations = -1",
         "--scene.demo bowl": 'command line: scene.demo is set, but scene.source is "bop"',
-        "--scene.dataset /no/such/data": "/no/such/data",
         "--scene.gravity 0 0 nan": "scene.gravity.2 = nan: expected a number from -1000000 to 1000000",
-        "--method.name vf": "unknown method 'vf'; available: ",
-        "--workers 0": "--workers is 0, expected 1 or more",
         f"--workers {MOST + 1}": f"--workers is {MOST + 1}, expected {MOST} or fewer, 4 for each core",
     }
     for words, expected in options.items():
@@ -98,11 +69,6 @@ def test_a_bad_option_is_one_clear_line(bad_input: BadInput) -> None:
 
 def test_no_session_at_all(bad_input: BadInput) -> None:
     assert "no session given" in bad_input.refused("batch", "--out", bad_input.folder)
-
-
-def test_two_sessions_of_one_name(bad_input: BadInput) -> None:
-    first, second = bad_input.file("a/s.toml", ""), bad_input.file("b/s.toml", "")
-    assert "two sessions are called 's'" in bad_input.refused("batch", first, second, "--out", bad_input.folder / "out")
 
 
 def test_a_mistake_in_the_last_session_shows_before_the_first_runs(bad_input: BadInput) -> None:

@@ -16,7 +16,7 @@ from PIL import Image
 from tests.batch.frames import make_frames
 from tests.scenes.bop_folder import Made
 from verefine_viz.commands.dataset_check import check_split
-from verefine_viz.commands.dataset_parts import Parts, what_can_be_run
+from verefine_viz.commands.dataset_parts import Parts, runnable_parts
 from verefine_viz.commands.datasets import CATALOGUE, Datasets
 from verefine_viz.core.errors import SettingsError, UnavailableError
 
@@ -32,7 +32,7 @@ def advice(made: Made) -> dict[str, str]:
 
 
 def missing(parts: Parts) -> dict[str, str]:
-    return {what.split()[0]: lacking for what, lacking in what_can_be_run(parts)}
+    return {what.split()[0]: lacking for what, lacking in runnable_parts(parts)}
 
 
 def test_every_data_set_of_the_paper_is_listed_with_a_way_to_get_it(
@@ -99,7 +99,7 @@ def test_what_is_missing_decides_what_can_be_run(made: Made) -> None:
     for kind in ("mask", "mask_visib"):
         (made.scene / kind).rename(made.scene / f"_{kind}")
     parts = check_split(made.root, "test")
-    lacking = what_can_be_run(parts)
+    lacking = runnable_parts(parts)
     assert [words for _, words in lacking][:3] == ["masks, scene_gt.json", "masks", "masks, scene_gt.json"]
     assert "detections JSON" in advice(made)["masks"]
     assert not {f.name: f for f in parts.findings}["plausibility"].is_checked
@@ -141,7 +141,7 @@ def test_without_models_the_rest_is_not_looked_at_and_not_called_missing(
     models, rest = parts.findings
     assert "has no object models; expected models/obj_000001.ply" in models.advice
     assert not rest.is_checked
-    for _, lacking in what_can_be_run(parts):
+    for _, lacking in runnable_parts(parts):
         assert lacking.startswith("models (")
     assert Datasets("check", str(made.root)).run([]) == 1
     (row,) = [line for line in capsys.readouterr().out.splitlines() if "not checked, because" in line]
@@ -219,7 +219,7 @@ def test_small_masks_of_hidden_objects_and_those_that_suffice_are_no_fault(made:
 
 def test_what_is_damaged_is_not_called_missing(made: Made) -> None:
     (made.scene / "scene_gt.json").write_text("{")
-    lacking = [lacks for what, lacks in what_can_be_run(check_split(made.root, "test")) if "gravity" not in what]
+    lacking = [lacks for what, lacks in runnable_parts(check_split(made.root, "test")) if "gravity" not in what]
     assert all("ground truth that can be read" in lacks for lacks in lacking)
 
 
@@ -229,7 +229,7 @@ def test_without_cameras_there_are_no_frames_and_nothing_else_is_called_missing(
     found = {f.name: f for f in parts.findings}
     assert found["frames"].result == "0 in 1 scene"
     assert not found["all the rest"].is_checked
-    assert all(lacking.startswith("frames (") for _, lacking in what_can_be_run(parts))
+    assert all(lacking.startswith("frames (") for _, lacking in runnable_parts(parts))
 
 
 def test_damage_in_one_scene_leaves_the_ground_truth_of_the_others(made: Made) -> None:

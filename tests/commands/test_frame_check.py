@@ -18,7 +18,7 @@ from tests.calibration.sizes import scene
 from tests.scenes.bop_folder import Made
 from tests.scenes.write_bop import write_bop
 from verefine_viz.commands.dataset_check import check_split
-from verefine_viz.commands.dataset_parts import Finding
+from verefine_viz.commands.dataset_parts import CheckRow
 from verefine_viz.commands.datasets import Datasets
 
 pytestmark = pytest.mark.usefixtures("long_run")
@@ -43,7 +43,7 @@ def clutter(right: Path, tmp_path: Path) -> Path:
     return shutil.copytree(right, tmp_path / "clutter")
 
 
-def plausibility(root: Path) -> Finding:
+def plausibility(root: Path) -> CheckRow:
     (found,) = [f for f in check_split(root, "test").findings if f.name == "plausibility"]
     return found
 

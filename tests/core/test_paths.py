@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.writing import at_home, atomic, check_file, check_folder, why_not
+from verefine_viz.core.writing import atomic, check_file, check_folder, expand_home, path_fault
 
 
 @pytest.fixture
@@ -66,11 +66,11 @@ def test_below_a_folder_of_somebody_else(tmp_path: Path, nobody: None) -> None:
 
 def test_below_a_folder_without_write_permission(tmp_path: Path) -> None:
     error = PermissionError(errno.EACCES, "Permission denied")
-    assert why_not(tmp_path / "a" / "b", error) == f"no permission to write in {tmp_path}"
+    assert path_fault(tmp_path / "a" / "b", error) == f"no permission to write in {tmp_path}"
     (tmp_path / "f").write_text("")
-    assert why_not(tmp_path / "f", error) == f"no permission to write {tmp_path / 'f'}"
+    assert path_fault(tmp_path / "f", error) == f"no permission to write {tmp_path / 'f'}"
     read_only = OSError(errno.EROFS, "Read-only file system")
-    assert why_not(tmp_path / "a" / "b", read_only) == f"{tmp_path} is read-only"
+    assert path_fault(tmp_path / "a" / "b", read_only) == f"{tmp_path} is read-only"
 
 
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs /proc")
@@ -98,18 +98,18 @@ def test_a_file_and_a_folder_mistaken_for_each_other(tmp_path: Path) -> None:
 def test_a_name_without_a_folder_is_below_where_one_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
     error = PermissionError(errno.EACCES, "Permission denied")
-    assert why_not(Path("runs/today"), error) == f"no permission to write in {tmp_path}"
+    assert path_fault(Path("runs/today"), error) == f"no permission to write in {tmp_path}"
 
 
 def test_what_is_not_about_the_place_is_said_as_the_system_does(tmp_path: Path) -> None:
-    assert why_not(tmp_path / "a", OSError(errno.ENOSPC, "No space left on device")) == "No space left on device"
+    assert path_fault(tmp_path / "a", OSError(errno.ENOSPC, "No space left on device")) == "No space left on device"
 
 
 def test_the_home_folder_is_meant_by_a_tilde(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
-    assert (at_home("~"), at_home("~/a")) == (tmp_path, tmp_path / "a")
+    assert (expand_home("~"), expand_home("~/a")) == (tmp_path, tmp_path / "a")
     for other in ("a~", "a/~/b", "~nobody-of-this-name/a"):
-        assert at_home(other) == Path(other)
+        assert expand_home(other) == Path(other)
 
 
 def test_nothing_is_left_of_a_place_that_will_do(tmp_path: Path) -> None:

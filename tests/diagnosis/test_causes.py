@@ -133,7 +133,7 @@ def test_a_discarded_pose_is_named_with_both_poses_their_scores_and_the_iteratio
     # The page marks that iteration, a batch opens it.
     worst = worst_iteration(target, run.iterations, run.final_state.best[0])
     assert worst == evidence["given_up_in_iteration"] == 1
-    cast(Any, broken.toolbox).__dict__["source"] = OneFrame(broken.problem)
+    cast(Any, broken.toolbox).source = OneFrame(broken.problem)
     branch = ran(broken.toolbox)
     assert [m.k for m in branch.marks() if m.kind == "discarded" and m.tone == "problem"] == [1]
 
@@ -165,7 +165,7 @@ def test_a_repair_has_its_control() -> None:
 
 def test_the_page_blames_no_start_for_ground_truth_that_does_not_fit_its_image() -> None:
     broken = broken_scene(Cause.GROUND_TRUTH, 2)
-    cast(Any, broken.toolbox).__dict__["source"] = OneFrame(broken.problem)
+    cast(Any, broken.toolbox).source = OneFrame(broken.problem)
     (it,) = verdict_message(ran(broken.toolbox))["objects"]
     assert [finding["cause"] for finding in it["findings"]] == [Cause.GROUND_TRUTH]
 

@@ -130,7 +130,7 @@ def test_a_turn_that_keeps_the_shape_says_whether_texture_could_tell() -> None:
     for name, colors in (("none", None), ("half", half), ("plain", plain)):
         turn = undeclared_turn(replace(can, vertex_colors=colors), T_est, np.eye(4), 0.1)
         assert turn is not None
-        said[name] = turn.in_words("can")
+        said[name] = turn.describe("can")
     assert said["none"].endswith("the model has no colours.")
     assert said["half"].endswith("Its texture could tell, as colours differ there; depth cannot.")
     assert said["plain"].endswith("Its colours are alike as well.")

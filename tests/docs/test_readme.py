@@ -17,8 +17,8 @@ import trimesh
 
 from tests.fakes import BOX_M, box_problem
 from verefine_viz import cli
-from verefine_viz.commands.batch import Batch
-from verefine_viz.commands.view import View
+from verefine_viz.commands.batch import BatchCommand
+from verefine_viz.commands.view import ViewCommand
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.refiner_steps import LearnedRefiner
@@ -68,9 +68,9 @@ def test_its_commands_are_commands() -> None:
         line.split("verefine-viz ")[1] for block in blocks("sh") for line in block.splitlines() if "verefine" in line
     ]
     commands = [cli.parse(line.split()) for line in lines]
-    assert [type(command) for command in commands] == [Batch, View]
+    assert [type(command) for command in commands] == [BatchCommand, ViewCommand]
     first = commands[0]
-    assert isinstance(first, Batch)
+    assert isinstance(first, BatchCommand)
     assert load_session(ROOT / first.sessions[0]).scene.source == "demo"
 
 

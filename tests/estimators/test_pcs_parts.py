@@ -14,7 +14,7 @@ from verefine_viz.core.geometry import apply, transform
 from verefine_viz.estimators.clouds import large_parts, spread_out, thinned
 from verefine_viz.estimators.pcs import NearGrid, lcps
 from verefine_viz.estimators.pcs_bases import APART, Base, best_pairing, diameter, draw_base, segment_gap
-from verefine_viz.estimators.pcs_quads import PairTable, congruent_quads, fit_rms, fitted, rotation_of
+from verefine_viz.estimators.pcs_quads import DistanceTable, congruent_quads, fit_rms, fitted, rotation_of
 
 DELTA_M = 0.0035
 ALL = 2**31 - 1
@@ -108,7 +108,7 @@ def test_pairs_of_a_length_are_those_that_comparing_all_finds(
     seed: int, n: int, length: float, tolerance: float
 ) -> None:
     cloud = box_cloud(np.random.default_rng(seed), n)
-    found = {tuple(pair) for pair in PairTable.build(cloud).of_length(length, tolerance).tolist()}
+    found = {tuple(pair) for pair in DistanceTable.build(cloud).pairs_of_length(length, tolerance).tolist()}
     expected = {
         (i, j)
         for i in range(n)
@@ -148,7 +148,7 @@ def test_the_quad_that_a_base_was_copied_from_is_found_and_its_pose_exact(seed: 
     if base is None:
         return
     truth = [int(np.flatnonzero((segment == corner).all(axis=1))[0]) for corner in base.points]
-    quads = congruent_quads(base, model, PairTable.build(model), DELTA_M, ALL, rng)
+    quads = congruent_quads(base, model, DistanceTable.build(model), DELTA_M, ALL, rng)
     Ts, of_quad = fitted(base.points, model, quads, 2 * DELTA_M)
     mine = [k for k, q in enumerate(of_quad) if quads[q].tolist() == truth]
     assert len(mine) == 1
@@ -162,7 +162,7 @@ def test_quads_are_what_comparing_all_pairs_of_pairs_finds(seed: int) -> None:
     base = draw_base(segment, diameter(segment), DELTA_M, rng)
     if base is None:
         return
-    quads = congruent_quads(base, model, PairTable.build(model), DELTA_M, ALL, rng)
+    quads = congruent_quads(base, model, DistanceTable.build(model), DELTA_M, ALL, rng)
     Ts, of_quad = fitted(base.points, model, quads, 2 * DELTA_M)
     found = {tuple(quads[q].tolist()) for q in of_quad}
     assert found == set(brute_force_quads(base, model))
@@ -201,7 +201,7 @@ def test_no_more_quads_than_asked_for_and_each_among_all() -> None:
     model = box_cloud(rng, 150)
     base = draw_base(model, diameter(model), DELTA_M, rng)
     assert base is not None
-    pairs = PairTable.build(model)
+    pairs = DistanceTable.build(model)
     everything = {tuple(q) for q in congruent_quads(base, model, pairs, DELTA_M, ALL, rng).tolist()}
     some = [tuple(q) for q in congruent_quads(base, model, pairs, DELTA_M, 50, np.random.default_rng(0)).tolist()]
     others = [tuple(q) for q in congruent_quads(base, model, pairs, DELTA_M, 50, np.random.default_rng(1)).tolist()]

@@ -109,10 +109,8 @@ def test_vsd_of_surfaces_that_share_no_pixel_is_1() -> None:
         DepthPatch(2, 3, np.full((5, 6), 500, np.float32)),
         DepthPatch(30, 20, np.full((4, 4), 500, np.float32)),
     )
-    assert vsd(depth, here, there, K, 100.0).tolist() == [1.0] * 10
-    assert vsd(depth, EMPTY, there, K, 100.0).tolist() == [1.0] * 10
-    assert vsd(depth, here, EMPTY, K, 100.0).tolist() == [1.0] * 10
-    assert vsd(depth, EMPTY, EMPTY, K, 100.0).tolist() == [1.0] * 10
+    for one, other in ((here, there), (EMPTY, there), (here, EMPTY), (EMPTY, EMPTY)):
+        assert vsd(depth, one, other, K, 100.0).tolist() == [1.0] * 10
     assert vsd(depth, here, here, K, 100.0).tolist() == [0.0] * 10
 
 

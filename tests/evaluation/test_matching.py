@@ -16,6 +16,7 @@ from verefine_viz.evaluation.averages import DETECTION_THRESHOLDS as DETECTION_T
 from verefine_viz.evaluation.averages import IGNORED, THRESHOLDS, Detections, Tally, average_precision, average_recalls
 from verefine_viz.evaluation.matched_estimates import match_poses, match_thresholds
 from verefine_viz.evaluation.pose_table import read_pose_table
+from verefine_viz.scenes.results_csv import read_results
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +73,8 @@ def test_results_files(official: Vectors, tmp_path: Path) -> None:
         assert str(path) in text
         assert "\n" not in text
         assert ("line " in text) != (case["msg"] == "Empty results"), name
+        with pytest.raises(InputError):  # The reader of initial poses takes no more than the official one.
+            read_results(path)
 
 
 def test_poses_are_read_digit_by_digit(official: Vectors, tmp_path: Path) -> None:

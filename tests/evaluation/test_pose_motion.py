@@ -39,7 +39,7 @@ def test_a_turn_by_a_near_symmetry_is_a_flip_and_another_one_a_jump() -> None:
     poses = [("0/1", moved(0, 0)), ("0/2", moved(178, 2)), ("0/3", moved(1, 3)), ("0/4", moved(91, 3))]
     assert [m.kind for m in changes(poses)] == ["moved", "flip", "flip", "jump"]
     assert [m.kind for m in changes(poses, NONE)] == ["moved", "jump", "jump", "jump"]
-    words = counted(changes(poses)).in_words
+    words = counted(changes(poses)).text
     assert words == "4 frames, 2 flips (50 per 100), 1 jump."
 
 
@@ -48,7 +48,7 @@ def test_frames_without_a_pose_are_passed_over() -> None:
     result = changes(poses)
     assert [m.kind for m in result] == ["no pose", "moved", "no pose", "moved", "jump"]
     assert result[3].moved_mm == pytest.approx(4)
-    assert "2 without a pose" in counted(result).in_words
+    assert "2 without a pose" in counted(result).text
 
 
 @given(st.floats(0, 60), st.floats(-80, 80))
@@ -79,7 +79,7 @@ def test_drift_adds_up_what_no_frame_shows() -> None:
     counts = counted(motions(poses, MIDDLE, NONE))
     assert counts.drift_mm == pytest.approx(20)
     assert counts.median_mm == pytest.approx(0.4)
-    assert counts.in_words.endswith("median 0.4 mm and 0° a frame in the world; 20.0 mm from where it began.")
+    assert counts.text.endswith("median 0.4 mm and 0° a frame in the world; 20.0 mm from where it began.")
 
 
 @given(st.floats(-180, 180), st.floats(0, 40))

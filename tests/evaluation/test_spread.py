@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.report.runs import row
 from tests.report.sections import group, section_of
-from verefine_viz.evaluation.bootstrap import Cells, draws
+from verefine_viz.evaluation.bootstrap import CellSums, draws
 from verefine_viz.report.bop_recalls import BopRecalls
 from verefine_viz.report.group_numbers import Axes, compare
 
@@ -22,7 +22,7 @@ def test_draws_are_the_same_at_each_call_and_nothing_comes_of_nothing() -> None:
     assert (first.models == second.models).all()
     assert set(first.units.sum(axis=1)) == {5.0}
     assert set(first.models.sum(axis=1)) == {3.0}
-    nothing = Cells(np.zeros((2, 2)), np.zeros((2, 2)))
+    nothing = CellSums(np.zeros((2, 2)), np.zeros((2, 2)))
     assert draws(2, 2).mean(nothing) is None
     assert draws(2, 2).median(np.zeros(0), np.zeros(0, int), np.zeros(0, int)) is None
 
@@ -32,7 +32,7 @@ def test_draws_are_the_same_at_each_call_and_nothing_comes_of_nothing() -> None:
 def test_an_interval_holds_the_value_of_a_mean(n_units: int, n_models: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     n = rng.integers(1, 5, (n_units, n_models)).astype(float)
-    found = draws(n_units, n_models).mean(Cells(n * rng.random((n_units, n_models)), n))
+    found = draws(n_units, n_models).mean(CellSums(n * rng.random((n_units, n_models)), n))
     if n_units == n_models == 1:
         assert (found.low, found.high) == (None, None)
         return
@@ -44,7 +44,7 @@ def test_an_interval_holds_the_value_of_a_mean(n_units: int, n_models: int, seed
 def test_the_interval_of_a_mean_agrees_with_the_theory() -> None:
     """Independent frames of one object: the interval is close to mean ± 1.96 σ/√n."""
     values = RNG.random((400, 1))
-    found = draws(400, 1).mean(Cells(values, np.ones((400, 1))))
+    found = draws(400, 1).mean(CellSums(values, np.ones((400, 1))))
     half = 1.96 * values.std() / np.sqrt(400)
     assert (found.low, found.high) == pytest.approx((values.mean() - half, values.mean() + half), abs=0.15 * half)
 
@@ -56,9 +56,9 @@ def test_nineteen_of_twenty_intervals_hold_the_true_share() -> None:
     for _ in range(200):
         hard = rng.normal(0, 1, (60, 1)) + rng.normal(0, 1, (1, 20))
         right = (rng.normal(0, 1, (60, 20)) + hard > 0).astype(float)
-        cells = Cells(right, np.ones_like(right))
+        cells = CellSums(right, np.ones_like(right))
         both = draws(60, 20).mean(cells)
-        frames = draws(60, 1).mean(Cells(right.sum(axis=1, keepdims=True), np.full((60, 1), 20.0)))
+        frames = draws(60, 1).mean(CellSums(right.sum(axis=1, keepdims=True), np.full((60, 1), 20.0)))
         held["both"] += both.low <= 0.5 <= both.high
         held["frames"] += frames.low <= 0.5 <= frames.high
     assert held["both"] >= 180
@@ -82,7 +82,7 @@ def test_more_seeds_make_no_interval_narrower() -> None:
 def test_a_difference_is_paired() -> None:
     """Frames differ far more than the groups do; only the pairs show the difference."""
     frames = RNG.random((40, 1)) * np.ones((1, 3))
-    a, b = Cells(frames, np.ones_like(frames)), Cells(frames - 0.05, np.ones_like(frames))
+    a, b = CellSums(frames, np.ones_like(frames)), CellSums(frames - 0.05, np.ones_like(frames))
     drawn = draws(40, 3)
     difference, mean = drawn.difference(a, b), drawn.mean(a)
     assert difference.is_clear
@@ -92,7 +92,7 @@ def test_a_difference_is_paired() -> None:
 
 def test_a_difference_is_over_what_both_have() -> None:
     ones = np.ones((4, 2))
-    a, b = Cells(ones.copy(), ones.copy()), Cells(np.zeros((4, 2)), ones.copy())
+    a, b = CellSums(ones.copy(), ones.copy()), CellSums(np.zeros((4, 2)), ones.copy())
     b.n[:, 1] = 0
     a.total[:, 1] = 0
     assert draws(4, 2).difference(a, b).value == 1.0

@@ -57,11 +57,6 @@ def test_the_tilt_is_where_the_axis_goes(angle: float, seed: int) -> None:
     )
 
 
-def test_upside_down_there_is_no_turn_to_tell() -> None:
-    found = turning_of(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 1.0]))
-    assert found.tilt_deg == pytest.approx(180.0)
-
-
 @given(tilt=st.floats(0.0, 40.0), turn=st.floats(0.0, 40.0), k=st.integers(0, 3), seed=SEEDS)
 def test_a_turn_that_looks_the_same_is_none(tilt: float, turn: float, k: int, seed: int) -> None:
     """A box that looks the same after quarters of a turn about z, standing on a table whose normal is z of its own."""
@@ -82,7 +77,7 @@ def test_a_lying_can_rolls_and_a_standing_one_tilts() -> None:
     can, up = model("can", symmetric=False), np.array([0.0, 0.0, 1.0])
     lying = transform(axis_angle(np.array([1.0, 0, 0]), np.pi / 2), np.zeros(3))
     along = transform(axis_angle(np.array([0, 1.0, 0]), np.deg2rad(40.0)), np.zeros(3))  # The can's axis, as it lies.
-    assert turning(can, along @ lying, lying, up).in_words(0) == "all of it roll on the table"
-    assert turning(can, along, np.eye(4), up).in_words(0) == "all of it tilt against the table"
+    assert turning(can, along @ lying, lying, up).describe(0) == "all of it roll on the table"
+    assert turning(can, along, np.eye(4), up).describe(0) == "all of it tilt against the table"
     block = model("cereal", symmetric=False)
-    assert turning(block, along @ lying, lying, up).in_words(0) == "all of it tilt against the table"
+    assert turning(block, along @ lying, lying, up).describe(0) == "all of it tilt against the table"

@@ -17,7 +17,7 @@ from verefine_viz.learned.depth_crops import (
     DEEPEST,
     REACH,
     SIDE_PX,
-    Crops,
+    DepthCrops,
     crops_at,
     extent_of,
     fill_crop,
@@ -39,7 +39,7 @@ def random_pose(rng: np.random.Generator, off_axis: float = 0.25) -> np.ndarray:
     return transform(axis_angle(random_unit_vector(rng), rng.uniform(0, np.pi)), place)
 
 
-def at(T: np.ndarray, depth_m: np.ndarray, mask: np.ndarray, camera: Camera) -> Crops:
+def at(T: np.ndarray, depth_m: np.ndarray, mask: np.ndarray, camera: Camera) -> DepthCrops:
     return crops_at(depth_m.astype(np.float32), mask, camera, MESH, EXTENT, T[None])
 
 

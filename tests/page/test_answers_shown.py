@@ -26,7 +26,7 @@ from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.core.settings import Session
 from verefine_viz.page import protocol as p
 from verefine_viz.page.app import App
-from verefine_viz.page.gallery import Entry, Gallery
+from verefine_viz.page.gallery import Gallery, GalleryEntry
 from verefine_viz.page.thumbnails import WIDTH_PX, Painter, Thumbnails
 from verefine_viz.run.record import Answer
 from verefine_viz.run.session_file import resolve
@@ -37,13 +37,13 @@ def row(instance_id: int | None, im_id: int = 0) -> Answer:
     return answer(0, im_id, instance_id=instance_id, obj_id=1, add_s_mm=50.0, diameter_mm=100.0)
 
 
-ENTRIES = tuple(Entry("run", row(k)) for k in range(5))
+ENTRIES = tuple(GalleryEntry("run", row(k)) for k in range(5))
 
 
 def test_what_was_asked_for_last_is_drawn_first_and_once():
     permits, begun, seen = threading.Semaphore(0), threading.Semaphore(0), []
 
-    def draw(entry: Entry) -> bytes:
+    def draw(entry: GalleryEntry) -> bytes:
         seen.append(entry.row.instance_id)
         begun.release()
         assert permits.acquire(timeout=20)

@@ -51,9 +51,9 @@ def last(d: Debugger) -> int:
 
 
 def test_a_recording_beside_the_run_it_was_made_of_does_the_same(recordings: Recordings):
-    d = opened(p.Run(), p.Compare(recording=str(recordings.rir)))
+    d = opened(p.RunVerb(), p.Compare(recording=str(recordings.rir)))
     assert d.space.work.compare is not None
-    answer = comparison(d.space, p.Comparison(*d.space.work.compare), Blobs())
+    answer = comparison(d.space, p.ComparisonWanted(*d.space.work.compare), Blobs())
     assert answer["words"] == "A and B did the same in all 12 iterations that both have made, bit for bit."
     assert {row["winner"] for row in answer["rows"]} == {"even"}
 
@@ -61,11 +61,11 @@ def test_a_recording_beside_the_run_it_was_made_of_does_the_same(recordings: Rec
 def test_two_recordings_compare_as_the_runs_themselves(recordings: Recordings):
     read = opened(p.Open(recording=str(recordings.rir)))
     read.carry_out([p.Compare(last(read), recording=str(recordings.sir))])
-    made = opened(p.Run(), p.Compare(changes={"method.name": "sir"}))
+    made = opened(p.RunVerb(), p.Compare(changes={"method.name": "sir"}))
     answers = []
     for d in (read, made):
         assert d.space.work.compare is not None
-        answers.append(comparison(d.space, p.Comparison(*d.space.work.compare), Blobs()))
+        answers.append(comparison(d.space, p.ComparisonWanted(*d.space.work.compare), Blobs()))
     assert answers[0]["names"] == ("rir, rir.rrd", "sir, sir.rrd")
     for name in ("pairs", "departures", "words", "rows"):
         assert answers[0][name] == answers[1][name], name

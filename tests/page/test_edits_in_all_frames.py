@@ -45,7 +45,7 @@ def shown(d: Debugger) -> tuple[list[dict], list[str]]:
 
 def move(d: Debugger) -> None:
     """Edit a pose of the open frame, and look at the branch that goes on from it."""
-    d.carry_out([p.Fork(0, max(d.space.branches), edit=p.Edit(0, 0, T_MOVED))])
+    d.carry_out([p.Fork(0, max(d.space.branches), edit=p.EditedPose(0, 0, T_MOVED))])
     d.carry_out([p.Look(max(d.space.branches))])
 
 
@@ -80,7 +80,7 @@ def test_what_lies_behind_the_end_of_the_run_is_noted():
     d = opened(session(late, changes=(longer,)), posted)
     d.welcome(1)
     assert posted.of("run")[-1]["notes"] == (), "a change on the way may make it longer"
-    d.carry_out([p.Run()])
+    d.carry_out([p.RunVerb()])
     assert "15 iterations" in posted.of("run")[-1]["notes"][0]
 
 
@@ -114,7 +114,7 @@ def test_a_restart_says_what_it_does_not_repeat():
     d = opened(
         session(edit_of(0), changes=(Change(after_iteration=2, settings={"method": {"exploration": 0.2}}),)), posted
     )
-    d.carry_out([p.Run(), p.Restart()])
+    d.carry_out([p.RunVerb(), p.Restart()])
     notes = [message["text"] for message in posted.of("note")]
     assert "1 edited pose is not moved again." in notes
     assert "The settings changed on the way now hold from iteration 1 on." in notes
@@ -124,10 +124,10 @@ def test_a_restart_says_what_it_does_not_repeat():
 
 def test_nothing_can_go_on_from_a_pose_where_no_iteration_is_left():
     d = opened(session())
-    d.carry_out([p.Run()])
+    d.carry_out([p.RunVerb()])
     n = d.space.work.first.run.length
     with pytest.raises(InputError, match="no iteration is left for box"):
-        d.carry_out([p.Fork(n, edit=p.Edit(0, 0, T_MOVED))])
+        d.carry_out([p.Fork(n, edit=p.EditedPose(0, 0, T_MOVED))])
     assert len(d.space.branches) == 1
-    d.carry_out([p.Fork(n - 1, edit=p.Edit(0, 0, T_MOVED), run=True)])
+    d.carry_out([p.Fork(n - 1, edit=p.EditedPose(0, 0, T_MOVED), run=True)])
     assert d.space.branches[1].run.is_done

@@ -74,7 +74,7 @@ def test_they_hold_for_that_object_of_that_frame(session: Session):
 
 def test_the_run_before_stays_as_a_branch_and_windows_get_both_starts(session: Session):
     posted = Posted()
-    d = opened(session, posted).carry_out([p.Run()])
+    d = opened(session, posted).carry_out([p.RunVerb()])
     before = d.space.work.first.run
     d.carry_out([p.Estimate(1, "ppf")])
     first, new = d.space.branches.values()

@@ -28,7 +28,7 @@ from verefine_viz.recording.reader import read_recording
 from verefine_viz.run.session_file import load_session, save_session
 from verefine_viz.scenes.results_csv import read_results
 
-EDIT = p.Edit(0, 0, T_MOVED)
+EDIT = p.EditedPose(0, 0, T_MOVED)
 
 
 @pytest.fixture
@@ -80,7 +80,7 @@ def test_names_stay_within_the_folder(debugger: Debugger, tmp_path: Path):
 
 @pytest.mark.usefixtures("processes")
 def test_exports_can_be_read_back(debugger: Debugger, tmp_path: Path, posted: Posted):
-    debugger.carry_out([p.Run(), p.Save("results"), p.Save("maps", k=3), p.Save("verbs"), p.Save("maps", k=3)])
+    debugger.carry_out([p.RunVerb(), p.Save("results"), p.Save("maps", k=3), p.Save("verbs"), p.Save("maps", k=3)])
     debugger.carry_out([p.Save("recording"), p.Save("recording", name="short.vfrun")])
     run, names = debugger.space.work.first.run, [message["name"] for message in posted.of("written")]
     assert names == [
@@ -126,13 +126,13 @@ def test_the_log_carried_out_again_gives_the_same_records(debugger: Debugger, po
 
     fork = p.Fork(2, changes={"method.exploration": 0.2}, run=True)
     debugger.carry_out([p.Step(), p.Seek(3), fork, p.Fork(3, 1, edit=EDIT, run=True)])
-    debugger.carry_out([p.Compare(changes={"method.name": "sir"}), p.Branch(1, "mine"), p.Open(frame="0/2")])
+    debugger.carry_out([p.Compare(changes={"method.name": "sir"}), p.BranchVerb(1, "mine"), p.Open(frame="0/2")])
     check()
-    debugger.carry_out([p.Run(4), p.Open(frame="0/1"), p.Break({"arm_switched": True}), p.Fork(2)])
+    debugger.carry_out([p.RunVerb(4), p.Open(frame="0/1"), p.Break({"arm_switched": True}), p.Fork(2)])
     check()
     debugger.carry_out([p.Break({"arm_switched": False})])
     # A run that is stopped on the way, or that still goes on, is as long again.
-    for verb in (p.Run(5), p.Pause(), p.Run(5)):
+    for verb in (p.RunVerb(5), p.Pause(), p.RunVerb(5)):
         debugger.apply(None, verb)
         if debugger.is_running:
             debugger.tick()

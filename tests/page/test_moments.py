@@ -21,7 +21,7 @@ def opened(name: str = "rir", frame: str = "0/2") -> Debugger:
 
 
 def test_before_its_last_stage_an_iteration_has_no_result():
-    branch = opened(frame="0/1").carry_out([p.Run()]).space.work.first
+    branch = opened(frame="0/1").carry_out([p.RunVerb()]).space.work.first
     for iteration in branch.run.iterations:
         names = [stage.name for stage in iteration.stages]
         for n, name in enumerate(names, 1):
@@ -36,7 +36,7 @@ def test_before_its_last_stage_an_iteration_has_no_result():
 
 @pytest.mark.parametrize("name", ["rir", "pir", "vf_breadth", "vf_depth"])
 def test_the_end_shows_the_answers(name: str):
-    branch = opened(name).carry_out([p.Run()]).space.work.first
+    branch = opened(name).carry_out([p.RunVerb()]).space.work.first
     run = branch.run
     for target, answer in zip(run.problem.targets, run.final_state.best, strict=True):
         assert answer is not None

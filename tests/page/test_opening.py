@@ -16,9 +16,9 @@ from tests.scenes.test_trace import write_box, write_trace
 from verefine_viz.core.errors import InputError
 from verefine_viz.page import protocol as p
 from verefine_viz.page.gallery import Gallery, read_gallery
-from verefine_viz.page.opening import titled
 from verefine_viz.page.protocol import write_verb
 from verefine_viz.page.replay_verbs import carry_out
+from verefine_viz.page.session_titles import titled
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.recording.verify import first_difference
@@ -80,7 +80,7 @@ def test_a_frame_from_its_run_file_can_be_forked_and_restarted(gallery: Gallery,
         assert np.array_equal(one.accepted_stage.T_cam_obj, other.accepted_stage.T_cam_obj)
     d.carry_out([p.Restart(recorded.index, discard=True)])
     assert d.space.work.first.run.length == 0
-    d.carry_out([p.Run(d.space.work.first.index)])
+    d.carry_out([p.RunVerb(d.space.work.first.index)])
     run = d.space.work.first.run
     assert run.length == length
     assert np.array_equal(run.final_state.best[0].T_cam_obj, answer)
@@ -191,7 +191,7 @@ def test_the_log_opens_answers_again(gallery: Gallery, posted: Posted):
     d = debugger_of(gallery, posted)
     d.carry_out([p.Open(answer=0)])
     d.carry_out([p.Fork(0, d.space.work.first.index)])
-    d.carry_out([p.Step(max(d.space.branches)), p.Run(max(d.space.branches))])
+    d.carry_out([p.Step(max(d.space.branches)), p.RunVerb(max(d.space.branches))])
     lines = [write_verb(verb) for verb in d.log]
     again = carry_out(gallery.session(gallery.worst.run), lines, FakeTools, gallery)
     assert records(again) == records(d)

@@ -52,14 +52,14 @@ def order(d: Debugger) -> tuple[int, ...]:
 
 def test_moving_gives_an_order_that_the_run_follows_and_the_session_has(debugger: Debugger):
     first, second, third = order(debugger)
-    debugger.carry_out([p.Run(), p.Order(move=(first, 1))])
+    debugger.carry_out([p.RunVerb(), p.Order(move=(first, 1))])
     assert order(debugger) == (second, first, third)
     branch = debugger.space.work.first
     assert branch.run.length == 0
     session = debugger.space.session_of(branch)
     assert session.dependency.order == ((f"#{second}",), (f"#{first}",), (f"#{third}",))
     assert order(Debugger(Workspace(session, None, ThreeBoxes))) == order(debugger)
-    debugger.carry_out([p.Run(branch.index)])
+    debugger.carry_out([p.RunVerb(branch.index)])
     assert branch.run.iterations[0].instance_id == second
     debugger.carry_out([p.Order(branch.index, reset=True)])
     assert order(debugger) == (first, second, third)

@@ -43,7 +43,7 @@ def opened(session: Session = SESSION, posted: Posted | None = None) -> Debugger
 
 
 def test_a_pose_scores_what_the_record_says_at_every_iteration():
-    d = opened().carry_out([p.Run(), p.Fork(2, changes=STRICTER, run=True)])
+    d = opened().carry_out([p.RunVerb(), p.Fork(2, changes=STRICTER, run=True)])
     branch = d.space.branch(1)
     for iteration in branch.run.iterations:
         moment = moment_of(branch, p.Look(branch=1, k=iteration.index))
@@ -54,8 +54,8 @@ def test_a_pose_scores_what_the_record_says_at_every_iteration():
 
 
 def test_the_session_of_such_a_run_gives_it_again():
-    d = opened().carry_out([p.Run(), p.Fork(2, changes=STRICTER, run=True)])
-    again = opened(d.space.session_of(d.space.branch(1))).carry_out([p.Run()])
+    d = opened().carry_out([p.RunVerb(), p.Fork(2, changes=STRICTER, run=True)])
+    again = opened(d.space.session_of(d.space.branch(1))).carry_out([p.RunVerb()])
     assert first_difference(again.space.work.first.run.iterations, d.space.branch(1).run.iterations) is None
     assert [after for after, _ in again.space.work.first.evaluators] == [0, 2]
 
@@ -64,7 +64,7 @@ def test_windows_get_the_initial_poses_of_a_branch_only_where_they_are_others():
     posted = Posted()
     T = (1.0, 0, 0, 0.05, 0, 1, 0, 0.08, 0, 0, 1, 0.7, 0, 0, 0, 1)
     d = opened(posted=posted).carry_out([p.Fork(0, changes={"method.exploration": 0.5})])
-    d.carry_out([p.Fork(0, edit=p.Edit(0, 1, T))])
+    d.carry_out([p.Fork(0, edit=p.EditedPose(0, 1, T))])
     starts = {m["branch"]: m["start"] for m in posted.of("run") if m["from"] == 0}
     assert starts[1] is None
     assert np.allclose(starts[2][0][1]["T"], T)

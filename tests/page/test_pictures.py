@@ -14,7 +14,7 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Target
 from verefine_viz.core.scores import ScoreMaps
 from verefine_viz.page.blobs import Blobs
-from verefine_viz.page.protocol import Maps, Outlines, Pose, Shaded
+from verefine_viz.page.protocol import MapsWanted, OutlinesWanted, Pose, ShadedWanted
 from verefine_viz.page.views.pixel_maps import maps
 from verefine_viz.page.views.pose_outlines import outlines
 from verefine_viz.page.views.shaded_model import shaded
@@ -75,7 +75,7 @@ def check_equal(answer: dict[str, Any], blobs: Blobs, pixels: ScoreMaps, names: 
 def test_maps_have_the_bits_of_the_evaluator(mug: Workspace) -> None:
     target, evaluator, blobs = target_of(mug), mug.branch(0).evaluator_of(1), Blobs()
     T = target.instance.hypotheses[0].T_cam_obj
-    answer = maps(mug, Maps(obj=target.instance.instance_id, T=numbers(T)), blobs)
+    answer = maps(mug, MapsWanted(obj=target.instance.instance_id, T=numbers(T)), blobs)
     check_equal(answer, blobs, evaluator.maps(target, T), NAMES)
     score, errors = evaluator.score(target, T), evaluator.errors(target, T)
     assert answer["score"]["score"] == score.score
@@ -91,7 +91,7 @@ def test_colour_comes_where_it_counts(processes: None) -> None:
     target, evaluator = target_of(space), space.branch(0).evaluator_of(1)
     T = target.instance.T_cam_obj_gt
     assert T is not None
-    answer = maps(space, Maps(obj=target.instance.instance_id, T=numbers(T)), blobs)
+    answer = maps(space, MapsWanted(obj=target.instance.instance_id, T=numbers(T)), blobs)
     check_equal(answer, blobs, evaluator.maps(target, T), NAMES | COLOURS)
     assert answer["score"]["colour_fit"] == evaluator.score(target, T).colour_fit
 
@@ -101,7 +101,7 @@ def test_a_scene_is_rendered_together(processes: None) -> None:
     branch, targets = space.branch(0), space.problem.targets
     Ts = np.array([t.instance.hypotheses[0].T_cam_obj for t in targets])
     poses = tuple((t.instance.instance_id, numbers(T)) for t, T in zip(targets, Ts, strict=True))
-    answer = maps(space, Maps(poses=poses), blobs)
+    answer = maps(space, MapsWanted(poses=poses), blobs)
     evaluator = branch.evaluator_of(0)
     check_equal(answer, blobs, evaluator.scene_maps(targets, Ts), NAMES)
     assert answer["score"]["score"] == evaluator.scene_score(targets, Ts).score
@@ -110,9 +110,9 @@ def test_a_scene_is_rendered_together(processes: None) -> None:
 
 def test_maps_of_no_pose_are_refused(mug: Workspace) -> None:
     with pytest.raises(InputError, match="no pose"):
-        maps(mug, Maps(), Blobs())
+        maps(mug, MapsWanted(), Blobs())
     with pytest.raises(InputError, match="no pose"):
-        maps(mug, Maps(obj=target_of(mug).instance.instance_id), Blobs())
+        maps(mug, MapsWanted(obj=target_of(mug).instance.instance_id), Blobs())
 
 
 def test_an_outline_runs_around_what_is_rendered(mug: Workspace) -> None:
@@ -120,7 +120,7 @@ def test_an_outline_runs_around_what_is_rendered(mug: Workspace) -> None:
     Ts = [h.T_cam_obj for h in target.instance.hypotheses]
     behind = np.array(Ts[0])
     behind[2, 3] = -1.0
-    want = Outlines(obj=target.instance.instance_id, poses=tuple(numbers(T) for T in (*Ts, behind)))
+    want = OutlinesWanted(obj=target.instance.instance_id, poses=tuple(numbers(T) for T in (*Ts, behind)))
     shapes = outlines(mug, want, Blobs())["outlines"]
     assert len(shapes) == len(Ts) + 1
     assert shapes[-1] == []
@@ -143,7 +143,7 @@ def _area(polygon: list[float]) -> float:
 def test_a_shaded_model_covers_what_is_rendered(mug: Workspace) -> None:
     target, evaluator, blobs = target_of(mug), mug.branch(0).evaluator_of(1), Blobs()
     T = np.array(target.instance.hypotheses[0].T_cam_obj)
-    answer = shaded(mug, Shaded(obj=target.instance.instance_id, T=numbers(T)), blobs)
+    answer = shaded(mug, ShadedWanted(obj=target.instance.instance_id, T=numbers(T)), blobs)
     _, _, width, height = answer["region"]
     blob = blobs.get(answer["url"].removeprefix("/blob/"))
     assert blob is not None
@@ -154,4 +154,4 @@ def test_a_shaded_model_covers_what_is_rendered(mug: Workspace) -> None:
     n_rendered = np.count_nonzero(evaluator.maps(target, T).rendered_m)
     assert np.count_nonzero(picture[..., 3]) / finer**2 == pytest.approx(n_rendered, rel=0.02)
     T[0, 3] = 9.0
-    assert shaded(mug, Shaded(obj=target.instance.instance_id, T=numbers(T)), blobs)["url"] is None
+    assert shaded(mug, ShadedWanted(obj=target.instance.instance_id, T=numbers(T)), blobs)["url"] is None

@@ -49,7 +49,7 @@ def test_every_step_stands_beside_our_score_of_its_pose(debugger: Debugger):
         debugger.tick()
     run = debugger.space.work.first.run
     (obj,) = [i.instance_id for i in run.problem.instances]
-    answer = recorded(debugger.space, p.Recorded(obj), Blobs())
+    answer = recorded(debugger.space, p.RecordedWanted(obj), Blobs())
     starts, steps = answer["rows"][:3], answer["rows"][3:]
     assert [(r["k"], r["theirs"]) for r in starts] == [(0, 1.0), (0, None), (0, 2.0)]
     for row, step, iteration in zip(steps, run.problem.instances[0].recorded, run.iterations, strict=True):
@@ -68,5 +68,5 @@ def test_a_branch_goes_on_from_the_recorded_poses(debugger: Debugger):
     assert second.run.iterations[:4] == first.run.iterations[:4]
     assert second.run.length == 9
     assert second.settings.method.name == "rir"
-    answer = recorded(debugger.space, p.Recorded(0, second.index), Blobs())
+    answer = recorded(debugger.space, p.RecordedWanted(0, second.index), Blobs())
     assert [r["k"] for r in answer["rows"] if r["k"]] == [1, 2, 3, 4], "the rest was computed here"

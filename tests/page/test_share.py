@@ -110,7 +110,7 @@ def mug(processes: None) -> Debugger:
     from verefine_viz.run.toolbox import Toolbox
 
     debugger = Debugger(Workspace(load_session(None, MUG), None, Toolbox))
-    return debugger.carry_out([p.Run()])
+    return debugger.carry_out([p.RunVerb()])
 
 
 def test_more_maps_hold_all_that_fewer_do(mug: Debugger):
@@ -131,7 +131,7 @@ def test_maps_of_a_file_are_those_of_the_engine_to_the_digits_that_the_page_show
         if of["what"] != "maps" or of["obj"] is None:
             continue
         exact = Blobs()
-        live = maps(mug.space, msgspec.convert(of, p.Maps), exact)
+        live = maps(mug.space, msgspec.convert(of, p.MapsWanted), exact)
         assert answer["score"] == live["score"]
         sent, data = unpacked(elements, f"blob {answer['blob']}"), exact.data(live["blob"])
         for (name, kind, offset, n, step), (_, exact_kind, at, _) in zip(answer["arrays"], live["arrays"], strict=True):

@@ -25,8 +25,8 @@ def test_the_page_names_the_cause_that_a_batch_names_and_no_other():
     broken = broken_scene(Cause.SYMMETRIC, 0)
     by_batch, toolbox = named(broken), cast(Any, broken.toolbox)
     assert by_batch.main.cause == Cause.SYMMETRIC
-    toolbox.__dict__["source"] = OneFrame(broken.problem)
-    d = Debugger(Workspace(toolbox.session, None, lambda _: toolbox)).carry_out([p.Run()])
+    toolbox.source = OneFrame(broken.problem)
+    d = Debugger(Workspace(toolbox.session, None, lambda _: toolbox)).carry_out([p.RunVerb()])
     (shown,) = verdict_message(d.space.work.first)["objects"]
     first, *others = shown["findings"]
     assert (shown["tone"], first["cause"]) == ("wrong", Cause.SYMMETRIC)
@@ -36,7 +36,7 @@ def test_the_page_names_the_cause_that_a_batch_names_and_no_other():
 
 def test_where_colours_tell_the_turn_a_score_in_which_they_count_is_offered():
     session = load_session(SESSIONS / "failure_score_prefers_flip.toml")
-    d = Debugger(Workspace(session, None, Toolbox)).carry_out([p.Run()])
+    d = Debugger(Workspace(session, None, Toolbox)).carry_out([p.RunVerb()])
     (shown,) = verdict_message(d.space.work.first)["objects"]
     (blamed,) = [f for f in shown["findings"] if f["cause"] == Cause.SYMMETRIC]
     assert blamed["try"] == {"score.colour_weight": 0.1}

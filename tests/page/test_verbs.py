@@ -38,7 +38,7 @@ def _plain(value):
 
 
 def test_run_from_the_page_equals_a_headless_one(debugger: Debugger, posted: Posted):
-    debugger.carry_out([p.Step(), p.Step(), p.Run()])
+    debugger.carry_out([p.Step(), p.Step(), p.RunVerb()])
     tools = FakeTools(SESSION)
     run = tools.run(tools.problem("0/1"))
     run.finish()
@@ -61,8 +61,8 @@ def test_restart_that_discards_branches_asks_first(debugger: Debugger):
 
 
 def test_fork_shares_iterations_and_goes_on_from_the_edited_pose(debugger: Debugger):
-    edit = p.Edit(debugger.space.problem.instances[0].instance_id, 1, T_MOVED)
-    debugger.carry_out([p.Run(), p.Fork(2, edit=edit, run=True)])
+    edit = p.EditedPose(debugger.space.problem.instances[0].instance_id, 1, T_MOVED)
+    debugger.carry_out([p.RunVerb(), p.Fork(2, edit=edit, run=True)])
     first, second = debugger.space.branches.values()
     assert first.run.iterations[:2] == second.run.iterations[:2]
     third = second.run.iterations[2]
@@ -77,8 +77,8 @@ def test_fork_shares_iterations_and_goes_on_from_the_edited_pose(debugger: Debug
         p.Step(7),
         p.Fork(0, changes={"method.nothing": 1}),
         p.Fork(0, changes={"score.tau_m": -1}),
-        p.Fork(0, edit=p.Edit(99, 0, T_MOVED)),
-        p.Fork(0, edit=p.Edit(0, 0, (2.0,) * 16)),
+        p.Fork(0, edit=p.EditedPose(99, 0, T_MOVED)),
+        p.Fork(0, edit=p.EditedPose(0, 0, (2.0,) * 16)),
         p.Open(frame="9/9"),
         p.Open(session="/nowhere.toml"),
         p.Open(demo="nothing"),
@@ -88,7 +88,7 @@ def test_fork_shares_iterations_and_goes_on_from_the_edited_pose(debugger: Debug
         p.Compare(changes={"scene.demo": "x"}),
         p.Break({"nothing": 1}),
         p.Order(move=(1, 1)),
-        p.Branch(0, remove=True),
+        p.BranchVerb(0, remove=True),
         p.Estimate(99, "ppf"),
         p.Tag((0,), "x"),
     ],
@@ -105,12 +105,12 @@ def test_refused_verb_leaves_everything_as_it_was(debugger: Debugger, verb: p.An
 
 
 def _edited(k: int, branch: int, arm: int) -> p.Fork:
-    return p.Fork(k, branch, edit=p.Edit(1, arm, T_MOVED), run=True)
+    return p.Fork(k, branch, edit=p.EditedPose(1, arm, T_MOVED), run=True)
 
 
 verbs = st.one_of(
     st.builds(p.Step, st.integers(0, 3)),
-    st.builds(p.Run, st.integers(0, 3), st.sampled_from(["end", "event"])),
+    st.builds(p.RunVerb, st.integers(0, 3), st.sampled_from(["end", "event"])),
     st.builds(p.Seek, st.integers(0, 9), st.integers(0, 3)),
     st.builds(p.Fork, st.integers(0, 9), st.integers(0, 3), st.sampled_from([{}, {"method.exploration": 0.5}])),
     st.builds(_edited, st.integers(0, 5), st.integers(0, 3), st.integers(0, 2)),
@@ -118,7 +118,7 @@ verbs = st.one_of(
     st.builds(lambda changes: p.Compare(changes=changes), st.sampled_from([{}, {"method.name": "sir"}])),
     st.builds(lambda frame: p.Open(frame=frame), st.sampled_from(["0/1", "0/2"])),
     st.builds(lambda stop: p.Break({"arm_switched": stop}), st.booleans()),
-    st.builds(lambda index: p.Branch(index, remove=True), st.integers(0, 3)),
+    st.builds(lambda index: p.BranchVerb(index, remove=True), st.integers(0, 3)),
 )
 
 
@@ -145,7 +145,7 @@ def test_unknown_fields_and_wrong_types_are_refused():
 
 
 def test_breakpoint_stops_a_run_and_says_where(debugger: Debugger, posted: Posted):
-    debugger.carry_out([p.Break({"simulated_rejected": True}), p.Run()])
+    debugger.carry_out([p.Break({"simulated_rejected": True}), p.RunVerb()])
     branch = debugger.space.work.first
     stopped = posted.of("running")[-1]["stopped"]
     assert branch.run.is_done or f"iteration {branch.run.length}:" in stopped

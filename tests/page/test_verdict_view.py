@@ -98,7 +98,7 @@ class Astray(Blind):
 def run(tools: type[FakeTools] = FakeTools, name: str = "rir", frame: str = "0/1") -> Branch:
     """Return a branch that came to its end."""
     session = Session(method=MethodSettings(name=name, iterations=4))
-    return Debugger(Workspace(session, None, tools, frame=frame)).carry_out([p.Run()]).space.work.first
+    return Debugger(Workspace(session, None, tools, frame=frame)).carry_out([p.RunVerb()]).space.work.first
 
 
 def judged(branch: Branch, o: FinishedObject) -> dict[str, Any]:
@@ -150,7 +150,7 @@ def test_without_ground_truth_the_least_certain_axis_is_named():
         (25.0, "turn about the vertical undetermined within ±25°"),
         (0.3, "a pose 31 mm away fits as well"),
     ):
-        widest = SimpleNamespace(in_words=lambda words=words: words, width=width, axis=SimpleNamespace(steps=(1.5,)))
+        widest = SimpleNamespace(describe=lambda words=words: words, width=width, axis=SimpleNamespace(steps=(1.5,)))
         around: Any = SimpleNamespace(least_certain=widest)
         shown = judged(branch, replace(own, around=around, other_pose=other))
         assert (shown["tone"], shown["words"]) == ("doubt", words)

@@ -45,9 +45,9 @@ def opened() -> Callable[..., Debugger]:
 
 
 def test_two_runs_compare_as_the_engine_says(opened: Callable[..., Debugger]):
-    d = opened(p.Run(), p.Compare(changes={"method.name": "sir"}), frame="0/2")
+    d = opened(p.RunVerb(), p.Compare(changes={"method.name": "sir"}), frame="0/2")
     a, b = (d.space.branch(k) for k in (0, 1))
-    answer = asked(d, p.Comparison(0, 1))
+    answer = asked(d, p.ComparisonWanted(0, 1))
     pairs = aligned(a.run.iterations, b.run.iterations)
     assert answer["pairs"] == [[*pair] for pair in pairs]
     first = departures(a.run, b.run, pairs).deed
@@ -68,7 +68,7 @@ def test_two_runs_compare_as_the_engine_says(opened: Callable[..., Debugger]):
 def test_physics_says_of_every_object_what_the_check_says(opened: Callable[..., Debugger]):
     d = opened(p.Seek(3), frame="0/2")
     branch = d.space.work.first
-    answer = asked(d, p.Physics(k=3))
+    answer = asked(d, p.PhysicsWanted(k=3))
     problem, iteration = d.space.problem, branch.run.iterations[2]
     assert [o["obj"] for o in answer["objects"]] == [i.instance_id for i in problem.instances]
     after = answer["poses"][-1]
@@ -88,41 +88,41 @@ def test_physics_says_of_every_object_what_the_check_says(opened: Callable[..., 
 
 
 def test_physics_of_an_edited_pose_is_about_that_pose(opened: Callable[..., Debugger]):
-    d = opened(p.Run())
+    d = opened(p.RunVerb())
     T = np.array(d.space.problem.instances[0].T_cam_obj_gt)
     T[1, 3] -= 0.05  # The camera's y points down.
     n = d.space.work.first.run.length
-    answer = asked(d, p.Physics(k=n, obj=0, edited=tuple(pose_list(T))))
+    answer = asked(d, p.PhysicsWanted(k=n, obj=0, edited=tuple(pose_list(T))))
     assert [pose["name"] for pose in answer["poses"]][-1] == "edited"
     assert answer["poses"][-1]["gap_mm"] == pytest.approx(50, abs=1)
     assert answer["poses"][-1]["tone"] == "red"
 
 
 def test_landscape_has_the_scores_of_its_poses(opened: Callable[..., Debugger]):
-    d = opened(p.Run())
+    d = opened(p.RunVerb())
     run = d.space.work.first.run
     target, T_best = run.problem.targets[0], run.final_state.best[0].T_cam_obj
     verifier = d.space.tools.verifier
-    curves = asked(d, p.Landscape(0, k=run.length))["curves"]
+    curves = asked(d, p.LandscapeWanted(0, k=run.length))["curves"]
     assert len(curves) == 12
     for curve in curves[::5]:
         poses = np.array([pose_matrix(T) for T in curve["poses"]])
         assert verifier.score(target, poses).score == pytest.approx(curve["scores"])
         assert np.array_equal(poses[curve["offsets"].index(0.0)], T_best)
-    two = asked(d, p.Landscape(0, k=run.length, part="slice", axes=(0, 1)))
+    two = asked(d, p.LandscapeWanted(0, k=run.length, part="slice", axes=(0, 1)))
     middle = len(two["scores"]) // 2
     assert pose_matrix(two["poses"][middle][middle]) == pytest.approx(T_best)
     assert two["scores"][middle][middle] == pytest.approx(run.final_state.best[0].score.score)
-    assert asked(d, p.Landscape(0, k=run.length, part="other"))["other"] is None
+    assert asked(d, p.LandscapeWanted(0, k=run.length, part="other"))["other"] is None
 
 
 def test_frames_that_were_solved_are_a_track(opened: Callable[..., Debugger]):
-    d = opened(p.Run())
-    assert asked(d, p.Track(0))["frames"] == []
+    d = opened(p.RunVerb())
+    assert asked(d, p.TrackWanted(0))["frames"] == []
     best = d.space.work.first.run.final_state.best[0]
     d.carry_out([p.Open(frame="0/2")])
-    d.carry_out([p.Run(d.space.work.first.index)])
-    frames = asked(d, p.Track(0))["frames"]
+    d.carry_out([p.RunVerb(d.space.work.first.index)])
+    frames = asked(d, p.TrackWanted(0))["frames"]
     assert [row["frame"] for row in frames] == ["0/1", "0/2"]
     target = d.space.problem.targets[0]
     assert target.instance.T_cam_obj_gt is not None
@@ -133,15 +133,15 @@ def test_frames_that_were_solved_are_a_track(opened: Callable[..., Debugger]):
 
 
 def test_a_refiner_that_is_not_learned_saw_nothing(opened: Callable[..., Debugger]):
-    d = opened(p.Run())
-    answer = asked(d, p.Crops(k=3, obj=0))
+    d = opened(p.RunVerb())
+    answer = asked(d, p.CropsWanted(k=3, obj=0))
     assert answer["steps"] == []
     assert "not learned" in answer["why_none"]
 
 
 @pytest.mark.usefixtures("processes")
 def test_a_grasp_is_cached_for_the_3d_view(opened: Callable[..., Debugger]):
-    d = opened(p.Run())
+    d = opened(p.RunVerb())
     T = d.space.work.first.run.final_state.best[0].T_cam_obj
     verb = p.Evaluate("1", "grasp", 0, tuple(pose_list(T)))
     answer = grasp(d.space, verb, d.blobs, NEVER_CANCELLED)

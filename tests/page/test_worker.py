@@ -107,8 +107,8 @@ def test_of_the_wants_of_a_slot_the_latest_wins_for_each_window(work):
     jobs.put(Job(1, p.Open(frame="0/2")))
     handler.begun.wait(10)
     for k in range(50):
-        jobs.put(Job(1 + k % 2, p.Want(str(k), p.Physics(k=k), "physics")))
-    jobs.put(Job(1, p.Want("other", p.Physics(k=99))))
+        jobs.put(Job(1 + k % 2, p.Want(str(k), p.PhysicsWanted(k=k), "physics")))
+    jobs.put(Job(1, p.Want("other", p.PhysicsWanted(k=99))))
     jobs.put(Job(1, p.Look(k=1)))
     jobs.put(Job(1, p.Look(k=2)))
     handler.go.set()
@@ -141,7 +141,7 @@ def test_two_windows_see_one_run(open_page):
     app._receive(1, None)
     app._receive(1, p.Step())
     app._receive(2, None)
-    app._receive(2, p.Run())
+    app._receive(2, p.RunVerb())
     app.wait_until_idle()
     n = app.debugger.space.work.first.run.length
     assert rows[0] == list(range(1, n + 1))

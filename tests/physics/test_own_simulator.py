@@ -18,7 +18,7 @@ from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.settings import PhysicsSettings, ScoreSettings, Session
 from verefine_viz.estimators.registry import ESTIMATORS, make_estimator
 from verefine_viz.page.app import check_method
-from verefine_viz.page.protocol import Fork, Run
+from verefine_viz.page.protocol import Fork, RunVerb
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.physics.registry import SIMULATORS, make_simulator
@@ -115,7 +115,7 @@ def test_what_is_no_path_is_refused(given: Float, words: str, monkeypatch: pytes
 @pytest.mark.usefixtures("processes")
 def test_the_page_forks_from_bullet_to_it():
     space = Workspace(session(), None, Toolbox)
-    debugger = Debugger(space).carry_out([Run(0), Fork(1, changes={"physics.simulator": "own"}, run=True)])
+    debugger = Debugger(space).carry_out([RunVerb(0), Fork(1, changes={"physics.simulator": "own"}, run=True)])
     first, fork = (branch.run.iterations for branch in debugger.space.work.branches.values())
     assert first_difference(first[0], fork[0]) is None
     path = fork[1].path

@@ -14,7 +14,7 @@ from PIL import Image as PilImage
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.palette import STAGE_COLORS
 from verefine_viz.core.problem import Target
-from verefine_viz.pictures.answer_pictures import HEIGHT_PX, WIDTH_PX, Window, thumbnail, window_around
+from verefine_viz.pictures.answer_pictures import HEIGHT_PX, WIDTH_PX, ShownPart, thumbnail, window_around
 from verefine_viz.run.session_file import resolve
 from verefine_viz.scenes.demo import demo_problem
 
@@ -39,7 +39,7 @@ def near(image: np.ndarray, color: tuple[int, int, int]) -> np.ndarray:
 )  # fmt: skip
 def test_the_windows_camera_sees_what_is_cut_out(u0: float, v0: float, width: float, x: float, y: float) -> None:
     whole = Camera(np.array([[600.0, 0, 320], [0, 610.0, 240], [0, 0, 1]]), 640, 480)
-    window = Window(u0, v0, width, width * HEIGHT_PX / WIDTH_PX)
+    window = ShownPart(u0, v0, width, width * HEIGHT_PX / WIDTH_PX)
     u, v = whole.project(np.array([x, y, 1.0]))
     scale = WIDTH_PX / width
     # Edges of pixels scale, and their centres lie half a pixel further.

@@ -33,7 +33,7 @@ def test_the_same_run_verifies(tmp_path: Path) -> None:
     recorded_run(tmp_path / "run.rrd", session())
     found = verify(tmp_path / "run.rrd", again)
     assert (found.difference, found.ends_early, found.n_compared) == (None, False, found.n_planned)
-    assert found.in_words == f"no difference in {found.n_planned} iterations"
+    assert found.text == f"no difference in {found.n_planned} iterations"
 
 
 class Changing(RunFile):
@@ -82,7 +82,7 @@ def test_one_bit_of_a_pose_is_found_and_told_from_a_real_difference(tmp_path: Pa
     assert by == pytest.approx(recorded - now, rel=0.05)
     assert 0 < most < 1e-15
     assert (found.n_compared, found.ends_early) == (16, False)
-    assert found.in_words.startswith("differs, recorded against now: iteration 17: ")
+    assert found.text.startswith("differs, recorded against now: iteration 17: ")
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,7 @@ def test_a_recording_longer_than_the_run_is_found(tmp_path: Path) -> None:
     found = verify(tmp_path / "run.rrd", lambda r: new_run(session(iterations=4), box_problem(3, 2))).difference
     assert found is not None
     assert found.startswith("iteration 13: ")
-    assert Verification(0, None, 0).in_words.startswith("there is nothing to compare")
+    assert Verification(0, None, 0).text.startswith("there is nothing to compare")
 
 
 def test_last_digits_that_lead_to_another_run_are_not_called_the_same(tmp_path: Path) -> None:
@@ -132,8 +132,8 @@ def test_a_recording_whose_writer_was_killed_is_said_to_end_early(tmp_path: Path
         run.step()
     found = verify(tmp_path / "run.vfrun", again)
     assert found.ends_early
-    assert "the run ended early (it was stopped or cut off); 7 iterations are in it, of 30" in found.in_words
-    assert "the same up to iteration 7" in found.in_words
+    assert "the run ended early (it was stopped or cut off); 7 iterations are in it, of 30" in found.text
+    assert "the same up to iteration 7" in found.text
 
 
 def test_another_version_is_named_as_the_reason_of_rounding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,7 +27,7 @@ from verefine_viz.refiners.registry import WEIGHTS, make_refiner
 from verefine_viz.rendering.mesh import render_mesh
 from verefine_viz.training.depth_net_samples import held_out_views
 from verefine_viz.training.held_out import share_of_diameter, start_at
-from verefine_viz.training.synthetic_views import View
+from verefine_viz.training.synthetic_views import SyntheticView
 
 TARGET = box_problem().targets[0]
 START = TARGET.instance.hypotheses[2].T_cam_obj
@@ -40,7 +40,7 @@ def with_weights(folder: Path, answer: np.ndarray, iterations: int = 1) -> Depth
     return DepthNet(DepthNetSettings(weights=str(folder / "net.onnx"), iterations=iterations), 0.0)
 
 
-def target_of(view: View) -> Target:
+def target_of(view: SyntheticView) -> Target:
     """The view as a frame with one instance."""
     rng, mesh = np.random.default_rng(0), view.shape.mesh
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))

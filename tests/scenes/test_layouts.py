@@ -12,6 +12,7 @@ import pytest
 import scipy.io
 from PIL import Image
 
+from tests.scenes.test_foundation_pose import write_sequence
 from tests.scenes.test_trace import SHAPE, K, picture, pose, write_box
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.geometry import quat_wxyz
@@ -134,6 +135,12 @@ def write_extended_apc(folder: Path) -> None:
     write_box(folder / "models" / ERASER / f"{ERASER}.obj", 0.1)
 
 
+def write_foundation_pose(folder: Path) -> None:
+    write_sequence(folder, 1)
+    (file,) = (folder / "ob_in_cam").iterdir()
+    np.savetxt(file, ANSWERED)
+
+
 @dataclass(frozen=True)
 class Case:
     """A layout, and what is to be read from it."""
@@ -159,6 +166,7 @@ CASES = (
     Case(write_extended_apc, "layout of Extended APC, 1 frame", "4/0", 2, ERASER),
     Case(write_extended_apc, "layout of Extended APC, 1 frame", "4/0", 2, ERASER, "scene-0004"),
     Case(write_deepim, "layout of DeepIM's demo, 1 frame", "0/0", 5, ORIGINAL, "demo", n_steps=2),
+    Case(write_foundation_pose, "layout of FoundationPose's demo, 1 frame", "0/1", 1, "it", n_steps=1),
 )
 
 
@@ -166,7 +174,6 @@ CASES = (
 def test_a_layout_is_recognized_and_read(case: Case, tmp_path: Path) -> None:
     case.write(tmp_path / "it")
     known = data_at(tmp_path / "it" / case.opened, {})
-    assert known is not None
     assert known.what == case.what
     source = open_scene(known.session.scene, known.session.hypotheses)
     assert source.frames == (case.frame,)
@@ -174,7 +181,6 @@ def test_a_layout_is_recognized_and_read(case: Case, tmp_path: Path) -> None:
     observation, (instance,) = problem.observation, problem.instances
     assert np.allclose(observation.camera.K, K)
     assert np.allclose(observation.depth_m, DEPTH, atol=1e-6)
-    assert observation.rgb is not None
     assert observation.rgb.shape == (*SHAPE, 3)
     model = problem.models[instance.obj_id]
     assert (instance.obj_id, model.name) == (case.obj_id, case.name)

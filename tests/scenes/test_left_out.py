@@ -28,10 +28,6 @@ def empty_mask(made: Made) -> None:
     image(made, "mask_visib/000003_000001.png", np.zeros((60, 80), np.uint8))
 
 
-def test_nothing_is_left_out_of_a_whole_frame(made: Made) -> None:
-    assert made.read().left_out == ()
-
-
 @pytest.mark.parametrize("what", ["missing", "damaged", "empty"])
 def test_a_mask_that_cannot_be_used(made: Made, what: str) -> None:
     file = made.scene / "mask_visib" / "000003_000001.png"
@@ -48,7 +44,6 @@ def test_a_mask_that_cannot_be_used(made: Made, what: str) -> None:
     assert said in problem.left_out[0].why
     assert problem.left_out[0].is_unreadable == (what != "empty")
     assert [note for note in problem.notes if "obj_000005 (#1) is left out" in note]
-    assert made.read(objects=(2,)).left_out == ()
 
 
 def test_what_nobody_can_see_is_not_missed(made: Made) -> None:
@@ -107,9 +102,6 @@ def test_a_frame_that_cannot_be_read_held_what_ground_truth_says(made: Made) -> 
     left_out = source.all_left_out(made.frame, "no depth")
     assert facts(left_out) == [(0, 2, True, 0.5), (2, 2, True, 0.7)]
     assert {one.why for one in left_out} == {"no depth"}
-
-
-def test_without_ground_truth_nobody_knows(made: Made) -> None:
     (made.scene / "scene_gt.json").unlink()
     assert made.open().all_left_out(made.frame, "no depth") == ()
 

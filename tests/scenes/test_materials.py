@@ -70,13 +70,10 @@ def moved(folder: Path, to: str, name: str = "skin.png") -> None:
 READ: dict[str, Callable[[Path], Any]] = {
     "plain": write_obj,
     "options": lambda folder: write_obj(folder, "-s 1 1 1 -clamp on skin.png", "-o 0 0 -bm 0.5 other.png"),
-    "quotes": lambda folder: write_obj(folder, '"skin.png"'),
     "a folder": lambda folder: [write_obj(folder, "textures/skin.png"), moved(folder, "textures/skin.png")],
     "the folder above": lambda folder: [write_obj(folder, "../maps/skin.png"), moved(folder, "../maps/skin.png")],
     "backslashes": lambda folder: [write_obj(folder, "textures\\skin.png"), moved(folder, "textures/skin.png")],
-    "backslashes above": lambda folder: [write_obj(folder, "..\\maps\\skin.png"), moved(folder, "../maps/skin.png")],
     "spaces": lambda folder: [write_obj(folder, "-clamp on my  skin 1.png"), moved(folder, "my  skin 1.png")],
-    "a number": lambda folder: [write_obj(folder, "-clamp on 1 2.png"), moved(folder, "1 2.png")],
     "%20": lambda folder: [write_obj(folder, "my%20skin.png"), moved(folder, "my skin.png")],
     "another machine": lambda folder: write_obj(folder, "/home/kim/meshes/skin.png", "C:\\Users\\kim\\other.png"),
     "other case": lambda folder: [write_obj(folder, "Textures/SKIN.PNG"), moved(folder, "textures/skin.png")],
@@ -95,7 +92,6 @@ READ: dict[str, Callable[[Path], Any]] = {
     "a texture that no face has": lambda folder: [
         write_obj(folder), Image.new("RGB", (9, 9)).save(folder / "third.png"),
         (folder / "cube.mtl").write_text((folder / "cube.mtl").read_text() + "newmtl free\nmap_Kd third.png\n")],
-    "a comment": lambda folder: write_obj(folder, mtllib="# mtllib old.mtl\nmtllib cube.mtl"),
 }  # fmt: skip
 
 
@@ -162,7 +158,6 @@ def test_a_trace_names_at_recording_time_what_its_mesh_lacks(tmp_path: Path, cap
 def test_a_kept_model_has_the_colours_of_several_materials(tmp_path: Path) -> None:
     mesh = read_mesh(write_obj(tmp_path / "cube"), 0.1)
     assert isinstance(mesh, Mesh)
-    assert mesh.texture is not None
     write_image(tmp_path / "kept.png", mesh.texture.image)
     (tmp_path / "kept.ply").write_bytes(_ply(mesh, tmp_path / "kept.png"))
     assert_true_colours(model_of_mesh(read_mesh(tmp_path / "kept.ply", 1e-3), 1, "cube", 10, 0))

@@ -58,6 +58,9 @@ FRAMES: tuple[tuple[Spoil, str], ...] = (
     (edited("scene_camera.json", lambda c: c.update({"3": {"cam_model": {}}})), "'cam_model' (fisheye); only pinhole"),
     (camera(cam_K=[1] * 8), "image 3: Expected 9 numbers, got 8 (at $.cam_K)"),
     (camera(cam_K=[90, 0, 0, 0, 90, 0, 40, 30, 1]), "it looks written column by column: write it row by row"),
+    (camera(cam_K=[1e99, 0, 40, 0, 90, 30, 0, 0, 1]), "cam_K has focal lengths 1e+99, 90; expected positive pixels"),
+    (camera(cam_K=[90, 0, 40, 0, 90, -1e30, 0, 0, 1]), "cam_K has the principal point 40, -1e+30; expected pixels"),
+    (camera(cam_K=[90, 1e30, 40, 0, 90, 30, 0, 0, 1]), "cam_K has a skew of 1e+30, 0; expected pixels"),
     (camera(depth_scale=0), "image 3: Expected `float` >= 1e-06 (at $.depth_scale)"),
     (camera(cam_R_w2c=[2] * 9), "'cam_R_w2c' is not rigid"),
     (edited("scene_gt.json", lambda c: c["3"][1].pop("obj_id")), "missing required field `obj_id` (at $[1])"),
@@ -109,6 +112,22 @@ def test_trouble_with_an_object_is_a_note_and_the_others_go_on(
         assert any(words in note for note in problem.notes), (words, problem.notes)
         if cases is NOTED:
             assert [i.T_cam_obj_gt is None for i in problem.instances] == [False, True, False]
+
+
+def test_a_principal_point_outside_of_the_image_is_noted(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    for cx, cy, is_noted in ((-1, 30, True), (80, 30, True), (40, 60, True), (0, 0, False), (79, 59, False)):
+        camera(cam_K=[90, 0, cx, 0, 90, cy, 0, 0, 1])(made)
+        said = f"cx, cy of cam_K are {cx}, {cy} px, outside of the image of 80×60 px"
+        assert any(said in note for note in made.read().notes) == is_noted
+
+
+def test_a_camera_that_none_has_is_refused_where_results_are_scored(tmp_path: Path) -> None:
+    made, results = make(tmp_path / "boxes"), tmp_path / "r.csv"
+    camera(cam_K=[1e99, 0, 40, 0, 90, 30, 0, 0, 1])(made)
+    results.write_text(f"7,3,5,1,{POSE},-1\n")
+    with pytest.raises(InputError, match="focal lengths 1e"):
+        evaluate_files([results], made.root)
 
 
 def test_trouble_with_detections(tmp_path: Path) -> None:
@@ -203,9 +222,3 @@ def test_names_and_keys_with_more_or_fewer_zeros_are_the_same(tmp_path: Path) ->
     results.write_text(f"7,3,5,1,{POSE},-1\n7,3,2,1,{POSE},-1\n")
     scores = [evaluate_files([results], made.root).scores[0].recalls.ar for made in (plain, other)]
     assert scores[0] == scores[1]
-
-
-def test_names_are_cleaned_of_what_no_file_can_hold(tmp_path: Path) -> None:
-    made = make(tmp_path)
-    (made.root / "models/obj_names.json").write_text('{"5": "x\\n\\u001b[31m"}')
-    assert made.read().models[5].name == "x �[31m"

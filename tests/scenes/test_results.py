@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -13,29 +12,10 @@ from msgspec import structs
 
 from tests.scenes.bop_folder import Made, make
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.geometry import angle_between, rotation_of_quat_wxyz, transform
+from verefine_viz.core.geometry import rotation_of_quat_wxyz, transform
 from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.results_csv import HEADER, ResultRow, method_of, read_results, write_results
 from verefine_viz.scenes.source import open_scene
-
-STRICTER = {"nanpose", "nonrotation"}
-"""The official reader takes these; a pose that is no pose would only fail later, so ours names the line."""
-
-
-def test_the_official_verdicts(shared_data: Path, tmp_path: Path) -> None:
-    cases = json.loads((shared_data / "bop_vectors" / "vectors.json").read_text())["csv_format"]
-    assert len(cases) >= 18
-    for name, case in cases.items():
-        path = tmp_path / f"{name}_x-test.csv"
-        path.write_bytes(case["text"].encode())
-        if case["ok"] and name not in STRICTER:
-            assert len(read_results(path)) == case["rows"], name
-        else:
-            with pytest.raises(InputError) as refused:
-                read_results(path)
-            assert str(path) in str(refused.value)
-            assert "\n" not in str(refused.value)
-
 
 poses = st.builds(
     lambda q, t: transform(rotation_of_quat_wxyz(q), t),
@@ -144,51 +124,20 @@ def test_a_pose_that_is_there_twice_is_tried_once(tmp_path: Path) -> None:
     other, T, _ = made.truth
     moved = transform(np.eye(3), [0.001, 0, 0]) @ T
     rows = [line(5, 0.9, T), line(5, 0.8, moved), line(2, 0.7, other)]
-    h = results(tmp_path, *rows)
-    assert made.open(h).notes == ()
-    once = made.read(h)
-    for again, said in ((rows, "3 rows repeat"), ([line(5, 0.1, T)], "1 row repeats")):
-        results(tmp_path, *rows, *again)
-        note = f"est_x-test.csv: {said} a pose of the same object in the same frame; each pose is tried once"
-        assert made.open(h).notes == (note,)
-        for before, now in zip(once.instances, made.read(h).instances, strict=True):
-            assert [x.confidence for x in now.hypotheses] == [x.confidence for x in before.hypotheses]
+    h = results(tmp_path, *rows, *rows)
+    assert "3 rows repeat a pose of the same object" in made.open(h).notes[0]
+    assert [[x.confidence for x in i.hypotheses] for i in made.read(h).instances] == [[0.7], [0.9, 0.8], []]
 
 
-def test_repeated_rows_for_a_demo_are_noted(tmp_path: Path) -> None:
-    rows = results_file(tmp_path, "0,0,1")
-    path = Path(rows.files[0])
-    path.write_text(path.read_text() + path.read_text().split("\n")[1] + "\n")
-    (note,) = open_scene(SceneSettings(demo="mug"), rows).check_initial_poses()
-    assert note.startswith("est_x-test.csv: 1 row repeats a pose")
-
-
-def test_equal_scores_keep_the_order_of_the_file(tmp_path: Path) -> None:
+def test_translations_that_look_like_metres_are_noted(tmp_path: Path) -> None:
     made = make(tmp_path)
-    T = made.truth[1]
-    shifts = [transform(np.eye(3), [0.001 * k, 0, 0]) @ T for k in range(4)]
-    pool = made.read(results(tmp_path, *(line(5, 1.0, s) for s in shifts))).instances[1].hypotheses
-    assert np.argsort([h.T_cam_obj[0, 3] for h in pool]).tolist() == [0, 1, 2, 3]
-    assert all(angle_between(h.T_cam_obj[:3, :3], T[:3, :3]) < 1e-9 for h in pool)
-
-
-@pytest.mark.parametrize(("scale", "is_noted"), [(1e-3, True), (0.1, False)])
-def test_translations_that_look_like_metres_are_noted(tmp_path: Path, scale: float, is_noted: bool) -> None:
-    made = make(tmp_path)
-    scaled = [transform(T[:3, :3], scale * T[:3, 3]) for T in made.truth]
-    source = made.open(results(tmp_path, *(line(k, 0.9, T) for k, T in zip((2, 5, 2), scaled, strict=True))))
-    said = (
-        "est_x-test.csv: every pose lies within 20 mm of the camera, so t looks like metres; BOP wants millimetres: "
-        "multiply t by 1000"
-    )
-    assert source.notes == ((said,) if is_noted else ())
+    in_metres = [transform(T[:3, :3], 1e-3 * T[:3, 3]) for T in made.truth]
+    rows = [line(k, 0.9, T) for k, T in zip((2, 5, 2), in_metres, strict=True)]
+    source = made.open(results(tmp_path, *rows))
+    assert "every pose lies within 20 mm of the camera, so t looks like metres" in source.notes[0]
     assert source.check_initial_poses() == ()
-
-
-def test_one_pose_at_the_camera_is_no_sign_of_metres(tmp_path: Path) -> None:
-    made = make(tmp_path)
-    lines = line(2, 0.9, np.eye(4)), line(2, 0.8, made.truth[0])
-    assert made.open(results(tmp_path, *lines)).notes == ()
+    # One pose at the camera is no sign of it.
+    assert made.open(results(tmp_path, *rows, line(2, 0.8, made.truth[0]))).notes == ()
 
 
 def results_file(folder: Path, ids: str, name: str = "est_x-test.csv") -> HypothesesSettings:
@@ -200,18 +149,12 @@ def test_rows_that_are_all_of_something_else_are_refused_before_a_frame_is_read(
     for ids, said in (
         ("7,3,77", "an object of the chosen frames: the frames need 2, 5, the rows are of 77; check the object ids"),
         ("8,3,2", "the chosen frames (7/3), only for 8/3; choose other frames or files"),
-        ("7,4,2", "the chosen frames (7/3), only for 7/4; choose other frames or files"),
     ):
         with pytest.raises(InputError) as refused:
             made.open(results_file(tmp_path, ids)).check_initial_poses()
         assert str(refused.value).startswith(f"est_x-test.csv has no row for {said}")
-
-
-def test_rows_of_objects_that_nobody_asked_for_are_refused(tmp_path: Path) -> None:
-    made, rows = make(tmp_path), results_file(tmp_path, "7,3,2")
     with pytest.raises(InputError, match=r"the frames need 5, the rows are of 2;"):
-        made.open(rows, objects=(5,)).check_initial_poses()
-    made.open(rows, objects=(2,)).check_initial_poses()
+        made.open(results_file(tmp_path, "7,3,2"), objects=(5,)).check_initial_poses()
 
 
 def test_a_file_that_covers_nothing_beside_one_that_does_is_named(tmp_path: Path) -> None:
@@ -219,10 +162,8 @@ def test_a_file_that_covers_nothing_beside_one_that_does_is_named(tmp_path: Path
     foreign, ours = results_file(tmp_path, "8,3,2", "other_x-test.csv"), results_file(tmp_path, "7,3,5")
     both = structs.replace(ours, files=(*foreign.files, *ours.files))
     (note,) = made.open(both).check_initial_poses()
-    assert note == "other_x-test.csv has no row for an object of the chosen frames and gives no pose"
+    assert note.startswith("other_x-test.csv has no row for an object of the chosen frames")
     assert made.open(ours).check_initial_poses() == ()
-    with pytest.raises(InputError, match=r"other_x-test.csv, other_x-test.csv have no row"):
-        made.open(structs.replace(foreign, files=foreign.files * 2)).check_initial_poses()
 
 
 def test_an_estimator_may_look_for_what_the_file_does_not_have(tmp_path: Path) -> None:
@@ -250,11 +191,10 @@ def notes_of(made: Made, *lines: str) -> list[str]:
 def test_an_instance_whose_rows_another_one_took_says_which(tmp_path: Path) -> None:
     made = make(tmp_path)
     left, middle, _ = made.truth
-    other, owner = line(5, 0.9, middle), "#0, whose mask fits better; add a row whose pose lies in this mask"
-    for lines, what in (([0.0], "the only row"), ([0.0, 0.01], "all 2 rows")):
-        rows = [line(2, 0.9, transform(np.eye(3), [x, 0, 0]) @ left) for x in lines]
-        said = f"obj_000002 (#2) has no hypothesis: {what} for object 2 of this frame in est went to {owner}"
-        assert notes_of(made, other, *rows) == [said]
+    rows = [line(2, 0.9, transform(np.eye(3), [x, 0, 0]) @ left) for x in (0.0, 0.01)]
+    for n, what in ((1, "the only row"), (2, "all 2 rows")):
+        (note,) = notes_of(made, line(5, 0.9, middle), *rows[:n])
+        assert f"{what} for object 2 of this frame in est went to #0, whose mask fits better" in note
 
 
 def test_estimates_far_from_their_depth_are_named(tmp_path: Path) -> None:
@@ -266,22 +206,18 @@ def test_estimates_far_from_their_depth_are_named(tmp_path: Path) -> None:
     far, behind = np.array(middle), np.array(middle)
     far[:3, 3] *= 6
     behind[2, 3] = -0.2
-    of_mask, at = f"the depth inside its mask ({depth_m:.3g} m)", f"est's at {far[2, 3]:.3g} m"
-    for poses, said in (
-        ([far], f"its pose lies far from {of_mask}, {at}"),
-        ([middle, far], f"1 of its 2 poses lies far from {of_mask}, {at}"),
-        ([behind, far], f"2 of its 2 poses lie far from {of_mask}, such as est's behind the camera"),
-    ):
-        rows = [line(5, 0.9 - k / 10, T) for k, T in enumerate(poses)]
-        assert notes_of(made, *near, *rows) == [f"obj_000005 (#1): {said}"]
+    (note,) = notes_of(made, *near, line(5, 0.9, middle), line(5, 0.8, far))
+    assert f"1 of its 2 poses lies far from the depth inside its mask ({depth_m:.3g} m)" in note
+    (note,) = notes_of(made, *near, line(5, 0.9, behind), line(5, 0.8, far))
+    assert "2 of its 2 poses lie far from " in note
+    assert "behind the camera" in note
 
 
 def test_rows_out_of_reach_give_no_pose_and_the_others_do(tmp_path: Path) -> None:
     made = make(tmp_path / "boxes")
     near, far = "7,3,5,1,1 0 0 0 1 0 0 0 1,0 0 500,-1", "7,3,5,2,1 0 0 0 1 0 0 0 1,0 0 1e30,-1"
     source = made.open(results(tmp_path, near, far))
-    said = "est_x-test.csv: 1 row gives no pose: it lies more than 100 m from the camera; BOP wants t in millimetres"
-    assert source.notes == (said,)
+    assert "1 row gives no pose: it lies more than 100 m from the camera" in source.notes[0]
     (instance,) = [i for i in source.problem("7/3").instances if i.obj_id == 5]
     assert [h.confidence for h in instance.hypotheses] == [1.0]
     with pytest.raises(InputError, match="every pose lies more than 100 m from the camera"):

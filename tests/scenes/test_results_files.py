@@ -50,21 +50,18 @@ def test_yaml_of_foundation_pose_is_read(tmp_path: Path) -> None:
     assert same(tmp_path / "linemod_res.yml", with_scores=False)
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
+def test_what_is_none_is_one_line(tmp_path: Path) -> None:
+    for name, content, message in (
         ("a.pkl", pickle.dumps({"pose": 1}), "is pickled, and reading it could run code"),
         ("a.yml", b"2: {x: {1: [1, 2]}}", "Expected 16 numbers"),
         ("a.yml", b"2: &a {1: {1: [1]}}\n3: *a\n", "aliases"),
         ("a.yml", b"[", "while parsing"),
         ("a.npz", b"PK", "a.npz"),
-    ],
-)
-def test_what_is_none_is_one_line(name: str, content: bytes, message: str, tmp_path: Path) -> None:
-    (tmp_path / name).write_bytes(content)
-    with pytest.raises(InputError, match=message) as error:
-        read_estimates(tmp_path / name)
-    assert "\n" not in str(error.value)
+    ):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InputError, match=message) as error:
+            read_estimates(tmp_path / name)
+        assert "\n" not in str(error.value)
 
 
 def test_arrays_that_do_not_fit_are_named(tmp_path: Path) -> None:
@@ -73,7 +70,6 @@ def test_arrays_that_do_not_fit_are_named(tmp_path: Path) -> None:
         ({**IDS, "poses": POSES * np.nan}, "finite"),
         ({**IDS}, "neither 'poses' nor 'R' and 't'"),
         ({"poses": POSES}, "no array 'scene_id', only poses"),
-        ({**IDS, "poses": POSES[:, :3, :3]}, r"\(3, 3, 3\), expected"),
     ):
         np.savez(tmp_path / "a.npz", **arrays)
         with pytest.raises(InputError, match=message):

@@ -56,37 +56,11 @@ def test_textures_are_baked_to_the_vertices(tmp_path: Path, binary: bool) -> Non
 def test_a_damaged_or_missing_texture_is_a_note(tmp_path: Path) -> None:
     path = textured_ply(tmp_path, True)
     (tmp_path / "skin.png").write_bytes(b"no image")
-    assert (
-        "skin.png, which square.ply names, cannot be used: cannot identify image file" in read_mesh(path, 1e-3).notes[0]
-    )
+    assert "skin.png, which square.ply names, cannot be used: " in read_mesh(path, 1e-3).notes[0]
     (tmp_path / "skin.png").unlink()
     mesh = read_mesh(path, 1e-3)
-    assert mesh.vertex_colors is None
-    assert len(mesh.faces) == 2
-    assert "skin.png, which square.ply names, cannot be used: it does not exist" in mesh.notes[0]
-
-
-def test_texture_coordinates_without_a_texture_have_no_colour(tmp_path: Path) -> None:
-    path = textured_ply(tmp_path, False)
-    path.write_text(path.read_text().replace("comment TextureFile skin.png\n", ""))
-    mesh = read_mesh(path, 1e-3)
-    assert mesh.vertex_colors is None
-    assert mesh.notes == ()
-
-
-def test_a_textured_glb_is_baked(tmp_path: Path) -> None:
-    read_from = trimesh.load_mesh(textured_ply(tmp_path, True), process=False)
-    read_from.export(tmp_path / "square.glb")
-    mesh = read_mesh(tmp_path / "square.glb", 1e-3)
-    assert {tuple(c) for c in mesh.vertex_colors} == {(0, 0, 255), (255, 255, 0), (0, 255, 0), (255, 0, 0)}
-
-
-def test_vertex_colours_are_kept(tmp_path: Path) -> None:
-    mesh = box()
-    colors = np.arange(24, dtype=np.uint8).reshape(8, 3)
-    mesh.visual.vertex_colors = np.hstack([colors, np.full((8, 1), 255, np.uint8)])
-    mesh.export(tmp_path / "box.ply")
-    np.testing.assert_array_equal(read_mesh(tmp_path / "box.ply", 1e-3).vertex_colors, colors)
+    assert (mesh.vertex_colors, mesh.texture, len(mesh.faces)) == (None, None, 2)
+    assert "it does not exist" in mesh.notes[0]
 
 
 def test_texture_seams_are_closed_and_closed_meshes_left_alone(tmp_path: Path) -> None:
@@ -150,17 +124,6 @@ def test_a_texture_colours_the_faces_between_the_vertices(tmp_path: Path, uv_off
     np.testing.assert_allclose(colors[inner], expected[inner], atol=1e-6)
 
 
-def test_a_texture_does_not_change_the_shape(tmp_path: Path) -> None:
-    textured = read_mesh(checked(tmp_path), 1e-3)
-    (tmp_path / "skin.png").unlink()
-    plain = read_mesh(tmp_path / "box.ply", 1e-3)
-    assert textured.texture is not None
-    assert plain.texture is None
-    np.testing.assert_array_equal(textured.vertices_m, plain.vertices_m)
-    np.testing.assert_array_equal(textured.faces, plain.faces)
-    assert len(textured.vertices_m) == 8
-
-
 def test_a_texture_of_any_kind_of_image_is_rgb(tmp_path: Path) -> None:
     for mode in ("L", "RGBA", "P"):
         texture = read_mesh(checked(tmp_path, mode=mode), 1e-3).texture
@@ -177,7 +140,6 @@ def test_a_large_texture_is_made_smaller(tmp_path: Path) -> None:
 
 def test_a_texture_turns_with_the_faces_of_an_inside_out_mesh(tmp_path: Path) -> None:
     path = checked(tmp_path)
-    _, _, outward = surface_colors(path)
     head, _, body = path.read_text().partition("end_header\n")
     lines = [line.split() for line in body.splitlines()]
     turned = [f"3 {c} {b} {a}" if line[0] == "3" and len(line) == 4 else " ".join(line)
@@ -187,7 +149,6 @@ def test_a_texture_turns_with_the_faces_of_an_inside_out_mesh(tmp_path: Path) ->
     u, v = points[np.arange(400), (across + 1) % 3], points[np.arange(400), (across + 2) % 3]
     inner = (u < 0.48) & (v > 0.52)
     np.testing.assert_allclose(colors[inner], np.tile([255, 0, 0], (int(inner.sum()), 1)), atol=1e-6)
-    assert len(outward) == 400
 
 
 def test_a_ply_of_two_textures_is_of_one_colour_and_says_so(tmp_path: Path) -> None:
@@ -211,22 +172,3 @@ def test_coordinates_at_the_corners_of_faces_are_read(tmp_path: Path) -> None:
     model = model_of_mesh(read_mesh(tmp_path / "two.ply", 1e-3), 1, "two", 10, 0)
     middle = np.full((2, 3), 1 / 3)
     np.testing.assert_allclose(model.colors(np.array([0, 1]), middle), [[255, 0, 0], [0, 0, 255]], atol=1e-6)
-
-
-def test_an_obj_s_texture_is_kept(tmp_path: Path) -> None:
-    Image.fromarray(np.array([[[255, 0, 0], [0, 0, 255]]], np.uint8).repeat(8, axis=1)).save(tmp_path / "skin.png")
-    (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
-    lines = ["mtllib a.mtl", "usemtl m", "v 0 0 0", "v 100 0 0", "v 0 100 0", "v 0 0 100", "vt 0.1 0.5", "vt 0.9 0.5"]
-    lines += [
-        f"f {a}/{t} {b}/{t} {c}/{t}"
-        for (a, b, c), t in zip([(1, 3, 2), (1, 2, 4), (1, 4, 3), (2, 3, 4)], (1, 1, 2, 2), strict=True)
-    ]
-    (tmp_path / "a.obj").write_text("\n".join(lines) + "\n")
-    model = model_of_mesh(read_mesh(tmp_path / "a.obj", 1e-3), 1, "a", 10, 0)
-    assert model.texture is not None
-    seen = model.colors(np.arange(4), np.full((4, 3), 1 / 3)).round()
-    assert sorted(map(tuple, seen)) == [(0, 0, 255), (0, 0, 255), (255, 0, 0), (255, 0, 0)]
-    (tmp_path / "skin.png").unlink()
-    assert (
-        "skin.png, which a.obj names, cannot be used: it does not exist" in read_mesh(tmp_path / "a.obj", 1e-3).notes[0]
-    )

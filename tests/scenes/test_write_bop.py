@@ -79,30 +79,3 @@ def test_the_support_is_kept_as_the_camera_pose(tmp_path: Path) -> None:
     np.testing.assert_allclose(inverse(T_cam_world), want, atol=1e-12)
     support = reopened(tmp_path, gravity="world").problem("0/1").observation.support
     np.testing.assert_allclose(support.T_world_cam[2, :3], want[2, :3], atol=1e-9)
-
-
-def test_files_follow_the_layout(tmp_path: Path) -> None:
-    problem = box_problem(n_instances=2)
-    hidden = replace(problem.instances[1], visib_fract=0.05)
-    write_bop(tmp_path, [replace(problem, instances=(problem.instances[0], hidden))])
-    names = sorted(str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file())
-    assert names == [
-        "models/models_info.json",
-        "models/obj_000001.ply",
-        "models/obj_names.json",
-        "test/000000/depth/000001.png",
-        "test/000000/mask/000001_000000.png",
-        "test/000000/mask/000001_000001.png",
-        "test/000000/mask_visib/000001_000000.png",
-        "test/000000/mask_visib/000001_000001.png",
-        "test/000000/rgb/000001.png",
-        "test/000000/scene_camera.json",
-        "test/000000/scene_gt.json",
-        "test/000000/scene_gt_info.json",
-        "test_targets_bop19.json",
-    ]
-    # The instance that is less than 10 % visible is no target.
-    targets = json.loads((tmp_path / "test_targets_bop19.json").read_text())
-    assert targets == [{"scene_id": 0, "im_id": 1, "obj_id": 1, "inst_count": 1}]
-    info = json.loads((tmp_path / "models" / "models_info.json").read_text())["1"]
-    assert (info["size_x"], info["min_y"]) == (pytest.approx(100), pytest.approx(-40))

@@ -45,7 +45,7 @@ def write_bop(folder: Path, problems: Sequence[Problem], split: str = "test", de
         silhouettes = {p.im_id: _write_images(scene, p, depth_scale_mm) for p in mine}
         write_json(scene / "scene_camera.json", {str(p.im_id): _camera(p, depth_scale_mm) for p in mine})
         write_json(scene / "scene_gt.json", {str(p.im_id): [_pose(i) for i in p.instances] for p in mine})
-        infos = {str(p.im_id): _infos(p, silhouettes[p.im_id]) for p in mine}
+        infos = {str(p.im_id): [*map(_info, p.instances, silhouettes[p.im_id])] for p in mine}
         write_json(scene / "scene_gt_info.json", infos)
     write_json(folder / f"{split.split('_')[0]}_targets_bop19.json", _targets(problems))
     return folder
@@ -100,29 +100,9 @@ def _pose(instance: Instance) -> dict[str, Any]:
     return {"cam_R_m2c": R, "cam_t_m2c": t_mm, "obj_id": instance.obj_id}
 
 
-def _infos(problem: Problem, silhouettes: Sequence[Mask]) -> list[dict[str, Any]]:
-    return [_info(problem, i, full) for i, full in zip(problem.instances, silhouettes, strict=True)]
-
-
-def _info(problem: Problem, instance: Instance, full: Mask) -> dict[str, Any]:
-    n_all, n_visible = int(full.sum()), int(instance.mask.sum())
-    share = n_visible / max(n_all, 1) if instance.visib_fract is None else instance.visib_fract
-    return {
-        "bbox_obj": _box(full),
-        "bbox_visib": _box(instance.mask),
-        "px_count_all": n_all,
-        "px_count_valid": int((full & (problem.observation.depth_m > 0)).sum()),
-        "px_count_visib": n_visible,
-        "visib_fract": share,
-    }
-
-
-def _box(mask: Mask) -> list[int]:
-    """[x, y, width, height], width = max − min as in BOP; −1 where the mask is empty."""
-    v, u = np.nonzero(mask)
-    if len(v) == 0:
-        return [-1, -1, -1, -1]
-    return [int(u.min()), int(v.min()), int(u.max() - u.min()), int(v.max() - v.min())]
+def _info(instance: Instance, full: Mask) -> dict[str, float]:
+    share = instance.mask.sum() / max(int(full.sum()), 1) if instance.visib_fract is None else instance.visib_fract
+    return {"visib_fract": float(share)}
 
 
 def _targets(problems: Sequence[Problem]) -> list[dict[str, int]]:

@@ -13,21 +13,21 @@ from msgspec import structs
 from tests.fakes import box_problem
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.studies.claims import lines, missing_curves, points_of, rows, verdicts
-from verefine_viz.studies.solve_unit import Outcome, Quality, quality
-from verefine_viz.studies.study_plan import Claim, Curve, Panel, Study
+from verefine_viz.studies.solve_unit import Quality, UnitAnswer, quality
+from verefine_viz.studies.study_plan import Claim, Panel, Study, StudyCurve
 
 
 def _panel() -> Panel:
-    curves = (Curve("A", {}), Curve("B", {}))
+    curves = (StudyCurve("A", {}), StudyCurve("B", {}))
     return Panel("p", "x", (0.0, 1.0), curves, lambda problem, x, seed: problem, (Claim("A", "B"),))
 
 
-def _outcome(curve: str, x: float, k: int, ar: float, seed: int = 0) -> Outcome:
+def _outcome(curve: str, x: float, k: int, ar: float, seed: int = 0) -> UnitAnswer:
     """Of object ``k``, alone in its frame."""
     found = Quality(
         ar_vsd=ar, ar_mssd=ar, ar_mspd=ar, add_s_mm=1.0, relative=0.05, rotation_deg=2.0, translation_mm=3.0
     )
-    return Outcome(
+    return UnitAnswer(
         panel="p", x=x, seed=seed, scene="s", frame=f"0/{k}", curve=curve, instance_id=0, obj_id=1,
         quality=found, ms=2.0, refiner_calls=3.0,
     )  # fmt: skip

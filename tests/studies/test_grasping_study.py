@@ -9,7 +9,7 @@ from verefine_viz.run.session_file import load_session
 from verefine_viz.studies.grasp_table import grasp_order, grasp_rows
 from verefine_viz.studies.grasping_study import GIVEN, TABLE, grasping
 from verefine_viz.studies.run_study import StudyRequest, run_study
-from verefine_viz.studies.solve_unit import Outcome, Quality
+from verefine_viz.studies.solve_unit import Quality, UnitAnswer
 from verefine_viz.studies.study_command import scenes
 
 
@@ -22,8 +22,8 @@ def test_methods_with_several_hypotheses_have_the_calls_of_one() -> None:
     assert (search.most_calls, search.settings["method"]["refiner"]) == (10, "icp")
 
 
-def _outcome(seed: int, name: str, grasp: str, curve: str = "ICP + RIR, 10") -> Outcome:
-    return Outcome(
+def _outcome(seed: int, name: str, grasp: str, curve: str = "ICP + RIR, 10") -> UnitAnswer:
+    return UnitAnswer(
         panel=TABLE, x=0.0, seed=seed, scene="s", frame="0/0", curve=curve, instance_id=0, obj_id=1,
         quality=Quality(), ms=0.0, refiner_calls=10.0, name=name, grasp=grasp,
     )  # fmt: skip

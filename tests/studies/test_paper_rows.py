@@ -11,8 +11,8 @@ from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import load_session
 from verefine_viz.studies.paper_tables import PAPER, missing_rows, paper_table, tables
 from verefine_viz.studies.printed_table import PrintedTable
-from verefine_viz.studies.study_plan import Curve, Panel
-from verefine_viz.studies.study_report import of_paper, printed
+from verefine_viz.studies.study_plan import Panel, StudyCurve
+from verefine_viz.studies.study_report import printed, printed_paper_table
 
 PAPER_TEX = Path(__file__).parents[3] / "shared" / "paper.tex"
 
@@ -26,7 +26,7 @@ def _panel(name: str, own: bool = False) -> Panel:
     return next(panel for panel in tables(own).panels if panel.name == name)
 
 
-def _curve(panel: str, label: str) -> Curve:
+def _curve(panel: str, label: str) -> StudyCurve:
     return next(curve for curve in _panel(panel).curves if curve.label == label)
 
 
@@ -136,5 +136,5 @@ def test_a_table_is_printed_in_markdown_and_latex() -> None:
 
 
 def test_the_papers_tables_are_printed_as_they_are() -> None:
-    table = of_paper(PAPER[2])
+    table = printed_paper_table(PAPER[2])
     assert table.rows[0] == ("PHYSIM-MCTS", "48.5", "51.6", "68.3", "56.2", "5.7", "1.3", "29.9", "50")

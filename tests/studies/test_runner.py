@@ -8,6 +8,7 @@ import json
 import signal
 import threading
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from multiprocessing import active_children
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -22,7 +23,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import load_session
 from verefine_viz.studies import run_study as run_study_module
 from verefine_viz.studies.run_study import STUDIES, STUDY_FILE, StudyJournal, StudyRequest, run_study
-from verefine_viz.studies.solve_unit import Outcome, Quality, Solver
+from verefine_viz.studies.solve_unit import Quality, Solver, UnitAnswer
 from verefine_viz.studies.study_command import run_one
 from verefine_viz.studies.study_plan import Panel, Unit
 
@@ -33,13 +34,13 @@ def _sessions() -> dict[str, Session]:
     return {"duck": load_session(None, SMALL)}
 
 
-def _run(path: Path, workers: int = 1, seeds: int = 1) -> list[Outcome]:
+def _run(path: Path, workers: int = 1, seeds: int = 1) -> list[UnitAnswer]:
     return run_study(
         StudyRequest("robustness", quick=True), _sessions(), seeds, workers, path, lambda done, total: None
     )
 
 
-def _facts(outcomes: list[Outcome]) -> list[Outcome]:
+def _facts(outcomes: list[UnitAnswer]) -> list[UnitAnswer]:
     return [structs.replace(o, ms=0.0) for o in outcomes]
 
 
@@ -48,14 +49,14 @@ def _entries(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture(scope="module")
-def alone(processes: None, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Outcome]]:
+def alone(processes: None, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[UnitAnswer]]:
     """The journal and the outcomes of a study by one worker."""
     path = tmp_path_factory.mktemp("study") / "alone"
     return path, _run(path)
 
 
 def test_any_number_of_workers_gives_the_same_and_a_damaged_journal_goes_on(
-    alone: tuple[Path, list[Outcome]], tmp_path: Path
+    alone: tuple[Path, list[UnitAnswer]], tmp_path: Path
 ) -> None:
     path, outcomes = alone
     assert _facts(_run(tmp_path / "b", workers=2)) == _facts(outcomes)
@@ -70,13 +71,13 @@ def test_any_number_of_workers_gives_the_same_and_a_damaged_journal_goes_on(
     assert {name: again[name] for name in others} == {name: entries[name] for name in others}
 
 
-def test_every_curve_of_the_robustness_study_has_as_many_calls(alone: tuple[Path, list[Outcome]]) -> None:
+def test_every_curve_of_the_robustness_study_has_as_many_calls(alone: tuple[Path, list[UnitAnswer]]) -> None:
     assert {o.curve for o in alone[1]} >= {"ICP", "SIR", "RIR, 5 hypotheses"}
     assert {o.refiner_calls for o in alone[1]} == {50.0}
 
 
 def test_ctrl_c_ends_workers_in_the_middle_of_a_unit_and_keeps_what_is_done(
-    alone: tuple[Path, list[Outcome]], tmp_path: Path
+    alone: tuple[Path, list[UnitAnswer]], tmp_path: Path
 ) -> None:
     workers: list[BaseProcess] = []
 
@@ -208,13 +209,13 @@ class StoppedSolver(Solver):
         self._curves = {panel.name: panel.curves for panel in panels}
         self._n = 0
 
-    def solve(self, unit: Unit) -> tuple[Outcome, ...]:
+    def solve(self, unit: Unit) -> tuple[UnitAnswer, ...]:
         self._n += 1
         if self._n == 4:
             raise KeyboardInterrupt
         return tuple(
-            Outcome(
-                **unit.__dict__, curve=curve.label, instance_id=0, obj_id=1, ms=1.0, refiner_calls=1.0,
+            UnitAnswer(
+                **asdict(unit), curve=curve.label, instance_id=0, obj_id=1, ms=1.0, refiner_calls=1.0,
                 name="duck", quality=Quality(ar_vsd=1.0, ar_mssd=1.0, ar_mspd=1.0, add_s_mm=1.0, relative=0.01),
                 grasp="success" if study_is_grasped(unit) else "",
             )

@@ -18,7 +18,7 @@ from verefine_viz.training.depth_net_samples import (
     nearest_equivalent,
     start_near,
 )
-from verefine_viz.training.synthetic_views import View, draw_view
+from verefine_viz.training.synthetic_views import SyntheticView, draw_view
 from verefine_viz.training.training_shapes import (
     DIAMETER_M,
     N_HELD_OUT,
@@ -30,7 +30,7 @@ from verefine_viz.training.training_shapes import (
 VIEWS = [draw_view((7, 0, k)) for k in range(12)]
 
 
-def same(a: View, b: View) -> bool:
+def same(a: SyntheticView, b: SyntheticView) -> bool:
     return all(np.array_equal(getattr(a, f), getattr(b, f)) for f in ("depth_m", "mask", "T_cam_obj"))
 
 

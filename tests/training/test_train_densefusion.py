@@ -27,7 +27,7 @@ torch = pytest.importorskip("torch", reason=NO_TORCH)
 
 from verefine_viz.networks.densefusion_networks import SLIM, PoseNet, PoseRefineNet  # noqa: E402
 from verefine_viz.training import cached_samples, course, densefusion_command, train_densefusion  # noqa: E402
-from verefine_viz.training.cached_samples import BATCH_SIZE, Batch, CachedSample, cached, from_starts  # noqa: E402
+from verefine_viz.training.cached_samples import BATCH_SIZE, CachedSample, SampleBatch, cached, from_starts  # noqa: E402
 from verefine_viz.training.densefusion_loss import distances, pose_loss, refine_loss, rotations  # noqa: E402
 from verefine_viz.training.train_densefusion import TrainedDenseFusion, phase, refiner_loss  # noqa: E402
 
@@ -154,7 +154,7 @@ def test_points_and_ground_truth_are_seen_from_the_same_start() -> None:
     rng = np.random.default_rng(5)
     sample = some_sample(rng)
     seen = CachedSample(sample, rng.normal(size=(32, POINTS)).astype(np.float32), sample.T_cam_obj)
-    batch: Batch = from_starts([seen] * 8, rng)
+    batch: SampleBatch = from_starts([seen] * 8, rng)
     every = np.linalg.norm(sample.crop.points[0][:, None] - sample.wanted[None], axis=2).ravel()
     for points, wanted in zip(batch.points.numpy(), batch.wanted.numpy(), strict=True):
         apart = np.linalg.norm(points[:, None] - wanted[None], axis=2).ravel()

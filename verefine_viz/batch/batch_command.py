@@ -13,14 +13,14 @@ from rich.markup import escape
 from rich.table import Table
 
 from verefine_viz.batch.index import read_batch
-from verefine_viz.batch.jobs import Job, check_jobs
+from verefine_viz.batch.jobs import BatchJob, check_jobs
 from verefine_viz.batch.motion_table import MOTION
 from verefine_viz.batch.progress import BatchProgress
-from verefine_viz.batch.run_batch import Backend, Outcome, run_batch
+from verefine_viz.batch.run_batch import Backend, BatchOutcome, run_batch
 from verefine_viz.batch.terminal import Terminal
 from verefine_viz.batch.totals import Notes
 from verefine_viz.batch.worker_pool import Pool
-from verefine_viz.batch.worker_process import TaskName
+from verefine_viz.batch.worker_tasks import TaskName
 from verefine_viz.diagnosis.causes import Cause, cause_title
 from verefine_viz.run.record import Answer
 
@@ -36,7 +36,7 @@ MOST_TRACKS = 6
 
 
 def run_jobs(
-    jobs: Sequence[Job], out: Path, backend: Backend, retry_failed: bool = False, task: TaskName = "explain"
+    jobs: Sequence[BatchJob], out: Path, backend: Backend, retry_failed: bool = False, task: TaskName = "explain"
 ) -> int:
     """Runs one job after the other, on this machine by the same workers.
 
@@ -62,7 +62,7 @@ def run_jobs(
 
 
 def _run_all(
-    jobs: Sequence[Job],
+    jobs: Sequence[BatchJob],
     out: Path,
     backend: Backend,
     retry_failed: bool,
@@ -70,7 +70,7 @@ def _run_all(
     pool: Pool | None,
     progress: BatchProgress,
 ) -> int:
-    outcomes: list[tuple[Job, Outcome]] = []
+    outcomes: list[tuple[BatchJob, BatchOutcome]] = []
     for k, job in enumerate(jobs):
         title = f"run {k + 1} of {len(jobs)}: {job.folder.name}"
         outcomes.append((job, _run(job, title, backend, retry_failed, task, pool, progress)))
@@ -93,37 +93,37 @@ def _run_all(
 
 
 def _run(
-    job: Job,
+    job: BatchJob,
     title: str,
     backend: Backend,
     retry_failed: bool,
     task: TaskName,
     pool: Pool | None,
     progress: BatchProgress,
-) -> Outcome:
+) -> BatchOutcome:
     if pool is not None:
         pool.switch_to(job.session, job.folder.absolute())
     with progress.run(title) as report:
         return run_batch(job.session, job.folder, backend, report, retry_failed, task, pool, progress.pace)
 
 
-def _print_line(outcome: Outcome) -> None:
+def _print_line(outcome: BatchOutcome) -> None:
     console = Terminal(highlight=False, soft_wrap=True)
     took = "nothing was left to do" if outcome.was_finished else f"{outcome.seconds:.1f} s"
-    console.print(escape(f"{outcome.folder.name}: {in_short(outcome)}; {took}"))
+    console.print(escape(f"{outcome.folder.name}: {brief(outcome)}; {took}"))
     _print_doubt(console, outcome)
     _print_failures(console, outcome)
     _print_written(console, outcome)
 
 
-def _print_summary(outcome: Outcome) -> None:
+def _print_summary(outcome: BatchOutcome) -> None:
     console = Terminal(highlight=False, soft_wrap=True)
     numbers = outcome.totals
     took = "nothing was left to do" if outcome.was_finished else f"{outcome.seconds:.1f} s, memory {outcome.memory}"
-    console.print(escape(f"{in_short(outcome)}; {took}. Results in {outcome.folder}"))
+    console.print(escape(f"{brief(outcome)}; {took}. Results in {outcome.folder}"))
     _print_doubt(console, outcome)
     for track in outcome.motion[:MOST_TRACKS]:
-        console.print(escape(f"motion of {track.in_words}"))
+        console.print(escape(f"motion of {track.text}"))
     if len(outcome.motion) > MOST_TRACKS:
         console.print(f"… and {len(outcome.motion) - MOST_TRACKS} more objects, see {MOTION}")
     # How many have no hypothesis is in the line above, and why in a note below.
@@ -149,12 +149,12 @@ def unreadable(n: int, which: str = "frames.csv says which") -> str:
     )
 
 
-def _print_doubt(console: Terminal, outcome: Outcome) -> None:
+def _print_doubt(console: Terminal, outcome: BatchOutcome) -> None:
     if outcome.totals["data_in_doubt"]:
         console.print(f"[red]{escape(outcome.totals['data_in_doubt'])}[/]")
 
 
-def in_short(outcome: Outcome) -> str:
+def brief(outcome: BatchOutcome) -> str:
     """``8 frames, 28 objects, 1 left out, median ADD(-S) 2.2 mm of 27 answers, 24 of 28 right (86 %)``."""
     numbers = outcome.totals
     parts = [
@@ -174,14 +174,14 @@ def in_short(outcome: Outcome) -> str:
     return ", ".join(parts)
 
 
-def _print_written(console: Terminal, outcome: Outcome) -> None:
+def _print_written(console: Terminal, outcome: BatchOutcome) -> None:
     for note in outcome.notes:
         console.print(escape(f"note: {note}"))
     for fault in outcome.faults:
         console.print(f"[red]{escape(fault)}[/]")
 
 
-def _print_failures(console: Terminal, outcome: Outcome) -> None:
+def _print_failures(console: Terminal, outcome: BatchOutcome) -> None:
     for frame, why in outcome.failures:
         console.print(escape(f"frame {frame} failed: {why}"))
     n_more = outcome.n_failed - len(outcome.failures)
@@ -206,13 +206,13 @@ class SweepRow:
     """The iterations of a frame's objects: median over the frames, as the first one of a worker may compile."""
 
 
-def sweep_table(outcomes: Sequence[tuple[Job, Outcome]]) -> Table:
+def sweep_table(outcomes: Sequence[tuple[BatchJob, BatchOutcome]]) -> Table:
     """A row for the runs that differ only in their seeds; best recall first, without ground truth best score.
 
     Raises:
         InputError: a file of a run is damaged.
     """
-    groups: dict[str, list[Outcome]] = {}
+    groups: dict[str, list[BatchOutcome]] = {}
     for job, outcome in outcomes:
         groups.setdefault(job.group, []).append(outcome)
     rows = [(name, sweep_row(read_batch(outcome.folder).rows for outcome in mine)) for name, mine in groups.items()]

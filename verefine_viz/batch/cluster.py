@@ -28,7 +28,7 @@ from verefine_viz.batch.machine import gigabytes
 from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.runs import file_stem
 from verefine_viz.batch.worker_pool import interrupts_ignored
-from verefine_viz.batch.worker_process import ONE_THREAD, TaskName
+from verefine_viz.batch.worker_tasks import ONE_THREAD, TaskName
 from verefine_viz.core.errors import SettingsError, UnavailableError, VerefineError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord, failed_run
@@ -49,7 +49,7 @@ def must_answer(address: str) -> None:
     """Returns when a Dask scheduler answers; without this check its client could wait for ever.
 
     Raises:
-        Exception: nothing does in time, or something else does, which may send anything; see :func:`why_not`.
+        Exception: nothing does in time, or something else does, which may send anything; see :func:`connection_fault`.
     """
     if parse_address(address)[0] in OVER_TCP:  # Dask would retry until its time is up.
         create_connection(get_address_host_port(address), CONNECT_S).close()
@@ -62,7 +62,7 @@ async def _answers(address: str) -> None:
     comm.abort()
 
 
-def why_not(error: Exception) -> str:
+def connection_fault(error: Exception) -> str:
     """Why nothing at an address answered, in words."""
     message = " ".join(str(error).split())
     match error:
@@ -103,8 +103,8 @@ def open_cluster(address: str, session: Session, out: Path, task: TaskName, n_wo
         if own is not None:
             own.close()
         raise UnavailableError(
-            f"no Dask scheduler answers at {address} ({why_not(error)}); start one with: dask scheduler, which prints "
-            "its address, tcp://HOST:8786; or say --cluster local"
+            f"no Dask scheduler answers at {address} ({connection_fault(error)}); start one with: dask scheduler, "
+            "which prints its address, tcp://HOST:8786; or say --cluster local"
         ) from None
     return ClusterWorkers(client, own, address, session, out, task)
 

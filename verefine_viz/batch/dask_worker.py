@@ -12,7 +12,7 @@ import numba
 from distributed import Worker, WorkerPlugin, get_worker
 
 import verefine_viz
-from verefine_viz.batch.worker_process import TaskName
+from verefine_viz.batch.worker_tasks import TaskName
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord

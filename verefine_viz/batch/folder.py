@@ -28,7 +28,7 @@ from verefine_viz.batch.motion_table import MOTION
 from verefine_viz.batch.runs import RUN_FILE, Runs, read_run
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.settings import Session
-from verefine_viz.core.writing import atomic, check_folder, clear_parts, try_lock, why_not
+from verefine_viz.core.writing import atomic, check_folder, clear_parts, path_fault, try_lock
 from verefine_viz.recording.entities import SEQUENCE_FILE
 from verefine_viz.run.session_file import load_session, save_session
 
@@ -73,7 +73,7 @@ class RunFolder:
                 self.close()
                 raise
         except OSError as error:
-            raise InputError(f"cannot write to {path}: {why_not(Path(error.filename or path), error)}") from None
+            raise InputError(f"cannot write to {path}: {path_fault(Path(error.filename or path), error)}") from None
         self.runs = Runs(path / "runs")
 
     def close(self) -> None:
@@ -136,7 +136,7 @@ def first_change(before: Session, now: Session) -> str | None:
         if before_it != now_it:
             if _holds_tables(before_it) or _holds_tables(now_it):
                 return f"the [[{field}]] there are others than those here"
-            return f"{field} is {_as_written(before_it)} there and {_as_written(now_it)} here"
+            return f"{field} is {_toml_text(before_it)} there and {_toml_text(now_it)} here"
     return None
 
 
@@ -144,13 +144,13 @@ def _holds_tables(value: Any) -> bool:
     return isinstance(value, tuple | list) and any(isinstance(entry, Mapping) for entry in value)
 
 
-def _as_written(value: Any) -> str:
+def _toml_text(value: Any) -> str:
     """A value as it stands in a session file."""
     if value is None:
         return "not set"
     if isinstance(value, bool):
         return "true" if value else "false"
-    return f"[{', '.join(map(_as_written, value))}]" if isinstance(value, tuple | list) else repr(value)
+    return f"[{', '.join(map(_toml_text, value))}]" if isinstance(value, tuple | list) else repr(value)
 
 
 def _flat(value: Mapping[str, Any], prefix: str) -> dict[str, Any]:

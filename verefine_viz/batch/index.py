@@ -111,7 +111,7 @@ def find_runs(folder: Path) -> RunSelection:
     folder = batch_of(folder)
     if is_batch_folder(folder):
         return RunSelection((folder,), "")
-    if why := _why_unreadable(folder):
+    if why := _folder_fault(folder):
         raise InputError(f"{folder} {why}; expected the folder of a batch run, or of several")
     below = _runs_below(folder, LEVELS_BELOW)
     here = below.pop(folder, ())
@@ -135,7 +135,7 @@ def find_runs(folder: Path) -> RunSelection:
     return RunSelection(runs, f"The runs in {parent} ({_counted(runs)}).")
 
 
-def _why_unreadable(path: Path) -> str:
+def _folder_fault(path: Path) -> str:
     """Why a folder cannot be read; empty where it can."""
     try:
         if not path.is_dir():
@@ -182,7 +182,7 @@ def read_batch(folder: Path) -> BatchIndex:
     if not is_batch_folder(folder):
         raise InputError(f"{folder} is no folder of a batch: it has no {RUN_FILE}; make one with verefine-viz batch")
     if not (folder / RUN_FILE).is_file():
-        return _of_run_files(folder)
+        return _index_run_files(folder)
     run = read_run(folder)
     session = load_session(folder / SESSION_FILE)
     runs = Runs(folder / "runs")
@@ -200,7 +200,7 @@ def read_batch(folder: Path) -> BatchIndex:
     return BatchIndex(folder, session, run, rows, (note,) if n_done < n_frames else ())
 
 
-def _of_run_files(folder: Path) -> BatchIndex:
+def _index_run_files(folder: Path) -> BatchIndex:
     """The runs of a folder that holds nothing but their files, which may have any names.
 
     Raises:

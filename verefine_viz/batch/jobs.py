@@ -20,7 +20,7 @@ from verefine_viz.run.session_file import changed, load_session
 
 
 @dataclass(frozen=True)
-class Job:
+class BatchJob:
     """One run."""
 
     session: Session
@@ -29,7 +29,7 @@ class Job:
     """What the runs that differ only in their seeds have in common: method, and session where there are several."""
 
 
-def session_jobs(paths: Sequence[Path | None], out: Path, overrides: Mapping[str, Any]) -> list[Job]:
+def session_jobs(paths: Sequence[Path | None], out: Path, overrides: Mapping[str, Any]) -> list[BatchJob]:
     """A run for each session: in ``out`` itself for one, in ``out/NAME`` for several.
 
     Args:
@@ -42,7 +42,7 @@ def session_jobs(paths: Sequence[Path | None], out: Path, overrides: Mapping[str
     """
     names = _stems(paths, out)
     jobs = [
-        Job(_session(path, overrides), out / name if len(paths) > 1 else out, name)
+        BatchJob(_session(path, overrides), out / name if len(paths) > 1 else out, name)
         for path, name in zip(paths, names, strict=True)
     ]
     for job in jobs:
@@ -52,7 +52,7 @@ def session_jobs(paths: Sequence[Path | None], out: Path, overrides: Mapping[str
 
 def sweep_jobs(
     paths: Sequence[Path | None], out: Path, overrides: Mapping[str, Any], methods: Sequence[str], n_seeds: int | None
-) -> list[Job]:
+) -> list[BatchJob]:
     """A run for each method and seed of each session, in ``out/METHOD-SEED``, after the session's name if there are
     several. All methods with the first seed come first, so that they can be compared early.
 
@@ -72,13 +72,13 @@ def sweep_jobs(
     sessions = [_session(path, overrides) for path in paths]
     for session in sessions:
         check_outside(out, session)
-    jobs: list[Job] = []
+    jobs: list[BatchJob] = []
     for seed in (None,) if n_seeds is None else range(n_seeds):
         for stem, session in zip(stems, sessions, strict=True):
             for method in methods or (session.method.name,):
                 group = f"{stem}-{method}" if len(paths) > 1 else method
                 name = group if seed is None else f"{group}-{seed}"
-                jobs.append(Job(_with(session, method, seed), out / name, group))
+                jobs.append(BatchJob(_with(session, method, seed), out / name, group))
     return jobs
 
 
@@ -90,7 +90,7 @@ def _session(path: Path | None, overrides: Mapping[str, Any]) -> Session:
     )
 
 
-def check_jobs(jobs: Sequence[Job]) -> int:
+def check_jobs(jobs: Sequence[BatchJob]) -> int:
     """Checks everything that can be wrong: a mistake in the last of many runs should not show after hours.
 
     Returns:

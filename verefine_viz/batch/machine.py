@@ -1,4 +1,4 @@
-"""Facts about this machine: versions that decide about results, memory, disk space."""
+"""Facts about this machine: processor, memory, disk space."""
 
 from __future__ import annotations
 
@@ -8,31 +8,11 @@ import resource
 import shutil
 import sys
 import tempfile
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-import verefine_viz
-from verefine_viz.run.versions import BULLET
-
-PACKAGES = (
-    "numpy", "scipy", "numba", "open3d", "trimesh", BULLET, "coacd", "moderngl", "onnxruntime",
-    "viser", "rerun-sdk",
-)  # fmt: skip
 SHARE = 0.8
 """Share of the machine's memory that all workers together may take, unless a limit is given."""
 CGROUP_LIMITS = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"))
-
-
-def package_versions() -> dict[str, str]:
-    """Versions of what decides about results, "missing" where one is not installed."""
-    return {"verefine-viz": verefine_viz.__version__} | {name: _version(name) for name in PACKAGES}
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "missing"
 
 
 def machine() -> dict[str, str | int]:

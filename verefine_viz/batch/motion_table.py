@@ -72,7 +72,7 @@ class MotionRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 @dataclass(frozen=True)
-class Track:
+class MotionTrack:
     """One object over the frames of a scene."""
 
     rows: tuple[MotionRow, ...]
@@ -95,12 +95,12 @@ class Track:
         return tuple(row.frame for row in self.rows if row.kind == kind)
 
     @property
-    def in_words(self) -> str:
+    def text(self) -> str:
         """How it moves, and where it flips."""
         flips = self.marked("flip")
         more = f", and {len(flips) - 3} more" if len(flips) > 3 else ""
         where = f" Flips in {', '.join(flips[:3])}{more}." if flips else ""
-        return f"{self.name} in scene {self.scene_id}: {self.counts.in_words}{where}"
+        return f"{self.name} in scene {self.scene_id}: {self.counts.text}{where}"
 
 
 def motion_rows(results: Iterable[RunRecord], shapes: Shapes) -> Iterator[MotionRow]:
@@ -195,7 +195,7 @@ def _answers(record: RunRecord) -> tuple[Answer, ...]:
     return () if record.end is None else record.end.answers
 
 
-def read_tracks(folder: Path) -> tuple[Track, ...]:
+def read_tracks(folder: Path) -> tuple[MotionTrack, ...]:
     """The objects of a batch's motion.csv, scene by scene; none where the batch has no sequence.
 
     Raises:
@@ -210,7 +210,7 @@ def read_tracks(folder: Path) -> tuple[Track, ...]:
         rows = [msgspec.convert(_filled(row), MotionRow, strict=False) for row in cells]
     for row in rows:
         tracks.setdefault((row.scene_id, row.track), []).append(row)
-    return tuple(Track(tuple(rows)) for rows in tracks.values())
+    return tuple(MotionTrack(tuple(rows)) for rows in tracks.values())
 
 
 def _filled(cells: Mapping[str, str]) -> dict[str, str]:

@@ -102,7 +102,7 @@ class Pace:
     @property
     def frame_s(self) -> float | None:
         """Mean time between two results; None while there is none."""
-        return self._durations.mean * self._mean_objects / self._at_a_time if self._durations.n else None
+        return self._durations.mean * self._mean_objects / self._frames_in_work if self._durations.n else None
 
     def left_s(self, n_left: int, now: float) -> float | None:
         """Time until ``n_left`` frames are done, with those in work; None while none is done."""
@@ -128,14 +128,14 @@ class Pace:
         for _ in range(n_waiting - n_far):
             heapq.heapreplace(free, free[0] + frame_s)
         at_once_s = max(free, default=0.0) + n_far * frame_s / self._n_workers
-        return at_once_s * self._n_workers / self._at_a_time
+        return at_once_s * self._n_workers / self._frames_in_work
 
     @property
     def _mean_objects(self) -> float:
         return self._n_objects / self._n_counted if self._n_counted else 1.0
 
     @property
-    def _at_a_time(self) -> float:
+    def _frames_in_work(self) -> float:
         """Frames in work on average, which is less than there are workers where these wait, as between two runs."""
         passed_s = self._changed - (self._changed if self._first_done is None else self._first_done)
         return self._worked_s / passed_s if passed_s and self._worked_s else self._n_workers

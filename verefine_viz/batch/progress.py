@@ -17,7 +17,7 @@ from rich.table import Column
 from rich.text import Text
 
 from verefine_viz.batch.pace import Pace
-from verefine_viz.batch.run_batch import Progress
+from verefine_viz.batch.run_batch import BatchStatus
 from verefine_viz.batch.terminal import Terminal
 from verefine_viz.run.kernel_compilation import COMPILING
 
@@ -41,13 +41,13 @@ class BatchProgress:
         self.pace = Pace()
         self._console, self._n_frames = console, n_frames
         self._title = ""
-        self._now: Progress | None = None
+        self._now: BatchStatus | None = None
         self._n_before = 0
         """Frames of the runs before this one."""
         self._warned: set[str] = set()
 
     @contextmanager
-    def run(self, title: str) -> Iterator[Callable[[Progress], None]]:
+    def run(self, title: str) -> Iterator[Callable[[BatchStatus], None]]:
         """A run with the callback that it reports to."""
         self._title, self._now = title, None
         colour = _bar()
@@ -55,7 +55,7 @@ class BatchProgress:
         with _live(self._console, (*_counted(self._console, colour), *live)) as bar:
             row = bar.add_task(escape(title), total=self._n_frames, completed=self._n_before)
 
-            def report(now: Progress) -> None:
+            def report(now: BatchStatus) -> None:
                 self._now = now
                 if now.counts.frames_failed:
                     colour.complete_style = colour.finished_style = FAILING
@@ -80,7 +80,7 @@ class BatchProgress:
     @contextmanager
     def shown(self) -> Iterator[BatchProgress]:
         """All runs."""
-        with _printed_now_and_then(self._console, self.in_words):
+        with _printed_now_and_then(self._console, self.describe):
             yield self
 
     @property
@@ -112,7 +112,7 @@ class BatchProgress:
         n = 0 if self._now is None else self._now.counts.frames_failed
         return f"{n} failed" if n else ""
 
-    def in_words(self) -> str:
+    def describe(self) -> str:
         """``run 2 of 10: rir-1, 12/30 frames, 1.2 s a frame, 0:22 left, recall 71%, 2 failed``."""
         frames = f"{self._n_done}/{'?' if self._total is None else self._total} frames"
         parts = (self._title, frames, self._rate(), self._left(), self._recall(), self._failed())
@@ -133,12 +133,12 @@ def counted_bar(what: str) -> Iterator[Callable[[str, int, int], None]]:
         left_s = pace.left_s(n_all - n_done, monotonic())
         return "" if left_s is None or n_done == n_all else f"{clock(max(left_s, 1.0))} left"
 
-    def in_words() -> str:
+    def describe() -> str:
         return ", ".join(
             part for part in (f"{what}: {n_done}/{n_all}" if n_all else f"{what}: starting", left()) if part
         )
 
-    with _printed_now_and_then(console, in_words), _live(console, (*_counted(console, _bar()), _Words(left, 9))) as bar:
+    with _printed_now_and_then(console, describe), _live(console, (*_counted(console, _bar()), _Words(left, 9))) as bar:
         row = bar.add_task(escape(what), total=None)
 
         def report(now: str, done: int, total: int) -> None:
@@ -215,7 +215,7 @@ def _live(console: Console, columns: tuple[ProgressColumn, ...]) -> Bar:
 
 
 @contextmanager
-def _printed_now_and_then(console: Console, in_words: Callable[[], str]) -> Iterator[None]:
+def _printed_now_and_then(console: Console, describe: Callable[[], str]) -> Iterator[None]:
     """Where ``console`` is no terminal, a line every :data:`EVERY_S`, also while nothing is done."""
     if console.is_terminal:
         yield
@@ -224,7 +224,7 @@ def _printed_now_and_then(console: Console, in_words: Callable[[], str]) -> Iter
 
     def keep_printing() -> None:
         while not is_over.wait(EVERY_S):
-            console.print(escape(in_words()), soft_wrap=True, highlight=False)
+            console.print(escape(describe()), soft_wrap=True, highlight=False)
 
     thread = threading.Thread(target=keep_printing, name="verefine-progress", daemon=True)
     thread.start()

@@ -24,16 +24,15 @@ from verefine_viz.batch.machine import (
     gigabytes,
     machine,
     own_peak_bytes,
-    package_versions,
     temporary_folder,
 )
-from verefine_viz.batch.motion_table import MOTION, Track, read_tracks
+from verefine_viz.batch.motion_table import MOTION, MotionTrack, read_tracks
 from verefine_viz.batch.pace import Pace
 from verefine_viz.batch.runs import RUN_FILE, BatchInfo, RunTotals, read_run
 from verefine_viz.batch.sequence_output import SequenceOutput
 from verefine_viz.batch.session_check import check
-from verefine_viz.batch.totals import Counts
-from verefine_viz.batch.worker_process import TaskName
+from verefine_viz.batch.totals import BatchCounts
+from verefine_viz.batch.worker_tasks import TaskName
 from verefine_viz.core.errors import InputError, UnavailableError, VerefineError
 from verefine_viz.core.problem import LeftOut
 from verefine_viz.core.settings import Session
@@ -41,6 +40,7 @@ from verefine_viz.core.text_format import first_of
 from verefine_viz.run.record import RunRecord, failed_run
 from verefine_viz.run.session_parts import weights_of
 from verefine_viz.run.toolbox import Toolbox
+from verefine_viz.run.versions import package_versions
 from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.source import SceneSource
 
@@ -110,10 +110,10 @@ class Backend:
 
 
 @dataclass(frozen=True)
-class Progress:
+class BatchStatus:
     """How far a batch is."""
 
-    counts: Counts
+    counts: BatchCounts
     """With the frames that an earlier start finished."""
     n_frames: int
     warning: str = ""
@@ -122,7 +122,7 @@ class Progress:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class BatchOutcome:
     """How a batch ended."""
 
     folder: Path
@@ -141,7 +141,7 @@ class Outcome:
     notes: tuple[str, ...] = ()
     """What else to know about the files: tables that were written again, recordings that are gone."""
 
-    motion: tuple[Track, ...] = ()
+    motion: tuple[MotionTrack, ...] = ()
     """How objects moved, where the frames are a sequence."""
 
     @property
@@ -163,12 +163,12 @@ def run_batch(
     session: Session,
     out: Path,
     backend: Backend,
-    report: Callable[[Progress], None] = lambda _: None,
+    report: Callable[[BatchStatus], None] = lambda _: None,
     retry_failed: bool = False,
     task: TaskName = "solve",
     workers: Workers | None = None,
     pace: Pace | None = None,
-) -> Outcome:
+) -> BatchOutcome:
     """Solves every frame of ``session`` into ``out``; goes on where an earlier start of the same batch stopped.
 
     The files are the same wherever frames are computed and however often it is interrupted, times aside. Those of a
@@ -207,12 +207,12 @@ class _Batch:
     notes: Sequence[str]
     task: TaskName
     pace: Pace
-    counts: Counts = field(default_factory=Counts)
+    counts: BatchCounts = field(default_factory=BatchCounts)
     n_resumed: int = 0
     started: float = field(default_factory=time.perf_counter)
     begun: datetime = field(default_factory=lambda: datetime.now(UTC))
 
-    def run(self, report: Callable[[Progress], None], retry_failed: bool) -> Outcome:
+    def run(self, report: Callable[[BatchStatus], None], retry_failed: bool) -> BatchOutcome:
         before, files = read_run(self.folder.path), self._check_files()
         again = {*files.missing}
         if retry_failed:
@@ -255,10 +255,10 @@ class _Batch:
             files = replace(files, other_tables=(*files.other_tables, MOTION))
         return files
 
-    def _outcome(self, files: BatchFiles, rewritten: str = "", was_finished: bool = False) -> Outcome:
+    def _outcome(self, files: BatchFiles, rewritten: str = "", was_finished: bool = False) -> BatchOutcome:
         notes = (f"written again, as it differed from the run files: {rewritten}",) if rewritten else ()
         notes += (files.recordings_note,) if files.recordings_note else ()
-        return Outcome(
+        return BatchOutcome(
             folder=self.folder.path,
             totals=files.totals.as_json(len(self.frames)),
             failures=tuple(files.totals.failures),
@@ -271,9 +271,9 @@ class _Batch:
             motion=read_tracks(self.folder.path),
         )
 
-    def _counts_without(self, frames: Sequence[str]) -> Counts:
+    def _counts_without(self, frames: Sequence[str]) -> BatchCounts:
         """Counts of the frames that are done and not to be solved again."""
-        counts, again = Counts(), {*frames}
+        counts, again = BatchCounts(), {*frames}
         for record in self.folder.runs.records(frame for frame in self.frames if frame not in again):
             if record.end is not None:
                 counts.add(record.end)
@@ -362,8 +362,8 @@ class _Batch:
         )
         self.folder.write_json(RUN_FILE, msgspec.to_builtins(run))
 
-    def _progress(self, doing: str = "") -> Progress:
-        return Progress(self.counts, len(self.frames), self.workers.warning, doing)
+    def _progress(self, doing: str = "") -> BatchStatus:
+        return BatchStatus(self.counts, len(self.frames), self.workers.warning, doing)
 
     def _seconds(self) -> float:
         return time.perf_counter() - self.started

@@ -12,7 +12,7 @@ from verefine_viz.batch.motion_table import (
     MOTION,
     NO_TURNS,
     MotionRow,
-    Track,
+    MotionTrack,
     motion_rows,
     read_tracks,
     write_motion,
@@ -68,7 +68,7 @@ class SequenceOutput:
         ]
         write_sequence(self.folder / SEQUENCE_FILE, title, drawn)
 
-    def _frames_of(self, track: Track, records: Mapping[str, RunRecord]) -> tuple[SequenceFrame, ...]:
+    def _frames_of(self, track: MotionTrack, records: Mapping[str, RunRecord]) -> tuple[SequenceFrame, ...]:
         from verefine_viz.recording.sequence_recording import CURVES, SequenceFrame
 
         return tuple(
@@ -82,7 +82,7 @@ class SequenceOutput:
             for row in track.rows
         )
 
-    def _model_of(self, track: Track) -> ObjectModel | None:
+    def _model_of(self, track: MotionTrack) -> ObjectModel | None:
         row = track.rows[0]
         return self._model(row.obj_id, row.frame)
 

@@ -15,7 +15,7 @@ from msgspec import structs
 from verefine_viz.batch.machine import temporary_folder
 from verefine_viz.batch.runs import Runs, file_stem
 from verefine_viz.batch.summary import object_facts, run_end
-from verefine_viz.batch.worker_process import TaskName
+from verefine_viz.batch.worker_tasks import TaskName
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.protocols import RunState, Watcher
 from verefine_viz.core.records import Iteration

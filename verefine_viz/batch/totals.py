@@ -33,7 +33,7 @@ class Reason:
     """As reported of that frame."""
     n_frames: int = 0
 
-    def in_words(self) -> str:
+    def describe(self) -> str:
         """``In 3, such as 50/1, objects appear 11% larger: check cam_K.``"""
         where = f"frame {self.first}" if self.n_frames == 1 else f"{self.n_frames}, such as {self.first}"
         return f"In {where}, {self.why}."
@@ -54,7 +54,7 @@ class Doubts:
         reason = self._reasons.setdefault(re.sub(r"\d+(\.\d+)?", "#", why), Reason(frame, why))
         reason.n_frames += 1
 
-    def in_words(self, n_frames: int, n_runs: int = 1) -> str:
+    def describe(self, n_frames: int, n_runs: int = 1) -> str:
         """In how many of ``n_frames`` frames, of all runs together, and why, most frequent first; empty: in none."""
         reasons = sorted(self._reasons.values(), key=lambda reason: -reason.n_frames)
         if not reasons:
@@ -65,7 +65,7 @@ class Doubts:
         if not others:
             where = f"frame {first.first}" if n_doubtful == 1 else f"{of}, such as {first.first}"
             return f"{DATA_FIRST} in {where}, {first.why}."
-        sentences = [f"{DATA_FIRST} in {of}.", *(reason.in_words() for reason in reasons[:MOST_REASONS])]
+        sentences = [f"{DATA_FIRST} in {of}.", *(reason.describe() for reason in reasons[:MOST_REASONS])]
         n_left = sum(reason.n_frames for reason in reasons[MOST_REASONS:])
         if n_left:
             sentences.append(
@@ -75,7 +75,7 @@ class Doubts:
 
 
 def doubts_in_words(runs: Sequence[tuple[str, Iterable[Answer]]]) -> str:
-    """:meth:`Doubts.in_words` of the rows of one or several (run, rows); of several a frame is named with its run."""
+    """:meth:`Doubts.describe` of the rows of one or several (run, rows); of several a frame is named with its run."""
     doubts, n_frames = Doubts(), 0
     for run, rows in runs:
         # All objects of a frame have the same doubt, or none where the answer is right.
@@ -86,7 +86,7 @@ def doubts_in_words(runs: Sequence[tuple[str, Iterable[Answer]]]) -> str:
         for frame, why in by_frame.items():
             if why:
                 doubts.add(f"{frame} of {run}" if len(runs) > 1 else frame, why)
-    return doubts.in_words(n_frames, len(runs))
+    return doubts.describe(n_frames, len(runs))
 
 
 class Notes:
@@ -118,7 +118,7 @@ class Notes:
 
 
 @dataclass
-class Counts:
+class BatchCounts:
     """Counts that grow frame by frame. They stay small however many frames there are."""
 
     frames_done: int = 0
@@ -162,7 +162,7 @@ class Counts:
 class Totals:
     """Everything in run.json about the results; takes one frame after the other."""
 
-    counts: Counts = field(default_factory=Counts)
+    counts: BatchCounts = field(default_factory=BatchCounts)
     failures: list[tuple[str, str]] = field(default_factory=list)
     """Frame and reason of the first failed ones."""
     doubts: Doubts = field(default_factory=Doubts)
@@ -207,7 +207,7 @@ class Totals:
             **asdict(counts),
             "recall": counts.recall,
             "causes": {cause: n for cause, n in self._causes.most_common() if cause},
-            "data_in_doubt": self.doubts.in_words(counts.frames_done),
+            "data_in_doubt": self.doubts.describe(counts.frames_done),
             "notes": self.notes.counted(),
             "median_score": _median(self._scores),
             "median_add_s_mm": _median(self._errors_mm),

@@ -21,10 +21,10 @@ from msgspec import structs
 from verefine_viz.batch.folder import SESSION_FILE, RunFolder
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.pace import Pace
-from verefine_viz.batch.run_batch import Backend, Progress, run_batch
+from verefine_viz.batch.run_batch import Backend, BatchStatus, run_batch
 from verefine_viz.batch.runs import BatchInfo, Runs
 from verefine_viz.batch.worker_pool import Pool
-from verefine_viz.core.errors import InputError, UnavailableError, VerefineError, in_one_line
+from verefine_viz.core.errors import InputError, UnavailableError, VerefineError, one_line
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import check_folder, try_lock
 from verefine_viz.run.data_folder import CAMERAS, SCENES, data_at, holds_frames
@@ -45,7 +45,7 @@ LOCK = ".watch.lock"
 
 
 @dataclass(eq=False)
-class Watched:
+class WatchedDataset:
     """One data set of the folder, and its run."""
 
     out: Path
@@ -156,7 +156,7 @@ class Watch:
         self.folder, self.out = folder, out
         self._lock = lock
         self._base, self._overrides, self._n_workers = base, overrides or {}, n_workers
-        self._watched: dict[Path, Watched] = {}
+        self._watched: dict[Path, WatchedDataset] = {}
         self._faults: dict[Path, str] = {}
         self._pool: Pool | None = None
         self._stopping = threading.Event()
@@ -195,7 +195,7 @@ class Watch:
         with suppress(_Stopped):
             while not self._stopping.wait(max(self._looked_at + POLL_S - time.monotonic(), 0)):
                 try:
-                    self._look_and_tell()
+                    self._poll()
                     # While one is solved others may arrive.
                     for data, watched in [*self._watched.items()]:
                         if watched.has_work:
@@ -217,7 +217,7 @@ class Watch:
                     RunFolder(watched.out, watched.session).close()
         self._lock.close()
 
-    def _look_and_tell(self) -> None:
+    def _poll(self) -> None:
         if self.look():
             self._changed()
 
@@ -233,7 +233,7 @@ class Watch:
             frames = open_scene(session.scene, session.hypotheses).frames
             if watched is None:
                 taken = {other.out.name for other in self._watched.values()}
-                watched = self._watched[data] = Watched(self.out / _free(data.resolve().name, taken), session)
+                watched = self._watched[data] = WatchedDataset(self.out / _free(data.resolve().name, taken), session)
             if session != watched.session:
                 watched.session = session
             there = {*frames}
@@ -265,7 +265,7 @@ class Watch:
         scene = structs.replace(session.scene, frames=())
         return structs.replace(session, scene=scene, edits=())
 
-    def _solve(self, data: Path, watched: Watched) -> None:
+    def _solve(self, data: Path, watched: WatchedDataset) -> None:
         """What is ready of a data set, and what arrives meanwhile; then its tables."""
         session, frames, out = watched.session, watched.frames, watched.out.absolute()
         try:
@@ -283,13 +283,13 @@ class Watch:
                 self._pool = None
             self._faults[data] = _described(error)
             watched.blocked_until = time.monotonic() + 3 * RETRY_S
-        self._look_and_tell()
+        self._poll()
 
-    def _report(self, progress: Progress) -> None:
+    def _report(self, progress: BatchStatus) -> None:
         """While frames are solved others arrive."""
         if self._stopping.is_set():
             raise _Stopped
-        self._look_and_tell()
+        self._poll()
 
 
 class _Stopped(BaseException):
@@ -303,7 +303,7 @@ class _Newest:
     """
 
     pool: Pool
-    watched: Watched
+    watched: WatchedDataset
 
     def solve(self, frames: Iterable[str], pace: Pace) -> Iterator[RunRecord | str | None]:
         return self.pool.solve(self._wanted(self.watched.session), pace)
@@ -337,7 +337,7 @@ def _described(error: Exception) -> str:
     if isinstance(error, VerefineError):
         return str(error)
     _LOG.error("unforeseen", exc_info=error)
-    return f"{type(error).__name__}: {in_one_line(str(error))}"
+    return f"{type(error).__name__}: {one_line(str(error))}"
 
 
 def data_folders(folder: Path) -> tuple[Path, ...]:
@@ -375,7 +375,7 @@ def _shown(latest: tuple[tuple[BatchIndex, ...], str]) -> object:
     ], latest[1]
 
 
-def _accept_growth(watched: Watched) -> None:
+def _accept_growth(watched: WatchedDataset) -> None:
     """Lets a run go on with the session that ``Frame.keep`` wrote with later frames.
 
     Further results files, more poses per object, and gravity that later frames know do not change what earlier frames

@@ -15,7 +15,8 @@ from time import monotonic
 from verefine_viz.batch.frame_queue import FrameQueue
 from verefine_viz.batch.machine import SHARE, gigabytes, machine_bytes, peak_bytes, resident_bytes
 from verefine_viz.batch.pace import Pace
-from verefine_viz.batch.worker_process import TaskName, work
+from verefine_viz.batch.worker_process import work
+from verefine_viz.batch.worker_tasks import TaskName
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord, failed_run
 

@@ -10,14 +10,9 @@ import signal
 import threading
 from multiprocessing import connection, parent_process
 from pathlib import Path
-from typing import Literal
 
+from verefine_viz.batch.worker_tasks import ONE_THREAD, TaskName
 from verefine_viz.core.settings import Session
-
-ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-
-TaskName = Literal["solve", "explain", "estimate"]
-"""What workers do with a frame: solve it; solve it and explain wrong answers; only make initial poses."""
 
 
 def work(channel: connection.Connection, session: Session, out: Path, task: TaskName) -> None:

@@ -44,7 +44,7 @@ IN_ORDER = "objects appear as large as their models in their ground-truth poses"
 
 
 @dataclass(frozen=True)
-class Verdict:
+class CameraVerdict:
     """How sizes and places of objects differ from what their poses say."""
 
     message: str
@@ -76,13 +76,15 @@ def camera_notes(problem: Problem) -> tuple[str, ...]:
     return (f"{sizes.message}: {sizes.advice}",) if sizes.advice else ()
 
 
-def verdict(fits: Sequence[OutlineFit]) -> Verdict:
+def verdict(fits: Sequence[OutlineFit]) -> CameraVerdict:
     """What the outlines of objects of one frame, or of several, show together."""
     if (one_focal_length := _one_focal_length(fits)) is not None:
         return one_focal_length
     sure = [one for one in fits if one.error < SURE]
     if not sure or len(sure) < FEWEST_SURE * len(fits):
-        return Verdict("too few masks are large enough, and of the shape of their model's outline, to compare sizes")
+        return CameraVerdict(
+            "too few masks are large enough, and of the shape of their model's outline, to compare sizes"
+        )
     factors, depths = np.array([one.factor for one in sure]), np.array([one.depth for one in sure])
     depth = float(np.median(depths[np.isfinite(depths)])) if np.isfinite(depths).any() else 1.0
     if _are_off(factors, float(np.median([one.error for one in sure]))):
@@ -91,12 +93,12 @@ def verdict(fits: Sequence[OutlineFit]) -> Verdict:
         return displaced
     # What is off by far more is of another unit, and reported where units are checked.
     if not _are_off(depths, 0.0) or not 0.5 < depth < 2:
-        return Verdict(IN_ORDER)
+        return CameraVerdict(IN_ORDER)
     message = f"{IN_ORDER}, but measured depth is {_percent(depth)} {'larger' if depth > 1 else 'smaller'} than theirs"
-    return Verdict(message, f"check depth_scale in scene_camera.json: {_fitting(1 / depth)}", "depth")
+    return CameraVerdict(message, f"check depth_scale in scene_camera.json: {_fitting(1 / depth)}", "depth")
 
 
-def _one_focal_length(fits: Sequence[OutlineFit]) -> Verdict | None:
+def _one_focal_length(fits: Sequence[OutlineFit]) -> CameraVerdict | None:
     """Where objects appear wider or narrower than their models by another factor than higher or lower."""
     sure = [one for one in fits if one.sides_error < SURE_SIDES]
     if len(sure) < max(FEWEST_TOGETHER, FEWEST_SURE * len(fits)):
@@ -112,10 +114,10 @@ def _one_focal_length(fits: Sequence[OutlineFit]) -> Verdict | None:
     size = " and ".join(f"{_percent(x)} {how}" for x, how, _ in off)
     which = ", and ".join(f"{name} of cam_K looks {_off(x)}" for x, _, name in off)
     advice = f"{which}; check that cam_K belongs to images of this size"
-    return Verdict(f"objects appear {size} than their models", advice, "one focal length")
+    return CameraVerdict(f"objects appear {size} than their models", advice, "one focal length")
 
 
-def _size(sure: Sequence[OutlineFit], factor: float, depth: float) -> Verdict:
+def _size(sure: Sequence[OutlineFit], factor: float, depth: float) -> CameraVerdict:
     """Where objects appear ``factor`` times as large as their models: where they lie shows what makes them so."""
     size, away, near = ("larger", "farther from", "nearer") if factor > 1 else ("smaller", "nearer to", "farther away")
     message, off = (
@@ -133,29 +135,29 @@ def _size(sure: Sequence[OutlineFit], factor: float, depth: float) -> Verdict:
     of_models = misplaced_px([one.origin_px for one in sure])
     if _is_better(of_image, min(of_focal, of_models)):
         advice = f"cam_K looks like that of images of another size: fx, fy, cx and cy all look {off}"
-        return Verdict(f"{message} and lie {away} the image's upper left corner by as much", advice, "image")
+        return CameraVerdict(f"{message} and lie {away} the image's upper left corner by as much", advice, "image")
     if _is_better(of_focal, of_models):
         advice = f"fx and fy of cam_K look {off}; check that cam_K belongs to images of this size"
-        return Verdict(f"{message} and lie {away} the image's centre by as much", advice, "focal length")
+        return CameraVerdict(f"{message} and lie {away} the image's centre by as much", advice, "focal length")
     # Neither cam_K nor the size of models changes how far away objects are.
     if abs(np.log(depth)) > OFF and abs(np.log(depth * factor)) < abs(np.log(depth)):
         advice = f"cam_t_m2c in scene_gt.json looks too {'large' if factor > 1 else 'small'}; check its unit"
-        return Verdict(f"{message} and are {near} by as much", advice, "distances")
+        return CameraVerdict(f"{message} and are {near} by as much", advice, "distances")
     # Masks that are too wide leave objects where they are as well.
     if np.median([one.drawn.size_px for one in sure]) * abs(factor - 1) / 2 < MASK_PX:
         wide = "wide" if factor > 1 else "narrow"
-        return Verdict(f"{message}, as they do where masks are a few pixels too {wide}", cause="masks")
+        return CameraVerdict(f"{message}, as they do where masks are a few pixels too {wide}", cause="masks")
     if _is_better(of_models, min(of_focal, of_image)):
         advice = f"the models look {off}; check their unit and scale"
-        return Verdict(f"{message}, in the right places", advice, "models")
-    return Verdict(message, f"either fx and fy of cam_K or the models look {off}", "focal length or models")
+        return CameraVerdict(f"{message}, in the right places", advice, "models")
+    return CameraVerdict(message, f"either fx and fy of cam_K or the models look {off}", "focal length or models")
 
 
 def _is_better(misplaced_px: float, other_px: float) -> bool:
     return misplaced_px < other_px / 2 and misplaced_px < other_px - PLAIN_PX
 
 
-def _displaced(sure: Sequence[OutlineFit]) -> Verdict | None:
+def _displaced(sure: Sequence[OutlineFit]) -> CameraVerdict | None:
     """Where all objects lie beside their models by as much; depth shows whether the camera or the masks are off."""
     shifts_px = np.array([one.shift_px for one in sure])
     middle_px = np.median(shifts_px, axis=0)
@@ -170,11 +172,11 @@ def _displaced(sure: Sequence[OutlineFit]) -> Verdict | None:
     message = f"objects lie {where} where their models are in their ground-truth poses"
     if np.mean([one.gain for one in sure]) <= 0:
         advice = "the masks are displaced: check that they are of these images"
-        return Verdict(f"{message}, but depth does not", advice, "masks")
+        return CameraVerdict(f"{message}, but depth does not", advice, "masks")
     too = [f"{name} of cam_K looks {abs(px):.0f} px too {'small' if px > 0 else 'large'}" for px, *_, name in off]
     check = "check that cam_K belongs to these images, also if they were cropped, and that depth is registered to"
     advice = f"{' and '.join(too)}; {check} colour if the masks were made from it"
-    return Verdict(f"{message}, and so does depth", advice, "principal point")
+    return CameraVerdict(f"{message}, and so does depth", advice, "principal point")
 
 
 def _are_off(ratios: Float, error: float) -> bool:

@@ -189,7 +189,7 @@ def _doubts(problem: Problem) -> tuple[tuple[str, ...], tuple[str, ...]]:
     By ground truth; where that fits, or is unknown, by the initial poses of each source.
     """
     truths = {i.instance_id: i.T_cam_obj_gt for i in problem.instances if i.T_cam_obj_gt is not None}
-    explained, unexplained = _of_poses(problem, truths, TRUTH)
+    explained, unexplained = _pose_doubts(problem, truths, TRUTH)
     if explained or unexplained:
         return explained, unexplained
     by_source: dict[str, dict[int, Float]] = {}
@@ -198,10 +198,10 @@ def _doubts(problem: Problem) -> tuple[tuple[str, ...], tuple[str, ...]]:
             if not one.source.startswith("perturbed"):  # Those are made from the ground truth.
                 by_source.setdefault(one.source.partition(" #")[0], {}).setdefault(instance.instance_id, one.T_cam_obj)
     sources = [*by_source.items()][:MOST_SOURCES]
-    return tuple(doubt for name, poses in sources for doubt in _of_poses(problem, poses, name)[0]), ()
+    return tuple(doubt for name, poses in sources for doubt in _pose_doubts(problem, poses, name)[0]), ()
 
 
-def _of_poses(problem: Problem, poses: Mapping[int, Float], source: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _pose_doubts(problem: Problem, poses: Mapping[int, Float], source: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     named: dict[str, list[Seen]] = {}
     off: list[Seen] = []
     objects = seen_objects(problem, poses, source)

@@ -34,7 +34,7 @@ STEP_M, BORDER_PX = 0.015, 3
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class DrawnModel:
     """A model in its pose, drawn by itself; lengths and places (u, v) are in pixels of the camera's image."""
 
     depth_m: NDArray[np.float32]  # (h, w), 0 beside the model
@@ -55,7 +55,7 @@ class Drawn:
 class OutlineFit:
     """What lays the outline of a drawn model over that of a mask; errors are shares."""
 
-    drawn: Drawn
+    drawn: DrawnModel
     camera: Camera
     origin_px: Float  # (2,) where the model's origin is seen
     shift_px: Float  # (2,) of the drawn model's middle to where the mask has it
@@ -111,7 +111,7 @@ def _least_squares(residuals: Callable[[Float], Float], start: Float) -> tuple[F
     return x, float(np.linalg.norm(residuals(x))) * np.sqrt(np.diag(np.linalg.inv(system)))
 
 
-def _draw(model: ObjectModel, T_cam_obj: Float, camera: Camera) -> Drawn | None:
+def _draw(model: ObjectModel, T_cam_obj: Float, camera: Camera) -> DrawnModel | None:
     """A model in its pose; None where nothing of it is in front of the camera, or it is too near."""
     points_cam = apply(T_cam_obj, model.vertices)
     if points_cam[:, 2].min() < 0.05 or T_cam_obj[2, 3] <= 0:
@@ -133,7 +133,7 @@ def _draw(model: ObjectModel, T_cam_obj: Float, camera: Camera) -> Drawn | None:
     outside = np.stack([outside_px, *np.gradient(outside_px, pitch)[::-1]])
     places = np.argwhere(shown)[:, ::-1] * pitch
     middle_px, box_px = places.mean(axis=0) + corner_px, np.ptp(places, axis=0) + pitch
-    return Drawn(depth_m, outside, pitch, corner_px, middle_px, float(np.sqrt(len(places))) * pitch, box_px)
+    return DrawnModel(depth_m, outside, pitch, corner_px, middle_px, float(np.sqrt(len(places))) * pitch, box_px)
 
 
 @lru_cache(maxsize=64)
@@ -159,7 +159,7 @@ def _own_outline(mask: Mask, others: Mask, depth_m: NDArray[np.float32]) -> Floa
 
 
 def _depth_ratio(
-    drawn: Drawn, inside: NDArray[np.integer], factor: float, shift_px: Float, depth_m: NDArray[np.float32]
+    drawn: DrawnModel, inside: NDArray[np.integer], factor: float, shift_px: Float, depth_m: NDArray[np.float32]
 ) -> float:
     """Measured over drawn depth (median) at pixels (N, 2) of a mask that lies over the enlarged and shifted model."""
     some = inside[:: max(1, len(inside) // POINTS)]
@@ -172,7 +172,7 @@ def _depth_ratio(
     return median if n_alike > MOST_OF * len(some) else float("nan")
 
 
-def _share_measured(drawn: Drawn, shift_px: Float, depth_m: NDArray[np.float32]) -> float:
+def _share_measured(drawn: DrawnModel, shift_px: Float, depth_m: NDArray[np.float32]) -> float:
     """Share of the measured depth that is that of the drawn model, moved by ``shift_px`` (2,); 0 without any."""
     some = np.argwhere(drawn.depth_m > 0)
     some = some[:: max(1, len(some) // POINTS)]

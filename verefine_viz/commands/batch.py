@@ -15,7 +15,7 @@ from verefine_viz.core.errors import SettingsError
 
 
 @dataclass(frozen=True)
-class Batch:
+class BatchCommand:
     """Run sessions over all their frames, headless. Stopped or killed, the same command goes on where it was."""
 
     sessions: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="SESSION [SESSION ...]")]

@@ -11,7 +11,7 @@ from verefine_viz.scenes.bop_files import datasets_below, scenes_in, splits_in
 
 
 @dataclass
-class Finding:
+class CheckRow:
     """One row: what was checked, with which result, and what to do about it."""
 
     name: str
@@ -41,14 +41,14 @@ class Parts:
     """What BOP scores lack besides ground truth and depth; empty = nothing."""
     with_camera_pose: int = 0
     """Opened frames whose camera pose is known, and with it which way is up."""
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[CheckRow] = field(default_factory=list)
 
     def add(self, name: str, result: str, advice: str = "") -> None:
-        self.findings.append(Finding(name, result, advice))
+        self.findings.append(CheckRow(name, result, advice))
 
     def skip(self, name: str, why: str) -> None:
         """Adds a row of what was not checked."""
-        self.findings.append(Finding(name, why, is_checked=False))
+        self.findings.append(CheckRow(name, why, is_checked=False))
 
     @property
     def names_objects(self) -> bool:
@@ -56,7 +56,7 @@ class Parts:
         return self.ground_truth or self.detections
 
 
-def what_can_be_run(parts: Parts) -> list[tuple[str, str]]:
+def runnable_parts(parts: Parts) -> list[tuple[str, str]]:
     """Pairs of something that can be done and what is missing for it ("" = nothing)."""
     damaged = f"ground truth that can be read ({parts.damaged_ground_truth})" if parts.damaged_ground_truth else ""
     unnamed = damaged or "what says which object is where: scene_gt.json, or a detections JSON"

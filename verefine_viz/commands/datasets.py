@@ -9,14 +9,14 @@ from typing import Annotated, Literal
 
 import tyro
 
-from verefine_viz.core.errors import SettingsError, UnavailableError, in_one_line, unknown
+from verefine_viz.core.errors import SettingsError, UnavailableError, one_line, unknown
 from verefine_viz.core.writing import check_folder
 
 HUB = "https://huggingface.co/datasets/bop-benchmark"
 
 
 @dataclass(frozen=True)
-class Entry:
+class PublicDataset:
     """A data set of the paper: what to fetch, and from where."""
 
     name: str
@@ -33,7 +33,7 @@ AUTHORS = "the archive that the README of github.com/dornik/verefine links"
 """What the authors of VeREFINE made of the data sets."""
 DENSEFUSION = "official weights of DenseFusion: github.com/j96w/DenseFusion, Trained checkpoints"
 CATALOGUE = (
-    Entry(
+    PublicDataset(
         "lm",
         "LINEMOD",
         "13 objects (3 and 7 are left out), one annotated object per frame, 2219 frames of BOP'19",
@@ -45,13 +45,13 @@ CATALOGUE = (
             DENSEFUSION,
         ),
     ),
-    Entry(
+    PublicDataset(
         "lmo",
         "LINEMOD-Occluded",
         "the clutter of LINEMOD: 8 objects of scene 2, all annotated (not in the paper)",
         ("lmo_base.zip", "lmo_models.zip", "lmo_test_bop19.zip"),
     ),
-    Entry(
+    PublicDataset(
         "ycbv",
         "YCB-Video",
         "21 objects, 75 key frames of each of 12 test scenes, the 900 frames of BOP'19",
@@ -63,7 +63,7 @@ CATALOGUE = (
             DENSEFUSION,
         ),
     ),
-    Entry(
+    PublicDataset(
         "xapc",
         "Extended APC",
         "11 objects, three in each of 30 scenes, which touch or carry each other; all frames",
@@ -110,7 +110,7 @@ def _list(folder: Path) -> int:
     console = Terminal(highlight=False, soft_wrap=True)
     for entry in CATALOGUE:
         console.print(f"[bold]{entry.name}[/]  {escape(entry.title)}: {escape(entry.used_for)}")
-        for line in (*_how_to_fetch(entry, folder), *entry.notes):
+        for line in (*_fetch_instructions(entry, folder), *entry.notes):
             console.print(f"      {escape(line)}")
     console.print("verefine-viz datasets fetch NAME downloads; datasets check DIR checks what is there.")
     return 0
@@ -122,11 +122,11 @@ def _fetch(name: str, folder: Path) -> int:
         raise SettingsError(unknown("data set", name, [entry.name for entry in CATALOGUE]))
     for path in _download(entry, folder):
         print(path)
-    print(_how_to_fetch(entry, folder)[-1])
+    print(_fetch_instructions(entry, folder)[-1])
     return 0
 
 
-def _how_to_fetch(entry: Entry, folder: Path) -> list[str]:
+def _fetch_instructions(entry: PublicDataset, folder: Path) -> list[str]:
     """What to do without huggingface_hub, a line each."""
     if not entry.archives:
         return [entry.instructions]
@@ -138,14 +138,14 @@ def _how_to_fetch(entry: Entry, folder: Path) -> list[str]:
     ]
 
 
-def _download(entry: Entry, folder: Path) -> list[Path]:
+def _download(entry: PublicDataset, folder: Path) -> list[Path]:
     """Downloads the archives of a data set next to its folder; those that are there already are skipped.
 
     Raises:
         UnavailableError: huggingface_hub is not installed, the hub cannot be reached, or it does not have the data set.
         InputError: nothing can be written there.
     """
-    by_hand = "; ".join(_how_to_fetch(entry, folder))
+    by_hand = "; ".join(_fetch_instructions(entry, folder))
     if not entry.archives:
         raise UnavailableError(f"{entry.name} cannot be downloaded: {entry.instructions}")
     check_folder(folder, "--folder")
@@ -178,13 +178,13 @@ def _check(folder: Path, sensor: str) -> int:
 
     from verefine_viz.batch.terminal import Terminal
     from verefine_viz.commands.dataset_check import check_split
-    from verefine_viz.commands.dataset_parts import splits_of, what_can_be_run
+    from verefine_viz.commands.dataset_parts import runnable_parts, splits_of
     from verefine_viz.scenes.bop_files import inside_dataset
 
     console = Terminal(highlight=False)
     faulty: list[str] = []
     if inside := inside_dataset(folder):
-        print(in_one_line(f"{folder} lies in the data set {inside.dataset}; its split {inside.split} is checked"))
+        print(one_line(f"{folder} lies in the data set {inside.dataset}; its split {inside.split} is checked"))
     folder, splits = (inside.dataset, (inside.split,)) if inside else (folder, splits_of(folder))
     for split in splits:
         with console.status(f"checking {escape(split)}"):
@@ -197,7 +197,7 @@ def _check(folder: Path, sensor: str) -> int:
             table.add_row(escape(row.name), mark, escape(row.result + (f"\n→ {row.advice}" if row.advice else "")))
             faulty += [row.name] * bool(row.advice)
         console.print(table)
-        for what, missing in what_can_be_run(parts):
+        for what, missing in runnable_parts(parts):
             console.print(
                 escape(f"{'cannot' if missing else 'can'} run: {what}" + (f"; missing {missing}" * bool(missing))),
                 soft_wrap=True,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Doctor:
+class DoctorCommand:
     """Check this machine: versions, OpenGL, physics, browser, viewer, write access, and a short self-check."""
 
     def run(self, arguments: Sequence[str]) -> int:

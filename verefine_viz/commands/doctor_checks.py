@@ -15,14 +15,14 @@ from pathlib import Path
 import numpy as np
 import platformdirs
 
-from verefine_viz.batch.machine import machine, package_versions
+from verefine_viz.batch.machine import machine
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.problem import Instance, Placed, Target
 from verefine_viz.core.settings import PhysicsSettings, ScoreSettings
-from verefine_viz.run.versions import BULLET
+from verefine_viz.run.versions import BULLET, package_versions
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 BOX_M = np.array([0.10, 0.08, 0.06])

@@ -14,7 +14,7 @@ from verefine_viz.commands.flags import AnySettings, SessionFlags, check_workers
 
 
 @dataclass(frozen=True)
-class Estimate:
+class EstimateCommand:
     """Find initial poses in all frames with the session's estimator: a BOP results CSV. Stopped, it can go on later."""
 
     session: Annotated[Path, tyro.conf.Positional]

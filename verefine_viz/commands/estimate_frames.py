@@ -16,7 +16,7 @@ from verefine_viz.batch.batch_command import unreadable
 from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.jobs import check_outside
 from verefine_viz.batch.progress import BatchProgress
-from verefine_viz.batch.run_batch import Backend, Outcome, run_batch
+from verefine_viz.batch.run_batch import Backend, BatchOutcome, run_batch
 from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.errors import SettingsError
@@ -77,7 +77,7 @@ def _only_estimating(session: Session) -> Session:
     return structs.replace(session, physics=physics, dependency=DependencySettings(), method=method)
 
 
-def _print_summary(outcome: Outcome, n_hypotheses: int, lacking: list[Answer], out: Path) -> None:
+def _print_summary(outcome: BatchOutcome, n_hypotheses: int, lacking: list[Answer], out: Path) -> None:
     console = Terminal(highlight=False, soft_wrap=True)
     numbers = outcome.totals
     before = f" ({outcome.n_resumed} done before)" if outcome.n_resumed else ""

@@ -15,7 +15,7 @@ from verefine_viz.core.errors import SettingsError
 
 
 @dataclass(frozen=True)
-class Evaluate:
+class EvaluateCommand:
     """Score results files as the BOP toolkit does: AR over VSD, MSSD and MSPD (BOP'19), or mean precision (BOP'24)."""
 
     results: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RESULTS.csv [RESULTS.csv ...]")]

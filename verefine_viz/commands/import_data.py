@@ -11,7 +11,7 @@ import tyro
 
 
 @dataclass(frozen=True)
-class Import:
+class ImportCommand:
     """Write traces, or frames in another layout that view knows, as a data set in BOP layout with a session."""
 
     folder: Annotated[Path, tyro.conf.Positional]

@@ -10,14 +10,14 @@ from typing import Annotated
 
 import tyro
 
-from verefine_viz.core.errors import InputError, VerefineError, in_one_line
+from verefine_viz.core.errors import InputError, VerefineError, one_line
 
 DIFFERS, CANNOT, ENDED_EARLY = 1, 2, 3
 """Exit codes of --verify; the last is for a recording that is the same as far as it goes, but was stopped early."""
 
 
 @dataclass(frozen=True)
-class Replay:
+class ReplayCommand:
     """Show a recorded run in the rerun viewer, or run the sessions of any number again and compare (--verify)."""
 
     recordings: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN [RUN ...]")]
@@ -60,7 +60,7 @@ def _verify_all(recordings: Sequence[Path]) -> int:
         try:
             codes.add(_verify(recording))
         except VerefineError as error:
-            print(f"verefine-viz: {in_one_line(str(error))}", file=sys.stderr, flush=True)
+            print(f"verefine-viz: {one_line(str(error))}", file=sys.stderr, flush=True)
             codes.add(CANNOT)
     return next(code for code in (CANNOT, DIFFERS, ENDED_EARLY, 0) if code in codes)
 
@@ -78,7 +78,7 @@ def _verify(recording: Path) -> int:
 
     _check_file(recording)
     verification = verify(recording, again)
-    print(in_one_line(f"{recording}: {verification.in_words}"), flush=True)
+    print(one_line(f"{recording}: {verification.text}"), flush=True)
     if verification.ends_early:
         return ENDED_EARLY
     return DIFFERS if verification.difference else 0
@@ -90,7 +90,7 @@ def _open(recording: Path) -> int:
     viewer = open_viewer(recording)
     try:
         where = f"at {viewer.address}  (Ctrl-C" if viewer.address else "in its window  (closing it, or Ctrl-C,"
-        print(f"verefine-viz: {in_one_line(str(recording))} in the rerun viewer, {where} ends it)", flush=True)
+        print(f"verefine-viz: {one_line(str(recording))} in the rerun viewer, {where} ends it)", flush=True)
         return viewer.process.wait()
     except KeyboardInterrupt:
         return 0

@@ -19,7 +19,7 @@ MOST_EMBEDDED, MOST_PICTURES = 200, 10_000
 
 
 @dataclass(frozen=True)
-class Report:
+class ReportCommand:
     """Write the report of a batch, of two side by side, or of many compared: one HTML file with scores, causes and all
     answers, that opens offline; the worst failures open in it.
     """

@@ -25,7 +25,7 @@ from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.files import reading
 from verefine_viz.evaluation.averages import Precision, Recalls
-from verefine_viz.evaluation.bop_scores import Scores
+from verefine_viz.evaluation.bop_scores import BopScores
 from verefine_viz.evaluation.matched_estimates import correct_share, mean_errors
 from verefine_viz.evaluation.pose_table import Coverage, Covered, OwnPart
 from verefine_viz.evaluation.results_scores import Evaluation, evaluate_files
@@ -167,7 +167,7 @@ def _overviews(evaluation: Evaluation) -> Iterator[tuple[str, Table]]:
         yield _title(evaluation, OWN["file"]), _overview(files, ("images",))
 
 
-def _own(evaluation: Evaluation, how: str) -> Iterator[tuple[Scores, tuple[str, ...]]]:
+def _own(evaluation: Evaluation, how: str) -> Iterator[tuple[BopScores, tuple[str, ...]]]:
     """Scores over the part that is a file's own, and how many of all images and objects this holds."""
     for score, own, covered in zip(evaluation.scores, evaluation.own, evaluation.coverage, strict=True):
         if own is not None and score.own is not None and own.known_from == how:
@@ -180,7 +180,7 @@ def _title(evaluation: Evaluation, what: str) -> str:
     return f"{evaluation.dataset}/{evaluation.split}, {what}: {_measure(evaluation.scores[0])} [%]"
 
 
-def _overview(shown: Sequence[tuple[Scores, tuple[str, ...]]], about: tuple[str, ...] = ()) -> Table:
+def _overview(shown: Sequence[tuple[BopScores, tuple[str, ...]]], about: tuple[str, ...] = ()) -> Table:
     """A row for each score; ``about`` names those of the cells beside it that are shown."""
     is_timed = any(score.mean_time_s >= 0 for score, _ in shown)
     heads = (*about, *_heads(shown[0][0]), "missing", *(["s/image"] if is_timed else []))
@@ -191,17 +191,17 @@ def _overview(shown: Sequence[tuple[Scores, tuple[str, ...]]], about: tuple[str,
     return table
 
 
-def _measure(score: Scores) -> str:
+def _measure(score: BopScores) -> str:
     return "average recall" if score.precision is None else "mean average precision"
 
 
-def _heads(score: Scores) -> tuple[str, ...]:
+def _heads(score: BopScores) -> tuple[str, ...]:
     if score.precision is not None:
         return "mAP", "MSSD", "MSPD", "MSSD 2-20 mm"
     return "AR", "VSD", "MSSD", "MSPD", "ADD(-S)", "r̄ °", "t̄ mm"
 
 
-def _numbers(score: Scores) -> list[str]:
+def _numbers(score: BopScores) -> list[str]:
     if score.precision is not None:
         return _precisions(score.precision)
     assert score.recalls is not None
@@ -216,7 +216,7 @@ def _recalls(r: Recalls) -> list[str]:
     return [_percent(x) for x in (r.ar, r.ar_vsd, r.ar_mssd, r.ar_mspd)]
 
 
-def _means(score: Scores, obj_id: int | None = None) -> list[str]:
+def _means(score: BopScores, obj_id: int | None = None) -> list[str]:
     answers = [a for a in score.answers if obj_id in (None, a.obj_id)]
     return [_percent(correct_share(answers)), *("-" if math.isnan(x) else f"{x:.1f}" for x in mean_errors(answers))]
 
@@ -236,7 +236,7 @@ def _by_object(evaluation: Evaluation) -> Iterator[tuple[str, Table]]:
             yield f"{score.name}: {_measure(score)} [%]", _objects(score, evaluation.names)
 
 
-def _objects(score: Scores, names: dict[int, str]) -> Table:
+def _objects(score: BopScores, names: dict[int, str]) -> Table:
     table = _narrow_table(["#", "object"], [*_heads(score), "targets" if score.precision else "missing"])
     for obj_id, precision in score.precision_by_object.items():
         numbers = *_precisions(precision), str(precision.n_targets)
@@ -268,7 +268,7 @@ def _remarks(evaluation: Evaluation) -> list[str]:
     return lines
 
 
-def _covered(covered: Coverage, score: Scores) -> list[str]:
+def _covered(covered: Coverage, score: BopScores) -> list[str]:
     """What a file has no estimates for, and which of its rows are no poses."""
     lines, counts = [], score.counts
     if not covered.is_complete or counts.missing:
@@ -288,7 +288,7 @@ def _covered(covered: Coverage, score: Scores) -> list[str]:
     return lines
 
 
-def _rows(score: Scores) -> list[str]:
+def _rows(score: BopScores) -> list[str]:
     """What became of rows that were not scored."""
     counts, lines = score.counts, []
     if counts.unasked:
@@ -322,7 +322,7 @@ def _evaluation_json(evaluation: Evaluation) -> dict[str, Any]:
     }
 
 
-def _scores_json(score: Scores, names: dict[int, str]) -> dict[str, Any]:
+def _scores_json(score: BopScores, names: dict[int, str]) -> dict[str, Any]:
     """All numbers of one method."""
     head: dict[str, Any] = {"method": score.name, "task": score.task}
     if score.precision is not None:
@@ -346,7 +346,7 @@ def _scores_json(score: Scores, names: dict[int, str]) -> dict[str, Any]:
     return head | {"average_time_per_image_s": seconds, "counts": asdict(score.counts)}
 
 
-def _own_json(score: Scores, own: OwnPart | None, names: dict[int, str]) -> dict[str, Any] | None:
+def _own_json(score: BopScores, own: OwnPart | None, names: dict[int, str]) -> dict[str, Any] | None:
     """The score over what the file is about, where this is not all that is asked for."""
     if own is None or score.own is None:
         return None
@@ -374,7 +374,7 @@ def _precision_json(precision: Precision) -> dict[str, Any]:
     }
 
 
-def _object_json(score: Scores, obj_id: int, names: dict[int, str]) -> dict[str, Any]:
+def _object_json(score: BopScores, obj_id: int, names: dict[int, str]) -> dict[str, Any]:
     answers = [a for a in score.answers if a.obj_id == obj_id]
     turn_deg, shift_mm = mean_errors(answers)
     return {

@@ -13,7 +13,7 @@ from verefine_viz.core.errors import InputError
 
 
 @dataclass(frozen=True)
-class Share:
+class ShareCommand:
     """Write a run as one HTML file that opens by a double click, offline and without this program."""
 
     what: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None

@@ -15,7 +15,7 @@ from verefine_viz.core.writing import check_folder
 
 
 @dataclass(frozen=True)
-class Study:
+class StudyCommand:
     """Run a study of the paper with its budgets: every method under growing error, with missing depth, or as it is.
 
     Methods, calls and initial poses are the study's, whatever the session has; as options they are refused.

@@ -18,7 +18,7 @@ MOST_STEPS, MOST_MINUTES, MOST_POINTS = 10_000_000, 100_000, 10_000
 
 
 @dataclass(frozen=True)
-class Train:
+class TrainCommand:
     """Train a network on made-up views, on one processor core. Stopped or killed, the same command goes on."""
 
     network: Annotated[Literal["depth_net", "densefusion"], tyro.conf.Positional]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class View:
+class ViewCommand:
     """Open the page in the browser: step through a run and see why a pose won or lost."""
 
     session: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SESSION|DIR|RUN]")] = None
@@ -136,13 +136,13 @@ def _data_folder(path: Path | None, overrides: Mapping[str, Any]) -> KnownData |
         InputError: it is one of nothing that can be opened.
     """
     from verefine_viz.batch.index import is_batch_folder, named_runs
-    from verefine_viz.run.data_folder import data_at, why_unknown
+    from verefine_viz.run.data_folder import data_at, layout_fault
 
     if path is None or is_batch_folder(path):
         return None
     known = data_at(path, overrides)
     if known is None and path.is_dir() and not named_runs(path) and not (path / "session.toml").exists():
-        why = why_unknown(path)
+        why = layout_fault(path)
         batch = "is no folder of a batch: it has no run.json, and " if why.startswith("holds no data") else ""
         raise InputError(f"{path} {batch}{why}")
     return known

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.files import reading
-from verefine_viz.core.writing import atomic, one_at_a_time
+from verefine_viz.core.writing import atomic, locked
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +60,7 @@ def cached(
 
     known = read_sound()
     if known is None:
-        with one_at_a_time(file.with_suffix(".lock"), report, waiting):
+        with locked(file.with_suffix(".lock"), report, waiting):
             known = read_sound()
             if known is None:
                 report(preparing)

@@ -42,6 +42,12 @@ def frozen(value: ArrayLike, name: str, shape: tuple[int | None, ...], dtype: DT
     return array
 
 
+def set_fields(record: object, **arrays: object) -> None:
+    """Put checked arrays into a frozen dataclass: for its ``__post_init__`` only, while nothing else knows it."""
+    for name, value in arrays.items():
+        object.__setattr__(record, name, value)
+
+
 def writable(value: ArrayLike) -> Float:
     """Return a plain copy of float64: numba compiles a kernel for read-only arrays once more."""
     return np.array(value, dtype=np.float64, order="C")

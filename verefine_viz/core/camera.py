@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float, finite
+from verefine_viz.core.arrays import Float, finite, set_fields
 from verefine_viz.core.errors import ShapeError
 
 LAST_ROW = (0.0, 0.0, 1.0)
@@ -38,7 +38,7 @@ class Camera:
         check_intrinsics(K, self.width)
         if self.width <= 0 or self.height <= 0:
             raise ShapeError(f"the image is {self.width}×{self.height}, expected positive sizes")
-        object.__setattr__(self, "K", K)
+        set_fields(self, K=K)
 
     @property
     def fx(self) -> float:

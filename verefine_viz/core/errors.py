@@ -16,7 +16,7 @@ class VerefineError(Exception):
 
     def __str__(self) -> str:
         # Whatever it quotes from files or their names, it can be printed and written.
-        return in_one_line(super().__str__())
+        return one_line(super().__str__())
 
 
 class InputError(VerefineError):
@@ -78,6 +78,6 @@ def quoted(value: object, most: int = 80) -> str:
     return text if len(text) <= most else f"{text[:most]}…"
 
 
-def in_one_line(text: str) -> str:
+def one_line(text: str) -> str:
     """An error's text for a terminal, whatever it quotes from files (line breaks, terminal codes)."""
     return "".join(c if c.isprintable() else "�" for c in " ".join(text.split()))

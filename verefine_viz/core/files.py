@@ -20,7 +20,7 @@ import numpy as np
 from msgspec import Meta
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, ShapeError, VerefineError, in_one_line, quoted
+from verefine_viz.core.errors import InputError, ShapeError, VerefineError, one_line, quoted
 
 MOST_BYTES = 2_000_000_000
 """Size of a file that is read, unless its reader says less."""
@@ -85,7 +85,7 @@ def first_line(error: Exception) -> str:
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
     text = (error.strerror if isinstance(error, OSError) else None) or str(error)
-    line = in_one_line(re.sub(r" <_io[^>]*>", "", next(iter(text.strip().splitlines()), "")))[:LONGEST]
+    line = one_line(re.sub(r" <_io[^>]*>", "", next(iter(text.strip().splitlines()), "")))[:LONGEST]
     is_plain = isinstance(error, ValueError | OSError | VerefineError | msgspec.MsgspecError)
     return line if line and is_plain else f"{type(error).__name__}: {line}".removesuffix(": ")
 

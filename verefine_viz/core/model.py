@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float, finite, frozen
+from verefine_viz.core.arrays import Float, finite, frozen, set_fields
 from verefine_viz.core.errors import ShapeError
 
 
@@ -24,8 +24,11 @@ class Texture:
     that the image is repeated."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "image", frozen(self.image, "texture", (None, None, 3), np.uint8))
-        object.__setattr__(self, "uv", frozen(self.uv, "texture coordinates", (None, 3, 2), np.float32))
+        set_fields(
+            self,
+            image=frozen(self.image, "texture", (None, None, 3), np.uint8),
+            uv=frozen(self.uv, "texture coordinates", (None, 3, 2), np.float32),
+        )
 
     def colors(self, uv: Float) -> Float:
         """(N, 3) RGB in [0, 255] at coordinates (N, 2), linear between the pixels."""
@@ -71,16 +74,17 @@ class ObjectModel:
             raise ShapeError(f"faces of object {self.obj_id} ({self.name}) name vertices that do not exist")
         if not self.diameter_m > 0:
             raise ShapeError(f"diameter of object {self.obj_id} ({self.name}) is {self.diameter_m}, expected > 0 m")
-        object.__setattr__(self, "vertices", vertices)
-        object.__setattr__(self, "faces", faces)
-        object.__setattr__(self, "points", finite(self.points, f"points of object {self.obj_id}", (None, 3)))
-        object.__setattr__(
-            self, "point_normals", finite(self.point_normals, f"normals of object {self.obj_id}", (len(self.points), 3))
+        set_fields(
+            self,
+            vertices=vertices,
+            faces=faces,
+            points=finite(self.points, f"points of object {self.obj_id}", (None, 3)),
+            point_normals=finite(self.point_normals, f"normals of object {self.obj_id}", (len(self.points), 3)),
+            symmetries=finite(self.symmetries, "symmetries", (None, 4, 4)),
         )
-        object.__setattr__(self, "symmetries", finite(self.symmetries, "symmetries", (None, 4, 4)))
         if self.vertex_colors is not None:
             colors = frozen(self.vertex_colors, "vertex colours", (len(vertices), 3), np.uint8)
-            object.__setattr__(self, "vertex_colors", colors)
+            set_fields(self, vertex_colors=colors)
         if self.texture is not None and len(self.texture.uv) != len(faces):
             raise ShapeError(
                 f"object {self.obj_id} ({self.name}) has {len(faces)} faces and texture coordinates of "

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float, Mask, finite, frozen
+from verefine_viz.core.arrays import Float, Mask, finite, frozen, set_fields
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.surroundings import Surroundings
@@ -40,8 +40,11 @@ class Support:
     """What supports and stops the objects instead of the plane; None: the plane alone."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "T_world_cam", as_rigid(self.T_world_cam, "T_world_cam"))
-        object.__setattr__(self, "normal_world", finite(self.normal_world, "normal_world", (3,)))
+        set_fields(
+            self,
+            T_world_cam=as_rigid(self.T_world_cam, "T_world_cam"),
+            normal_world=finite(self.normal_world, "normal_world", (3,)),
+        )
 
     @property
     def tilt_deg(self) -> float:
@@ -82,10 +85,13 @@ class Observation:
 
     def __post_init__(self) -> None:
         h, w = self.camera.shape
-        object.__setattr__(self, "depth_m", frozen(self.depth_m, "depth", (h, w), np.float32))
-        object.__setattr__(self, "normals_cam", frozen(self.normals_cam, "normals", (h, w, 3), np.float32))
-        object.__setattr__(self, "object_mask", frozen(self.object_mask, "object mask", (h, w), np.bool_))
+        set_fields(
+            self,
+            depth_m=frozen(self.depth_m, "depth", (h, w), np.float32),
+            normals_cam=frozen(self.normals_cam, "normals", (h, w, 3), np.float32),
+            object_mask=frozen(self.object_mask, "object mask", (h, w), np.bool_),
+        )
         if self.T_map_cam is not None:
-            object.__setattr__(self, "T_map_cam", as_rigid(self.T_map_cam, "T_map_cam"))
+            set_fields(self, T_map_cam=as_rigid(self.T_map_cam, "T_map_cam"))
         if self.rgb is not None:
-            object.__setattr__(self, "rgb", frozen(self.rgb, "rgb", (h, w, 3), np.uint8))
+            set_fields(self, rgb=frozen(self.rgb, "rgb", (h, w, 3), np.uint8))

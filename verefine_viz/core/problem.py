@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from verefine_viz.core.arrays import Float, Mask, finite, frozen
+from verefine_viz.core.arrays import Float, Mask, finite, frozen, set_fields
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.model import ObjectModel
@@ -87,7 +87,7 @@ class Hypothesis:
     """The earlier frame whose answer it is; "" = none."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"hypothesis ({self.source})"))
+        set_fields(self, T_cam_obj=as_rigid(self.T_cam_obj, f"hypothesis ({self.source})"))
 
 
 SAME_POSE = 1e-5
@@ -113,7 +113,7 @@ class RecordedStep:
     note: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "T_cam_obj", as_rigid(self.T_cam_obj, f"recorded pose ({self.name})"))
+        set_fields(self, T_cam_obj=as_rigid(self.T_cam_obj, f"recorded pose ({self.name})"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,10 +139,13 @@ class Instance:
     """That program's own scores of the hypotheses, where it recorded any steps."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mask", frozen(self.mask, "mask", (None, None), bool))
-        object.__setattr__(self, "points_cam", finite(self.points_cam, "observed cloud", (None, 3)))
+        set_fields(
+            self,
+            mask=frozen(self.mask, "mask", (None, None), bool),
+            points_cam=finite(self.points_cam, "observed cloud", (None, 3)),
+        )
         if self.T_cam_obj_gt is not None:
-            object.__setattr__(self, "T_cam_obj_gt", as_rigid(self.T_cam_obj_gt, "ground-truth pose"))
+            set_fields(self, T_cam_obj_gt=as_rigid(self.T_cam_obj_gt, "ground-truth pose"))
 
     def recorded_score(self, T_cam_obj: Float) -> float | None:
         """The score that the other program last gave to this pose (4, 4); None where it gave none."""

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float, frozen
+from verefine_viz.core.arrays import Float, frozen, set_fields
 
 PIXEL_CLASSES = ("explained", "missed", "protruding", "hidden", "unknown")
 """Column order of ``counts`` and value − 1 of ``ScoreMaps.classes`` (0 = not part of the score).
@@ -99,8 +99,8 @@ class Scores:
         if not defined.all():
             # Worth nothing (docs/methods.md 1.8.6), and an event of the iteration.
             score = np.where(defined, score, 0.0)
-            object.__setattr__(self, "undefined", frozen(~defined, "undefined scores", (None,), np.bool_))
-        object.__setattr__(self, "score", frozen(score, "score", (None,)))
+            set_fields(self, undefined=frozen(~defined, "undefined scores", (None,), np.bool_))
+        set_fields(self, score=frozen(score, "score", (None,)))
 
     def __len__(self) -> int:
         return len(self.score)

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from verefine_viz.core.arrays import Float, Mask, finite, frozen
+from verefine_viz.core.arrays import Float, Mask, finite, frozen, set_fields
 from verefine_viz.core.model import ObjectModel
 
 SUPPORT_ID = -1
@@ -41,8 +41,11 @@ class SupportSurface:
     """(m, 2) corners seen from above, anticlockwise and convex [m]; none: without end."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "normal_world", finite(self.normal_world, "normal", (3,)))
-        object.__setattr__(self, "outline_xy", finite(self.outline_xy, "outline", (None, 2)))
+        set_fields(
+            self,
+            normal_world=finite(self.normal_world, "normal", (3,)),
+            outline_xy=finite(self.outline_xy, "outline", (None, 2)),
+        )
 
     @property
     def is_endless(self) -> bool:
@@ -89,7 +92,7 @@ class UnknownObject:
     """Whether the user dropped it: it is shown, but stops nothing."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mask", frozen(self.mask, "mask of an unknown object", (None, None), bool))
+        set_fields(self, mask=frozen(self.mask, "mask of an unknown object", (None, None), bool))
 
     @property
     def instance_id(self) -> int:

@@ -24,7 +24,7 @@ _ABOUT_PATHS = (
 """Errors of the system about a path, not about what is written there."""
 
 
-def at_home(text: str) -> Path:
+def expand_home(text: str) -> Path:
     """The path that the user typed: "~" is the home folder; "~name" stays as it is where there is no such user."""
     try:
         return Path(text).expanduser()
@@ -32,7 +32,7 @@ def at_home(text: str) -> Path:
         return Path(text)
 
 
-def why_not(path: Path, error: OSError) -> str:
+def path_fault(path: Path, error: OSError) -> str:
     """What is wrong with which part of a path that could not be made or written: "/a/b is a file, not a folder"."""
     message = error.strerror or str(error)
     if error.errno not in _ABOUT_PATHS:
@@ -95,7 +95,7 @@ def _try(folder: Path, what: str, option: str) -> None:
         with tempfile.TemporaryFile(dir=_there(folder)):
             pass
     except OSError as error:
-        why = why_not(folder / "file", error)
+        why = path_fault(folder / "file", error)
         raise InputError(f"cannot write to {what}: {why}; choose another {option}") from None
 
 
@@ -128,7 +128,7 @@ def atomic(path: Path) -> Iterator[Path]:
         yield part
         part.replace(path)
     except OSError as error:
-        raise InputError(f"cannot write {path}: {why_not(path, error)}") from None
+        raise InputError(f"cannot write {path}: {path_fault(path, error)}") from None
     finally:
         with suppress(OSError):
             part.unlink()
@@ -209,7 +209,7 @@ def wait_for_lock(file: Path) -> BinaryIO:
 
 
 @contextmanager
-def one_at_a_time(file: Path, asked: Callable[[str], object], waiting: str) -> Iterator[None]:
+def locked(file: Path, asked: Callable[[str], object], waiting: str) -> Iterator[None]:
     """Inside, no other process or thread is inside with the same lock file, which is gone afterwards.
 
     Where no lock file can be made (a cache that cannot be written to) there may be several: what they make in there
@@ -246,7 +246,7 @@ def _opened(file: Path) -> BinaryIO:
             raise InputError(
                 f"cannot write {file}: it is a link to {file.readlink()}, expected a file; remove the link"
             ) from None
-        raise InputError(f"cannot write {file}: {why_not(file, error)}") from None
+        raise InputError(f"cannot write {file}: {path_fault(file, error)}") from None
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
         raise InputError(f"cannot write {file}: it is no regular file, expected one")

@@ -117,21 +117,21 @@ def _within(curve: Curve) -> list[float]:
     return np.linspace(curve.low, curve.high, MORE).tolist() if curve.width > curve.axis.steps[0] else []
 
 
-def in_short(around: Landscape, other: OtherPose) -> str:
+def brief(around: Landscape, other: OtherPose) -> str:
     """What is undetermined: "turn about the vertical undetermined within ±25°", or how far away the other pose is."""
     widest = around.least_certain
     if widest.width > widest.axis.steps[0]:
-        return widest.in_words()
+        return widest.describe()
     return f"a pose {other.apart_mm:.0f} mm away fits as well"
 
 
-def in_words(name: str, around: Landscape, other: OtherPose, of_other: str = "another pose") -> str:
+def describe(name: str, around: Landscape, other: OtherPose, of_other: str = "another pose") -> str:
     """Return "The observation cannot tell the answer for the mug (score up to 0.91) from another pose 31 mm away"."""
     one, two = distinct_texts(other.score_of_answer, other.score, 3)
     return (
         f"The observation cannot tell the answer for the {name} (score up to {one}) from {of_other} "
         f"{other.apart_mm:.0f} mm away (up to {two}): the noise of the difference is ±{other.noise:.4f}; "
-        f"{in_short(around, other)}."
+        f"{brief(around, other)}."
     )
 
 
@@ -162,4 +162,4 @@ def ambiguous(case: Case) -> Finding | None:
         "undetermined_deg": around.undetermined_deg,
         "error": case.error,
     }
-    return Finding(Cause.AMBIGUOUS, in_words(case.name, around, other, "a correct pose"), evidence, True)
+    return Finding(Cause.AMBIGUOUS, describe(case.name, around, other, "a correct pose"), evidence, True)

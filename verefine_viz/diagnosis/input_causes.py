@@ -78,11 +78,11 @@ def symmetric(case: Case) -> Finding | None:
 def unit(case: Case) -> Finding | None:
     """Initial poses are written in metres or centimetres; decided by a re-run with them in millimetres."""
     diameter_m, given = case.target.model.diameter_m, case.target.instance.hypotheses
-    units = [of_another_unit(h.T_cam_obj, case.T_gt, diameter_m) for h in given]
+    units = [likely_unit(h.T_cam_obj, case.T_gt, diameter_m) for h in given]
     wrong = [name for name in units if name]
     if not wrong:
         return None
-    poses = [_in_millimetres(h.T_cam_obj, name) for h, name in zip(given, units, strict=True)]
+    poses = [_to_millimetres(h.T_cam_obj, name) for h, name in zip(given, units, strict=True)]
     again = case.rerun("initial poses in millimetres", case.with_pool(*poses))
     whose = "The translation of the only hypothesis"
     if len(units) > 1:
@@ -104,7 +104,7 @@ def unit(case: Case) -> Finding | None:
     )
 
 
-def of_another_unit(T_est: Float, T_gt: Float, diameter_m: float) -> str:
+def likely_unit(T_est: Float, T_gt: Float, diameter_m: float) -> str:
     """The unit that the translation of a pose (4, 4) seems to have, where it would lie on the object with it; else "".
 
     A pose nearer to ground truth than the diameter is taken as it is.
@@ -115,7 +115,7 @@ def of_another_unit(T_est: Float, T_gt: Float, diameter_m: float) -> str:
     return next((unit for unit, factor in UNITS.items() if np.linalg.norm(factor * t - t_gt) < diameter_m), "")
 
 
-def _in_millimetres(T_est: Float, unit: str) -> Float:
+def _to_millimetres(T_est: Float, unit: str) -> Float:
     return transform(T_est[:3, :3], UNITS.get(unit, 1.0) * T_est[:3, 3])
 
 

@@ -45,7 +45,7 @@ class Discarded:
         """When it was there: "at iteration 3"."""
         return f"at iteration {self.iteration}" if self.iteration else "at the start"
 
-    def in_words(self, name: str) -> str:
+    def describe(self, name: str) -> str:
         """What happened to the object ``name``."""
         pose, answer = distinct_texts(self.score.score, self.answer.score.score, 3)
         since = f"from iteration {self.given_up} on" if self.given_up > self.iteration else "at once"

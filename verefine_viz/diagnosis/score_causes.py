@@ -177,7 +177,7 @@ def _way(case: Case) -> str:
     way = turning_on(case.target, case.answer.T_cam_obj)
     if way is None or max(way.tilt_deg, way.turn_deg) < WORTH_A_WAY_DEG:
         return ""
-    return f" ({rotation_error_deg(case.target.model, case.answer.T_cam_obj, case.T_gt):.0f}°: {way.in_words(0)})"
+    return f" ({rotation_error_deg(case.target.model, case.answer.T_cam_obj, case.T_gt):.0f}°: {way.describe(0)})"
 
 
 def preferred(
@@ -197,7 +197,7 @@ def preferred(
     of_wrong, of_gt = distinct_texts(wrong.score, right.score, 3)
     if of_wrong == of_gt:
         return f"{whose} gives {pose} as much as the ground truth: {of_gt}."
-    return f"{whose} prefers {pose}: {of_wrong} against {of_gt} for the ground truth{_why(wrong, right)}."
+    return f"{whose} prefers {pose}: {of_wrong} against {of_gt} for the ground truth{_explanation(wrong, right)}."
 
 
 def blamed_pixels(wrong: PoseScore, right: PoseScore) -> str | None:
@@ -207,7 +207,7 @@ def blamed_pixels(wrong: PoseScore, right: PoseScore) -> str | None:
     return name if more[name] > 0.01 else None
 
 
-def _why(wrong: PoseScore, right: PoseScore) -> str:
+def _explanation(wrong: PoseScore, right: PoseScore) -> str:
     """What costs ground truth its lead: the pixels that do it, else the fit; empty where neither shows it."""
     if not (wrong.has_parts and right.has_parts):
         return ""

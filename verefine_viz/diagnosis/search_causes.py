@@ -13,7 +13,7 @@ from verefine_viz.core.records import Best
 from verefine_viz.diagnosis import lost_poses, score_causes, signs
 from verefine_viz.diagnosis.case import ALONE, FAR, Case, Pools, Rerun
 from verefine_viz.diagnosis.causes import Cause, Finding, distinct_texts, instead, share
-from verefine_viz.diagnosis.input_causes import of_another_unit
+from verefine_viz.diagnosis.input_causes import likely_unit
 from verefine_viz.evaluation.pose_errors import pose_errors, turning_on
 from verefine_viz.refiners.registry import make_refiner
 
@@ -336,8 +336,8 @@ def pool(case: Case) -> Finding | None:
         return Finding(Cause.REFINER, sentence, evidence, False)
     T_nearest = case.target.instance.hypotheses[j].T_cam_obj
     way = turning_on(case.target, T_nearest)
-    direction = f" ({way.in_words(0)})" if way is not None else ""
-    unit = of_another_unit(T_nearest, case.T_gt, case.target.model.diameter_m)
+    direction = f" ({way.describe(0)})" if way is not None else ""
+    unit = likely_unit(T_nearest, case.T_gt, case.target.model.diameter_m)
     wrong = f"; its translation looks like {unit} where millimetres are expected" if unit else ""
     return Finding(
         Cause.POOL,

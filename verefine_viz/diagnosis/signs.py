@@ -15,7 +15,7 @@ from verefine_viz.core.refiner_steps import TrainedRange, TrainedRefiner
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import distinguishing_digits
-from verefine_viz.diagnosis.ambiguity import OtherPose, in_short, in_words
+from verefine_viz.diagnosis.ambiguity import OtherPose, brief, describe
 from verefine_viz.diagnosis.causes import DECLARE, Cause, Finding, millimetres
 from verefine_viz.diagnosis.data_doubts import plane_doubt
 from verefine_viz.diagnosis.lost_poses import FAR, Discarded, Lost
@@ -25,7 +25,7 @@ from verefine_viz.evaluation.landscape import Landscape
 from verefine_viz.evaluation.matched_estimates import CORRECT
 from verefine_viz.evaluation.pose_errors import PoseErrors
 from verefine_viz.evaluation.trained_range import Start, start_of
-from verefine_viz.methods.registry import Method, method_of
+from verefine_viz.methods.registry import MethodInfo, method_of
 
 STARVED = 0.3
 """A hypothesis that got at most this share of an even split of the iterations, or one of them, was starved."""
@@ -56,7 +56,7 @@ class RunnerUp:
     apart_mm: float
     """ADD(-S) between it and the answer [mm]."""
 
-    def in_words(self) -> str:
+    def describe(self) -> str:
         """Lead and runner-up: "0.003 ahead of hypothesis 2"."""
         lead, rival = self.lead, f"hypothesis {self.pose.arm + 1}"
         return f"level with {rival}" if lead < NO_LEAD else f"{lead:.{distinguishing_digits(lead)}f} ahead of {rival}"
@@ -200,7 +200,7 @@ def _leak(o: FinishedObject) -> Finding | None:
     )
 
 
-def _misled(o: FinishedObject, method: Method) -> Finding | None:
+def _misled(o: FinishedObject, method: MethodInfo) -> Finding | None:
     right, errors, answer = o.score_at_gt, o.errors, o.answer
     if right is None or errors is None or answer is None or not o.is_misled:
         return None
@@ -221,7 +221,7 @@ def _discarded(o: FinishedObject, given_up: Discarded) -> Finding:
     margin, way = abs(given_up.margin), "higher" if given_up.margin >= 0 else "lower"
     return Finding(
         Cause.DISCARDED,
-        given_up.in_words(o.label),
+        given_up.describe(o.label),
         {"hypothesis": given_up.arm, "iteration": given_up.iteration, "margin": given_up.margin},
         iteration=given_up.given_up,
         short=f"correct {given_up.where}, given up",
@@ -229,7 +229,7 @@ def _discarded(o: FinishedObject, given_up: Discarded) -> Finding:
     )
 
 
-def _starved(o: FinishedObject, session: Session, method: Method) -> Finding | None:
+def _starved(o: FinishedObject, session: Session, method: MethodInfo) -> Finding | None:
     """The nearest start, where it is near and got next to no iterations.
 
     Not where the score prefers the answer to ground truth: more iterations would not have helped.
@@ -304,7 +304,7 @@ def out_of_range(
     return (trained, starts) if all(start.is_beyond(trained) for start in starts) else None
 
 
-def _far_start(o: FinishedObject, session: Session, method: Method, refiner: Refiner | None) -> Finding | None:
+def _far_start(o: FinishedObject, session: Session, method: MethodInfo, refiner: Refiner | None) -> Finding | None:
     """The nearest start, where it is not near."""
     if o.nearest is None or o.nearest[1].relative < FAR:
         return None
@@ -351,7 +351,7 @@ def _missed(o: FinishedObject) -> Finding | None:
 # Of an answer without ground truth.
 
 
-def _low(o: FinishedObject, method: Method) -> Finding | None:
+def _low(o: FinishedObject, method: MethodInfo) -> Finding | None:
     score = o.score.score
     if score >= LOW_SCORE:
         return None
@@ -366,8 +366,8 @@ def _ambiguous(o: FinishedObject) -> Finding | None:
     if o.other_pose is None or o.around is None:
         return None
     numbers = {"apart_mm": o.other_pose.apart_mm, "score_noise": o.other_pose.noise}
-    text = in_words(o.label, o.around, o.other_pose)
-    return Finding(Cause.AMBIGUOUS, text, numbers, short=in_short(o.around, o.other_pose))
+    text = describe(o.label, o.around, o.other_pose)
+    return Finding(Cause.AMBIGUOUS, text, numbers, short=brief(o.around, o.other_pose))
 
 
 def _near_tie(o: FinishedObject) -> Finding | None:
@@ -375,6 +375,6 @@ def _near_tie(o: FinishedObject) -> Finding | None:
     rival = o.runner_up
     if rival is None or rival.lead >= NEAR_TIE or rival.apart_mm <= APART * o.target.model.diameter_m * 1e3:
         return None
-    short = f"{rival.in_words()}, which lies {millimetres(rival.apart_mm)} away"
+    short = f"{rival.describe()}, which lies {millimetres(rival.apart_mm)} away"
     numbers = {"margin": rival.lead, "apart_mm": rival.apart_mm}
     return Finding(Cause.AMBIGUOUS, f"The answer for the {o.label} is {short}.", numbers, short=short)

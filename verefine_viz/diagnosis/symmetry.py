@@ -13,7 +13,7 @@ from verefine_viz.core.geometry import angle_between, apply, inverse, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.diagnosis.case import ErrorOf
 from verefine_viz.diagnosis.causes import Cause, Finding, instead
-from verefine_viz.evaluation.near_symmetry import Surface
+from verefine_viz.evaluation.near_symmetry import OrientedPoints
 from verefine_viz.evaluation.pose_errors import adds_mm
 
 SAME_SHARE, NOISE_M = 0.02, 0.0015
@@ -45,25 +45,25 @@ class UndeclaredTurn:
         """Whether the colours of the model differ after the turn."""
         return self.colors_differ is not None and self.colors_differ >= TEXTURE
 
-    def in_words(self, name: str) -> str:
+    def describe(self, name: str) -> str:
         """What it means for the answer of the object ``name``."""
         return (
             f"The {name} has the same shape when turned by {self.turn_deg:.0f}°, but its model declares no such "
             "symmetry, so that the turn counts as an error: with it declared, "
-            f"{instead(self.error_with_symmetry, self.error)}.{self._of_texture()}"
+            f"{instead(self.error_with_symmetry, self.error)}.{self._texture_note()}"
         )
 
     def finding(self, name: str) -> Finding:
         """That it alone makes the answer of the object ``name`` count as wrong."""
         return Finding(
             Cause.SYMMETRIC,
-            self.in_words(name),
+            self.describe(name),
             {"turn_deg": self.turn_deg, "error": self.error, "error_with_symmetry": self.error_with_symmetry},
             True,
             detail=f": turned by {self.turn_deg:.0f}°",
         )
 
-    def _of_texture(self) -> str:
+    def _texture_note(self) -> str:
         if self.colors_differ is None:
             return " Whether texture could tell is not known: the model has no colours."
         if not self.texture_tells:
@@ -113,7 +113,7 @@ def nearby_symmetry(model: ObjectModel, T: Float) -> Float | None:
 
     ``T`` is a transform of the object's frame, such as what lies between an estimate and ground truth.
     """
-    surface, n = Surface(model.points, model.point_normals, model.diameter_m), len(model.points)
+    surface, n = OrientedPoints(model.points, model.point_normals, model.diameter_m), len(model.points)
 
     def apart_m(S: Float) -> float:
         """How far nearly all of the surface moved by ``S`` lies from the surface at most [m]."""

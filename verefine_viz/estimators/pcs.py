@@ -23,7 +23,7 @@ from verefine_viz.core.problem import Hypothesis, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.estimators.clouds import large_parts, segment_cloud, spread_out, thinned
 from verefine_viz.estimators.pcs_bases import diameter, draw_base
-from verefine_viz.estimators.pcs_quads import TOLERANCE, PairTable, congruent_quads, fitted
+from verefine_viz.estimators.pcs_quads import TOLERANCE, DistanceTable, congruent_quads, fitted
 from verefine_viz.estimators.pcs_reduction import reduced
 
 MIN_POINTS = 20
@@ -43,7 +43,7 @@ class PcsModel(NamedTuple):
 
     points: Float
     """(samples, 3) evenly spread [m]: what the LCP counts."""
-    pairs: PairTable
+    pairs: DistanceTable
     """Pairs of the first of them: what quads are made of."""
 
     @staticmethod
@@ -51,7 +51,7 @@ class PcsModel(NamedTuple):
         cloud = thinned(model.points, settings.grid_m)
         chosen, distances = spread_out(cloud, settings.samples)
         points, n = cloud[chosen], max(MIN_PAIRED, int((distances >= settings.spacing_m).sum()))
-        return PcsModel(points, PairTable.build(points[:n]))
+        return PcsModel(points, DistanceTable.build(points[:n]))
 
 
 class Pcs:

@@ -22,7 +22,7 @@ NEWTON_STEPS = 50
 """Most steps towards the largest root of a fit; it converges in about five."""
 
 
-class PairTable(NamedTuple):
+class DistanceTable(NamedTuple):
     """Every two points of a cloud once, by their distance."""
 
     distances_m: Float
@@ -31,14 +31,14 @@ class PairTable(NamedTuple):
     """(N·(N-1)/2, 2) indices of the points."""
 
     @staticmethod
-    def build(points: Float) -> PairTable:
+    def build(points: Float) -> DistanceTable:
         """The table of a cloud (N, 3)."""
         distances = pdist(points).astype(np.float64)
         order = np.argsort(distances, kind="stable")
         first, second = np.triu_indices(len(points), 1)  # the order of pdist
-        return PairTable(distances[order], np.stack([first, second], axis=1)[order].astype(np.int32))
+        return DistanceTable(distances[order], np.stack([first, second], axis=1)[order].astype(np.int32))
 
-    def of_length(self, length_m: float, tolerance_m: float) -> NDArray[np.int32]:
+    def pairs_of_length(self, length_m: float, tolerance_m: float) -> NDArray[np.int32]:
         """Pairs (n, 2) that are longer than ``length_m - tolerance_m`` and shorter than ``length_m + tolerance_m``.
 
         Each is there once, in one direction.
@@ -51,7 +51,7 @@ class PairTable(NamedTuple):
 def congruent_quads(
     base: Base,
     points: Float,
-    pairs: PairTable,
+    pairs: DistanceTable,
     delta_m: float,
     most: int,
     rng: np.random.Generator,
@@ -70,15 +70,15 @@ def congruent_quads(
         rng: shuffles the pairs, so that those many are a random choice.
     """
     tolerance = TOLERANCE * delta_m
-    first = pairs.of_length(float(np.linalg.norm(base.points[1] - base.points[0])), tolerance)
-    second = pairs.of_length(float(np.linalg.norm(base.points[3] - base.points[2])), tolerance)
+    first = pairs.pairs_of_length(float(np.linalg.norm(base.points[1] - base.points[0])), tolerance)
+    second = pairs.pairs_of_length(float(np.linalg.norm(base.points[3] - base.points[2])), tolerance)
     if len(first) == 0 or len(second) == 0:
         return np.empty((0, 4), dtype=np.int32)
     points = np.array(points, dtype=np.float64, order="C")
     # Each pair may lie on the segment either way round.
     first, second = np.concatenate([first, first[:, ::-1]]), np.concatenate([second, second[:, ::-1]])
     second = second[rng.permutation(len(second))]
-    first, starts, low, counts = _in_cells(points, first, base.r1, tolerance)
+    first, starts, low, counts = _group_by_cell(points, first, base.r1, tolerance)
     return _meeting(points, first, starts, low, counts, second, base.points, base.r1, base.r2, tolerance, most)
 
 
@@ -114,7 +114,7 @@ def fitted(base: np.ndarray, points: np.ndarray, quads: np.ndarray, max_rms_m: f
 
 
 @njit(cache=True)
-def _in_cells(
+def _group_by_cell(
     points: np.ndarray, pairs: np.ndarray, r: float, side: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The pairs, sorted by the cell in which their intermediate point lies; where each cell begins; the cells."""

@@ -24,7 +24,7 @@ from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.estimators.clouds import Oriented, segment_surface, thinned_surface
 from verefine_viz.estimators.ppf_agreement import agreement
 from verefine_viz.estimators.ppf_model import (
-    PairTable,
+    FeatureTable,
     PpfModel,
     bin_of,
     cache_file,
@@ -96,7 +96,7 @@ class Ppf:
 def voted_poses(
     scene: Oriented,
     references: NDArray[np.intp],
-    table: PairTable,
+    table: FeatureTable,
     turn_bins: int,
     peaks: int,
     progress: ProgressToken = NEVER_CANCELLED,
@@ -126,7 +126,7 @@ def voted_poses(
 
 @njit(cache=True)
 def _voted(
-    points: np.ndarray, normals: np.ndarray, references: np.ndarray, table: PairTable, turn_bins: int, peaks: int
+    points: np.ndarray, normals: np.ndarray, references: np.ndarray, table: FeatureTable, turn_bins: int, peaks: int
 ) -> tuple[np.ndarray, np.ndarray]:
     side = 2.0 * np.pi / turn_bins
     poses = np.empty((len(references) * peaks, 4, 4))

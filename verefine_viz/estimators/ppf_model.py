@@ -40,7 +40,7 @@ AT_ONCE = 100
 """First points whose pairs are made between two checkpoints: a tenth of a second."""
 
 
-class PairTable(NamedTuple):
+class FeatureTable(NamedTuple):
     """The pairs of one model, bin by bin."""
 
     points: Float
@@ -66,7 +66,7 @@ class PairTable(NamedTuple):
 class PpfModel(NamedTuple):
     """All that is needed of a model to find it."""
 
-    table: PairTable
+    table: FeatureTable
     field: SurfaceField
 
     @property
@@ -107,7 +107,7 @@ def read(path: Path) -> PpfModel | None:
         return None
     try:
         with reading(path) as file, NPZ_READING, np.load(file, allow_pickle=False) as data:
-            table = PairTable(
+            table = FeatureTable(
                 data["points"],
                 data["normals"],
                 data["rotations"],
@@ -163,7 +163,7 @@ def pair_table(
     angle_bin_rad: float,
     bin_limit: int,
     progress: ProgressToken = NEVER_CANCELLED,
-) -> PairTable:
+) -> FeatureTable:
     """The table of a thinned model cloud.
 
     Args:
@@ -191,7 +191,7 @@ def pair_table(
     sizes = np.bincount(key, minlength=n_distances * n_angles**3)
     progress.checkpoint()
     before = np.concatenate([[0], np.cumsum(sizes)])
-    order = _in_bins(key, before)
+    order = _group_by_bin(key, before)
     progress.checkpoint()
     n_used = np.minimum(sizes, bin_limit)
     starts = np.concatenate([[0], np.cumsum(n_used)])
@@ -200,7 +200,7 @@ def pair_table(
     within = np.arange(len(of_bin)) - starts[of_bin]
     order = order[before[of_bin] + within * sizes[of_bin] // n_used[of_bin]]
     weights = (sizes / np.maximum(n_used, 1)).astype(np.float32)
-    return PairTable(
+    return FeatureTable(
         points, normals, rotations, starts, weights, first[order], turn[order],
         distance_bin_m, angle_bin_rad, n_distances, n_angles,
     )  # fmt: skip
@@ -244,7 +244,7 @@ def _pairs(
 
 
 @njit(cache=True)
-def _in_bins(key: np.ndarray, starts: np.ndarray) -> np.ndarray:
+def _group_by_bin(key: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """The pairs, as indices, bin by bin and in their order within each; ``starts`` is where each bin begins."""
     cursor = starts.copy()
     order = np.empty(len(key), dtype=np.int64)

@@ -34,7 +34,7 @@ class Spread:
 
 
 @dataclass(frozen=True, eq=False)
-class Cells:
+class CellSums:
     """Sums of something by frame (or scene) and object model, and of how many things they are the sum."""
 
     total: Float
@@ -48,10 +48,10 @@ class Cells:
         n = float(self.n.sum())
         return float(self.total.sum()) / n if n else None
 
-    def where(self, others: Cells) -> Cells:
+    def where(self, others: CellSums) -> CellSums:
         """The cells without what ``others`` do not have."""
         both = others.n > 0
-        return Cells(self.total * both, self.n * both)
+        return CellSums(self.total * both, self.n * both)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,11 +73,11 @@ class Draws:
         by_model = np.tensordot(self.units, cells, axes=(1, 0))
         return np.einsum("bm...,bm->b...", by_model, self.models)
 
-    def mean(self, cells: Cells) -> Spread | None:
+    def mean(self, cells: CellSums) -> Spread | None:
         """The mean with its interval; None of nothing."""
         return None if cells.mean is None else self._spread(cells.mean, self._means(cells))
 
-    def difference(self, a: Cells, b: Cells) -> Spread | None:
+    def difference(self, a: CellSums, b: CellSums) -> Spread | None:
         """The mean of a less that of b, over the objects that both have; None where there are none."""
         a, b = a.where(b), b.where(a)
         if a.mean is None or b.mean is None:
@@ -111,7 +111,7 @@ class Draws:
         low, high = np.nanpercentile(shares, CONFIDENCE, axis=0)
         return low, high
 
-    def _means(self, cells: Cells) -> Float:
+    def _means(self, cells: CellSums) -> Float:
         with np.errstate(invalid="ignore", divide="ignore"):
             return self.sums(cells.total) / self.sums(cells.n)
 

@@ -27,8 +27,8 @@ from verefine_viz.evaluation.averages import (
     Tally,
 )
 from verefine_viz.evaluation.ground_truth import VISIB_FRACT, GtInstance, GtSource, Targets
-from verefine_viz.evaluation.matched_estimates import Answer, answers, match_thresholds
-from verefine_viz.evaluation.pair_errors import Drawn, pair_errors
+from verefine_viz.evaluation.matched_estimates import AskedInstance, answers, match_thresholds
+from verefine_viz.evaluation.pair_errors import DrawnTruth, pair_errors
 from verefine_viz.evaluation.pose_table import Image, OwnPart, PoseTable
 from verefine_viz.evaluation.vertex_errors import adi_by_index_mm, adi_mm
 from verefine_viz.evaluation.vsd import DELTA_MM, DELTA_MM_ITODD
@@ -45,7 +45,7 @@ Report = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
-class Counts:
+class RowCounts:
     """How many rows of a results file were scored, and how many instances have one."""
 
     rows: int
@@ -67,12 +67,12 @@ class Counts:
 
 
 @dataclass(frozen=True, eq=False)
-class Scores:
+class BopScores:
     """One method on one data set. ``recalls`` is there for localization, ``precision`` for detection."""
 
     name: str
     task: Task
-    counts: Counts
+    counts: RowCounts
     mean_time_s: float
     """Mean time an image [s]; -1 = unknown."""
     recalls: Recalls | None
@@ -80,9 +80,9 @@ class Scores:
     recalls_by_scene: dict[int, Recalls]
     precision: Precision | None
     precision_by_object: dict[int, Precision]
-    answers: tuple[Answer, ...]
+    answers: tuple[AskedInstance, ...]
     """Localization: one entry per instance asked for, images in the order of the targets."""
-    own: Scores | None = None
+    own: BopScores | None = None
     """Scores over the table's own part, as if nothing else were asked for; None where it has none."""
 
 
@@ -94,7 +94,7 @@ def bop_scores(
     workers: int = 1,
     report: Report = lambda done, total: None,
     own_parts: Sequence[OwnPart | None] = (),
-) -> tuple[Scores, ...]:
+) -> tuple[BopScores, ...]:
     """The scores of each table, as the official scripts compute them for its results file.
 
     Args:
@@ -142,7 +142,7 @@ def bop_scores(
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
+class _ImageObject:
     """One object of one image, of one method."""
 
     obj_id: int
@@ -152,7 +152,7 @@ class _Part:
     """Rows that are scored, by descending score."""
     matched: np.ndarray
     """Localization: (12, 10) instances matched. Detection: (3, 10, E) outcomes."""
-    answers: tuple[Answer, ...] = ()
+    answers: tuple[AskedInstance, ...] = ()
 
 
 class _Localization:
@@ -162,18 +162,18 @@ class _Localization:
         self._often = {obj_id for obj_id, n in n_rows.items() if n >= INDEX_FROM}
         self._delta_mm = DELTA_MM_ITODD if ground_truth.name == "itodd" else DELTA_MM
         self._tallies = [Tally() for _ in tables]
-        self._answers: list[list[Answer]] = [[] for _ in tables]
-        self._counts = [Counts(len(table), 0, 0, len(table), 0, 0) for table in tables]
+        self._answers: list[list[AskedInstance]] = [[] for _ in tables]
+        self._counts = [RowCounts(len(table), 0, 0, len(table), 0, 0) for table in tables]
 
-    def image(self, image: Image) -> list[list[_Part]]:
+    def image(self, image: Image) -> list[list[_ImageObject]]:
         """The parts of one image for each table; runs in any thread."""
         wanted = self._targets.counts[image]
         mine = [table.by_image.get(image, {}) for table in self._tables]
         with_depth = any(obj_id in rows for rows in mine for obj_id in wanted)
-        drawn = Drawn(self._ground_truth.image(*image, with_depth))
+        drawn = DrawnTruth(self._ground_truth.image(*image, with_depth))
         return [[self._part(drawn, table, image, *target) for target in wanted.items()] for table in self._tables]
 
-    def _part(self, drawn: Drawn, table: PoseTable, image: Image, obj_id: int, count: int) -> _Part:
+    def _part(self, drawn: DrawnTruth, table: PoseTable, image: Image, obj_id: int, count: int) -> _ImageObject:
         instances = [gt for gt in drawn.image.instances if gt.obj_id == obj_id]
         valid = _most_visible(instances, count)
         there = table.by_image.get(image, {}).get(obj_id, ())
@@ -181,25 +181,25 @@ class _Localization:
         matched = np.zeros(THRESHOLDS.shape, np.int64)
         if not rows or not instances:
             given = answers(None, table, image, rows, instances, valid, None)
-            return _Part(obj_id, int(valid.sum()), len(there), tuple(rows), matched, given)
+            return _ImageObject(obj_id, int(valid.sum()), len(there), tuple(rows), matched, given)
         model = self._ground_truth.model(obj_id)
         with np.errstate(all="ignore"):
             errors = pair_errors(drawn, model, [(table.R[r], table.t_mm[r]) for r in rows], instances, self._delta_mm)
             matched = (match_thresholds(errors.kinds, THRESHOLDS, valid) >= 0).sum(axis=2)
             adi = adi_by_index_mm if obj_id in self._often else adi_mm
             given = answers(model, table, image, rows, instances, valid, errors, adi)
-        return _Part(obj_id, int(valid.sum()), len(there), tuple(rows), matched, given)
+        return _ImageObject(obj_id, int(valid.sum()), len(there), tuple(rows), matched, given)
 
-    def add(self, image: Image, parts: list[list[_Part]]) -> None:
+    def add(self, image: Image, parts: list[list[_ImageObject]]) -> None:
         for k, of_table in enumerate(parts):
             for part in of_table:
                 self._tallies[k].add(image[0], part.obj_id, part.n_targets, part.matched)
                 self._answers[k] += part.answers
                 self._counts[k] = _counted(self._counts[k], part)
 
-    def scores(self) -> tuple[Scores, ...]:
+    def scores(self) -> tuple[BopScores, ...]:
         return tuple(
-            Scores(
+            BopScores(
                 table.name,
                 "localization",
                 counts,
@@ -222,20 +222,22 @@ class _Detection:
         self._tables, self._ground_truth = tables, ground_truth
         self._limit = MAX_PER_IMAGE.get(ground_truth.name, 100)
         self._detections = [Detections() for _ in tables]
-        self._counts = [Counts(len(table), 0, 0, len(table), 0, 0) for table in tables]
+        self._counts = [RowCounts(len(table), 0, 0, len(table), 0, 0) for table in tables]
 
-    def image(self, image: Image) -> list[list[_Part]]:
+    def image(self, image: Image) -> list[list[_ImageObject]]:
         """The parts of one image for each table; runs in any thread."""
-        drawn = Drawn(self._ground_truth.image(*image, with_depth=False))
+        drawn = DrawnTruth(self._ground_truth.image(*image, with_depth=False))
         return [self._parts(drawn, table, table.by_image.get(image, {})) for table in self._tables]
 
-    def _parts(self, drawn: Drawn, table: PoseTable, there: Mapping[int, Sequence[int]]) -> list[_Part]:
+    def _parts(self, drawn: DrawnTruth, table: PoseTable, there: Mapping[int, Sequence[int]]) -> list[_ImageObject]:
         best = set(table.best_first(sorted(row for rows in there.values() for row in rows))[: self._limit])
         # Estimates of objects that are not in the image do not count, as in the official script.
         obj_ids = dict.fromkeys(gt.obj_id for gt in drawn.image.instances)
         return [self._part(drawn, table, i, there.get(i, []), best) for i in obj_ids]
 
-    def _part(self, drawn: Drawn, table: PoseTable, obj_id: int, there: Sequence[int], best: set[int]) -> _Part:
+    def _part(
+        self, drawn: DrawnTruth, table: PoseTable, obj_id: int, there: Sequence[int], best: set[int]
+    ) -> _ImageObject:
         instances = [gt for gt in drawn.image.instances if gt.obj_id == obj_id]
         visible = np.array([gt.visib_fract >= VISIB_FRACT for gt in instances])
         # The official script sorts an image's rows before it cuts them; equal scores then are in the same order.
@@ -248,18 +250,18 @@ class _Detection:
                 kinds = np.stack([errors.mssd_mm / errors.diameter_mm, errors.mssd_mm, errors.mspd_px])
                 matched = match_thresholds(kinds, DETECTION_THRESHOLDS, np.ones(len(instances), np.bool_))
             outcomes = np.where(matched < 0, WRONG, np.where(visible[matched], RIGHT, IGNORED))
-        return _Part(obj_id, int(visible.sum()), len(there), tuple(rows), outcomes)
+        return _ImageObject(obj_id, int(visible.sum()), len(there), tuple(rows), outcomes)
 
-    def add(self, image: Image, parts: list[list[_Part]]) -> None:
+    def add(self, image: Image, parts: list[list[_ImageObject]]) -> None:
         for k, of_table in enumerate(parts):
             for part in of_table:
                 scores: Float = self._tables[k].scores[list(part.rows)]
                 self._detections[k].add(part.obj_id, part.n_targets, scores, part.matched)
                 self._counts[k] = _counted(self._counts[k], part)
 
-    def scores(self) -> tuple[Scores, ...]:
+    def scores(self) -> tuple[BopScores, ...]:
         return tuple(
-            Scores(
+            BopScores(
                 table.name,
                 "detection",
                 counts,
@@ -283,8 +285,8 @@ def _most_visible(instances: Sequence[GtInstance], count: int) -> np.ndarray:
     return valid
 
 
-def _counted(so_far: Counts, part: _Part) -> Counts:
-    return Counts(
+def _counted(so_far: RowCounts, part: _ImageObject) -> RowCounts:
+    return RowCounts(
         so_far.rows,
         so_far.scored + len(part.rows),
         so_far.surplus + part.n_rows - len(part.rows),

@@ -111,12 +111,14 @@ def _residuals() -> tuple[Float, Float]:
         by_plane = alike @ _PLANE
         within = _PLANE.T @ by_plane
 
-        def of_rest(a: NDArray, b: NDArray, alike: Float = alike, x: Float = by_plane, y: Float = within) -> float:
+        def rest_covariance(
+            a: NDArray, b: NDArray, alike: Float = alike, x: Float = by_plane, y: Float = within
+        ) -> float:
             taken = (_PLANE[a] * x[b]).sum(axis=1) + (x[a] * _PLANE[b]).sum(axis=1)
             return float((alike[a, b] - taken + ((_PLANE[a] @ y) * _PLANE[b]).sum(axis=1)).mean())
 
-        left.append(of_rest(every, every))
-        shared.append(of_rest(i, j) / left[-1])
+        left.append(rest_covariance(every, every))
+        shared.append(rest_covariance(i, j) / left[-1])
     return np.array(left), np.array(shared)
 
 
@@ -171,7 +173,7 @@ class ScoreNoise:
         own = np.unique(np.linspace(0, step - 1, SAMPLED + 2).round().astype(np.int64)[1:-1])
         sampled = PixelGrid(*((step * np.arange(n)[:, None] + own).ravel() for n in (rows, columns)))
 
-        def of_cells(values: NDArray[np.float32]) -> NDArray[np.float32]:
+        def cell_means(values: NDArray[np.float32]) -> NDArray[np.float32]:
             """The mean of each cell, from values of some of its pixels in every row and column."""
             n = len(values) // rows
             by_row = values.reshape(rows, n, *values.shape[1:]).sum(axis=1)
@@ -182,8 +184,8 @@ class ScoreNoise:
         changes = np.empty((N_DRAWS, rows, columns, 4), np.float32)
         for change in changes:
             drawn_m = resampled(depth_m, noise, rng)
-            change[..., 0] = of_cells(drawn_m - depth_m)
-            change[..., 1:] = of_cells(estimate_normals(drawn_m, part, at=sampled) - before)
+            change[..., 0] = cell_means(drawn_m - depth_m)
+            change[..., 1:] = cell_means(estimate_normals(drawn_m, part, at=sampled) - before)
         self._changes = changes.reshape(N_DRAWS, -1)
         self._scores = verifier.settings
         scores = verifier.score(target, _jittered(T_cam_obj), placed)

@@ -18,7 +18,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.evaluation.bop_model import EvalModel, EvalModels, eval_model
 from verefine_viz.scenes.annotations import Task, TruthEntry, pose_of, target_counts, targets_names, targets_path
 from verefine_viz.scenes.bop import BopDataset
-from verefine_viz.scenes.bop_files import SceneFiles, beside
+from verefine_viz.scenes.bop_files import SceneFiles, nearby_hint
 from verefine_viz.scenes.image_files import depth_scale_of, image_width, intrinsics_of, read_steps
 
 
@@ -141,7 +141,7 @@ class BopGroundTruth:
         cameras, truths = self._dataset.cameras(scene_id), self._dataset.truths(scene_id)
         if truths is None:
             path = files.json("scene_gt")
-            raise InputError(f"{path} is missing; without ground truth there is nothing to score{beside(path)}")
+            raise InputError(f"{path} is missing; without ground truth there is nothing to score{nearby_hint(path)}")
         for name, entries in (("scene_camera", cameras), ("scene_gt", truths)):
             if im_id not in entries:
                 raise InputError(f"{files.json(name)} has no image {im_id}, which the targets name")

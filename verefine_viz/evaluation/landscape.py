@@ -99,7 +99,7 @@ class Curve:
         """The further end of what is undetermined [mm] or [deg]."""
         return max(-self.low, self.high)
 
-    def in_words(self) -> str:
+    def describe(self) -> str:
         """What is undetermined: "turn about the vertical undetermined within ±25°"."""
         at_end = " or more" if self.axis.kind == "shift" and self.width >= SHIFTS_MM[-1] else ""
         return f"{self.axis.words} undetermined within {self.width_text}{at_end}"

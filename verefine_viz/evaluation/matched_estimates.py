@@ -84,7 +84,7 @@ CORRECT = 0.1
 
 
 @dataclass(frozen=True)
-class Answer:
+class AskedInstance:
     """One instance asked for. Without an estimate, or with one that is no pose, its errors are infinite."""
 
     scene_id: int
@@ -125,7 +125,7 @@ def answers(
     valid: NDArray[np.bool_],
     errors: PairErrors | None,
     adi: Callable[..., float] = adi_mm,
-) -> tuple[Answer, ...]:
+) -> tuple[AskedInstance, ...]:
     """An answer for each valid instance of one object in one image.
 
     Args:
@@ -160,17 +160,17 @@ def _answer(
     g: int,
     e: int | None,
     adi: Callable[..., float],
-) -> Answer:
+) -> AskedInstance:
     known = *image, gt.obj_id, gt.gt_id, gt.visib_fract
     if model is None or errors is None or e is None:
         diameter_mm = np.nan if model is None else model.diameter_mm
-        return Answer(*known, None, -np.inf, 1.0, np.inf, np.inf, np.inf, diameter_mm, np.inf, np.inf)
+        return AskedInstance(*known, None, -np.inf, 1.0, np.inf, np.inf, np.inf, diameter_mm, np.inf, np.inf)
     row = rows[e]
     pair = table.R[row], table.t_mm[row], gt.R, gt.t_mm
     is_pose = np.isfinite(pair[0]).all() and np.isfinite(pair[1]).all()
     add_s_mm = (adi if model.is_symmetric else add_mm)(model, *pair) if is_pose else np.inf
     turn_deg, shift_mm = symmetric_errors(model, *pair) if is_pose else (np.inf, np.inf)
-    return Answer(
+    return AskedInstance(
         *known,
         row,
         float(table.scores[row]),
@@ -184,7 +184,7 @@ def _answer(
     )
 
 
-def mean_errors(given: Sequence[Answer]) -> tuple[float, float]:
+def mean_errors(given: Sequence[AskedInstance]) -> tuple[float, float]:
     """Mean errors of rotation r̄ [deg] and translation t̄ [mm] over the instances that got a pose (paper, Table II);
     NaN where none did.
     """
@@ -195,6 +195,6 @@ def mean_errors(given: Sequence[Answer]) -> tuple[float, float]:
     return turn_deg, shift_mm
 
 
-def correct_share(given: Sequence[Answer]) -> float:
+def correct_share(given: Sequence[AskedInstance]) -> float:
     """Share of the instances asked for with ADD(-S) below 10 % of the diameter; NaN where none was asked for."""
     return float(np.mean([a.is_correct for a in given])) if given else np.nan

@@ -144,7 +144,7 @@ def sought(model: ObjectModel, progress: ProgressToken = NEVER_CANCELLED) -> tup
     Raises:
         Cancelled: through ``progress``.
     """
-    surface = Surface(*_sampled(model), model.diameter_m)
+    surface = OrientedPoints(*_sampled(model), model.diameter_m)
     limit_m = NEAR_SHARE * model.diameter_m
     progress.checkpoint()
     T = _starts(surface)
@@ -167,7 +167,7 @@ def sought(model: ObjectModel, progress: ProgressToken = NEVER_CANCELLED) -> tup
     return (*axes, *single)
 
 
-class Surface:
+class OrientedPoints:
     """Points of a surface that are looked up by place and normal, so that the sides of a thin wall stay apart."""
 
     NORMAL_WEIGHT = 0.05
@@ -255,7 +255,7 @@ def _rotation_grid(n: int) -> Float:
     ).as_matrix()
 
 
-def _starts(surface: Surface) -> Float:
+def _starts(surface: OrientedPoints) -> Float:
     """Turns about the middle (k, 4, 4) after which the surface is not far from where it was, apart from each other."""
     points, d = surface.points - surface.middle, surface.diameter_m
     low, cell_m = points.min(axis=0) - 0.3 * d, d / FIELD_CELLS
@@ -279,7 +279,7 @@ def _starts(surface: Surface) -> Float:
 
 
 def _continuous(
-    surface: Surface, near: Sequence[NearSymmetry], limit_m: float, progress: ProgressToken
+    surface: OrientedPoints, near: Sequence[NearSymmetry], limit_m: float, progress: ProgressToken
 ) -> list[NearSymmetry]:
     """The axes of some turns about which any turn leaves the surface near."""
     tried: list[NearSymmetry] = []

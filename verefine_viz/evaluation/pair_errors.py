@@ -38,7 +38,7 @@ class PairErrors:
         return np.concatenate([self.vsd, [self.mssd_mm / self.diameter_mm, self.mspd_px]])
 
 
-class Drawn:
+class DrawnTruth:
     """The ground truth of one image, each drawn when it is first needed: several methods share them."""
 
     def __init__(self, image: GtImage) -> None:
@@ -58,7 +58,7 @@ class Drawn:
 
 
 def pair_errors(
-    drawn: Drawn, model: EvalModel, estimates: Sequence[Pose], instances: Sequence[GtInstance], delta_mm: float
+    drawn: DrawnTruth, model: EvalModel, estimates: Sequence[Pose], instances: Sequence[GtInstance], delta_mm: float
 ) -> PairErrors:
     """Errors of all pairs, as the official scripts compute them: with their quick tests whether a pair can be near.
 

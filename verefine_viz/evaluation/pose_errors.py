@@ -154,7 +154,7 @@ class Turning:
     rolls: bool = False
     """Whether the tilt leaves the object as high as it is, as a lying can that rolls."""
 
-    def in_words(self, digits: int = 1) -> str:
+    def describe(self, digits: int = 1) -> str:
         """Both parts: "3.6° of tilt against the table, 8.8° of turn on it"."""
         none_deg = 0.5 * 10.0**-digits
         tilt = "roll on the table" if self.rolls else "tilt against the table"

@@ -89,7 +89,7 @@ def _nearest(before: PosedFrame, now: PosedFrame, symmetries: Float) -> PosedFra
     """The pose before as the symmetry has it that is nearest to the pose now."""
     if len(symmetries) == 1 or before.T_cam_obj is None or now.T_cam_obj is None:
         return before
-    T_before, T_now = _in_world(before, now)
+    T_before, T_now = _world_poses(before, now)
     R_rest = T_now[:3, :3].T @ T_before[:3, :3]
     best = int(np.argmax(np.einsum("ij,sji->s", R_rest, symmetries[:, :3, :3])))  # The largest trace turns least.
     return replace(before, T_cam_obj=before.T_cam_obj @ symmetries[best])
@@ -97,7 +97,7 @@ def _nearest(before: PosedFrame, now: PosedFrame, symmetries: Float) -> PosedFra
 
 def _motion(first: PosedFrame, before: PosedFrame, now: PosedFrame, middle_m: Float, turns: Float) -> Motion:
     is_in_world = before.T_map_cam is not None and now.T_map_cam is not None
-    T_before, T_now = _in_world(before, now)
+    T_before, T_now = _world_poses(before, now)
     moved_mm = _apart_mm(T_before, T_now, middle_m)
     turned_deg = _degrees(T_before, T_now)
     kind: Kind = "jump" if turned_deg > JUMP_DEG or moved_mm > JUMP_MM else "moved"
@@ -106,25 +106,25 @@ def _motion(first: PosedFrame, before: PosedFrame, now: PosedFrame, middle_m: Fl
         kind = "flip" if left_deg < NEAR_DEG else "jump"
     lifted_mm, tilted_deg, drift_mm = None, None, None
     if before.T_table_cam is not None and now.T_table_cam is not None:
-        on_before, on_now = (_in_frame(pose.T_table_cam, pose) for pose in (before, now))
+        on_before, on_now = (_object_in_frame(pose.T_table_cam, pose) for pose in (before, now))
         lifted_mm = 1e3 * float((on_now[2, :3] - on_before[2, :3]) @ middle_m + on_now[2, 3] - on_before[2, 3])
         up_before, up_now = on_before[2, :3], on_now[2, :3]  # The plane's normal as the object has it.
         tilted_deg = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(up_before, up_now)), up_before @ up_now)))
     if first.T_map_cam is not None and now.T_map_cam is not None:
-        drift_mm = _apart_mm(_in_frame(first.T_map_cam, first), _in_frame(now.T_map_cam, now), middle_m)
+        drift_mm = _apart_mm(_object_in_frame(first.T_map_cam, first), _object_in_frame(now.T_map_cam, now), middle_m)
     return Motion(
         now.frame, kind, "world" if is_in_world else "camera", moved_mm, turned_deg, lifted_mm, tilted_deg, drift_mm
     )
 
 
-def _in_world(before: PosedFrame, now: PosedFrame) -> tuple[Float, Float]:
+def _world_poses(before: PosedFrame, now: PosedFrame) -> tuple[Float, Float]:
     """Both poses in the world where both cameras are known, else in the cameras' frames."""
     if before.T_map_cam is None or now.T_map_cam is None:
-        return _in_frame(None, before), _in_frame(None, now)
-    return _in_frame(before.T_map_cam, before), _in_frame(now.T_map_cam, now)
+        return _object_in_frame(None, before), _object_in_frame(None, now)
+    return _object_in_frame(before.T_map_cam, before), _object_in_frame(now.T_map_cam, now)
 
 
-def _in_frame(T_frame_cam: Float | None, pose: PosedFrame) -> Float:
+def _object_in_frame(T_frame_cam: Float | None, pose: PosedFrame) -> Float:
     assert pose.T_cam_obj is not None
     return pose.T_cam_obj if T_frame_cam is None else T_frame_cam @ pose.T_cam_obj
 
@@ -160,7 +160,7 @@ class MotionCounts:
         return 100 * self.flips / max(self.n_frames, 1)
 
     @property
-    def in_words(self) -> str:
+    def text(self) -> str:
         """A line: "5 frames, 2 flips (40 per 100), 0 jumps; median 1.2 mm and 0.3° a frame"."""
         parts = [f"{self.n_frames} frames", f"{_n(self.flips, 'flip')} ({self.flips_per_100:.3g} per 100)"]
         parts += [_n(self.jumps, "jump")]

@@ -180,7 +180,7 @@ def own_part(table: PoseTable, targets: Targets, covered: Covered | None) -> Own
     return OwnPart(images, "file" if covered is None else "run", objects)
 
 
-def why_none(table: PoseTable, targets: Targets) -> str:
+def missing_reason(table: PoseTable, targets: Targets) -> str:
     """How a table misses everything that is asked for: in its scenes, its images, or its objects."""
     mine, asked = ({scene_id for scene_id, _ in images} for images in (table.by_image, targets.counts))
     if not mine & asked:

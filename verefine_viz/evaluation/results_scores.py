@@ -12,7 +12,7 @@ from pathlib import Path
 from verefine_viz.core.errors import InputError, quoted
 from verefine_viz.core.files import LEVELS_BELOW
 from verefine_viz.core.text_format import MOST_NAMED, first_of
-from verefine_viz.evaluation.bop_scores import Report, Scores, bop_scores
+from verefine_viz.evaluation.bop_scores import BopScores, Report, bop_scores
 from verefine_viz.evaluation.ground_truth import (
     BopGroundTruth,
     Targets,
@@ -26,9 +26,9 @@ from verefine_viz.evaluation.pose_table import (
     OwnPart,
     PoseTable,
     coverage,
+    missing_reason,
     own_part,
     read_pose_table,
-    why_none,
 )
 from verefine_viz.scenes.annotations import Task, targets_path
 from verefine_viz.scenes.bop import BopDataset
@@ -46,7 +46,7 @@ class Evaluation:
     is_official: bool
     """Whether there is one."""
     files: tuple[Path, ...]
-    scores: tuple[Scores, ...]
+    scores: tuple[BopScores, ...]
     """One for each file."""
     coverage: tuple[Coverage, ...]
     """Coverage of each file."""
@@ -99,7 +99,7 @@ def evaluate_files(
     for path, table, part in zip(files, tables, covered, strict=True):
         if not part.images:
             raise InputError(
-                f"{path} has no estimate for any target of {asked.name}: {why_none(table, asked)}; "
+                f"{path} has no estimate for any target of {asked.name}: {missing_reason(table, asked)}; "
                 "does it belong to another data set, --split or --targets?"
             )
     own = tuple(own_part(table, asked, covered_by(path)) for path, table in zip(files, tables, strict=True))
@@ -122,7 +122,7 @@ def evaluate_files(
         own,
         {i: folder.models.name(i) for i in sorted(obj_ids)},
         (
-            *_no_targets_file(asked, folder),
+            *_targets_file_fault(asked, folder),
             *folder.sensor_notes(sorted({scene_id for scene_id, _ in asked.counts})),
             *truth.notes,
             *_unknown_instances(asked, scores[0]),
@@ -172,7 +172,7 @@ def _default_targets(dataset: BopDataset, truth: BopGroundTruth, task: Task | No
     return visible_targets(truth, images)
 
 
-def _no_targets_file(asked: Targets, dataset: BopDataset) -> tuple[str, ...]:
+def _targets_file_fault(asked: Targets, dataset: BopDataset) -> tuple[str, ...]:
     if asked.is_official:
         return ()
     return (
@@ -181,7 +181,7 @@ def _no_targets_file(asked: Targets, dataset: BopDataset) -> tuple[str, ...]:
     )
 
 
-def _unknown_instances(asked: Targets, score: Scores) -> tuple[str, ...]:
+def _unknown_instances(asked: Targets, score: BopScores) -> tuple[str, ...]:
     """A note where instances are asked for that ground truth does not hold."""
     n_asked = sum(n for counts in asked.counts.values() for n in counts.values())
     if score.task == "detection" or n_asked <= score.counts.targets:

@@ -166,9 +166,9 @@ class GraspWorld:
         for k in range(SHAKES):
             side = across[:, k % 2]
             self._drive(up, up, SHAKE_S, "shake", grips=True, swing=side)
-        held = self._in_hand()
+        held = self._com_in_palm()
         self._drive(up, up, HOLD_S, "hold", grips=True)
-        is_stable = float(np.linalg.norm(self._in_hand() - held)) <= STABLE_M
+        is_stable = float(np.linalg.norm(self._com_in_palm() - held)) <= STABLE_M
         is_up = self._height() - low_m >= LIFTED * s.lift_m
         # A pad on a round body may be off it for a step: contact counts over the whole time.
         pressed_n = np.mean([frame[4] for frame in self._frames if frame[0] == "hold"], axis=0)
@@ -279,7 +279,7 @@ class GraspWorld:
         )
         return left, right
 
-    def _in_hand(self) -> Float:
+    def _com_in_palm(self) -> Float:
         """Where the target's centre of mass is in the palm's frame (3,) [m]."""
         position, quat = self._bullet.getLinkState(self._hand, _Z)[:2]
         R = np.array(pybullet.getMatrixFromQuaternion(quat)).reshape(3, 3)

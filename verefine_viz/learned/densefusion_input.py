@@ -21,7 +21,7 @@ STD = np.array([0.229, 0.224, 0.225], np.float32)
 
 
 @dataclass(frozen=True, eq=False)
-class Window:
+class ImageWindow:
     """Part of an image; may reach beyond it where the image is smaller."""
 
     top: int
@@ -44,12 +44,12 @@ class ObjectCrop:
     """The first so many points are distinct; a small mask's come again and again."""
 
 
-def window_around(mask: Mask) -> Window:
+def window_around(mask: Mask) -> ImageWindow:
     """The window around the pixels of a mask (H, W), of which there is at least one."""
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     top, height = _span(int(rows[0]), int(rows[-1]) + 1, mask.shape[0])
     left, width = _span(int(columns[0]), int(columns[-1]) + 1, mask.shape[1])
-    return Window(top, left, height, width)
+    return ImageWindow(top, left, height, width)
 
 
 def _span(first: int, end: int, length: int) -> tuple[int, int]:
@@ -95,7 +95,7 @@ def crop_of(
     return ObjectCrop(_normalised(rgb, window), points.astype(np.float32)[None], chosen.astype(np.int64), n_distinct)
 
 
-def _normalised(rgb: NDArray[np.uint8], window: Window) -> NDArray[np.float32]:
+def _normalised(rgb: NDArray[np.uint8], window: ImageWindow) -> NDArray[np.float32]:
     crop = np.zeros((window.height, window.width, 3), np.float32)
     part = rgb[window.top : window.top + window.height, window.left : window.left + window.width]
     crop[: part.shape[0], : part.shape[1]] = part

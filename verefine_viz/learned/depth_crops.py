@@ -53,7 +53,7 @@ def extent_of(vertices: Float, diameter_m: float) -> Extent:
 
 
 @dataclass(frozen=True, eq=False)
-class Crops:
+class DepthCrops:
     """N poses of one object, as the network sees them."""
 
     channels: NDArray[np.float32]
@@ -71,7 +71,7 @@ def crops_at(
     mesh: RenderMesh,
     extent: Extent,
     Ts_cam_obj: Float,
-) -> Crops:
+) -> DepthCrops:
     """The crops of N poses (N, 4, 4) of one object.
 
     Args:
@@ -92,7 +92,7 @@ def crops_at(
         is_usable[k] = fill_crop(
             depth_m, mask, *pinhole, *drawn, extent.centre_obj, extent.radius_m, T, channels[k], Rs_crop_cam[k]
         )
-    return Crops(channels, Rs_crop_cam, is_usable)
+    return DepthCrops(channels, Rs_crop_cam, is_usable)
 
 
 def _read_only(array: NDArray) -> NDArray:

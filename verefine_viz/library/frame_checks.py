@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from verefine_viz.core.arrays import Float, Mask, finite, frozen
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.errors import InputError, ShapeError, in_one_line
+from verefine_viz.core.errors import InputError, ShapeError, one_line
 from verefine_viz.core.geometry import apply, as_rigid
 from verefine_viz.core.problem import Hypothesis
 from verefine_viz.scenes.image_files import CameraEntry, intrinsics_of
@@ -89,7 +89,7 @@ def checked_object(
         InputError: the mesh cannot be read, or what is given does not fit together.
         ShapeError: an array has another shape.
     """
-    if not isinstance(name, str) or not (name := in_one_line(name).strip()):
+    if not isinstance(name, str) or not (name := one_line(name).strip()):
         raise InputError(f"name of an object is {name!r}, expected a text")
     if not isinstance(mesh, str | Path):
         raise InputError(f"mesh of {name} is a {type(mesh).__name__}, expected the path of a PLY, OBJ, GLB or STL file")

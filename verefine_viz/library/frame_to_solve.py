@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, SettingsError, ShapeError, in_one_line, unknown
+from verefine_viz.core.errors import InputError, SettingsError, ShapeError, one_line, unknown
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.settings import Session
 from verefine_viz.library.frame_checks import checked_camera, checked_depth, checked_object, checked_photo, direction
@@ -57,7 +57,7 @@ class Frame:
             down = None if gravity_cam is None else direction(gravity_cam, "gravity_cam")
         except ShapeError as error:
             raise InputError(str(error)) from None
-        self.name = in_one_line(name)
+        self.name = one_line(name)
         self._recorded = RecordedFrame(self.name, self._camera.K, depth, photo, (), down)
         self._points = self._camera.back_project(depth.astype(np.float64))
 

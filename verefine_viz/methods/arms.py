@@ -14,7 +14,7 @@ from verefine_viz.core.scores import PoseScore, Scores
 
 
 @dataclass(frozen=True, eq=False)
-class Entry:
+class AcceptedPose:
     """One pose that was accepted."""
 
     T_cam_obj: Float
@@ -32,7 +32,7 @@ class Entry:
 class Arm:
     """One hypothesis on its way."""
 
-    entries: tuple[Entry, ...]
+    entries: tuple[AcceptedPose, ...]
     """Oldest first; entry 0 is the initial pose."""
     plays: float
     """n_j: the initial scoring counts as the first play."""
@@ -42,16 +42,16 @@ class Arm:
     """Iterations spent on it."""
 
     @property
-    def current(self) -> Entry:
+    def current(self) -> AcceptedPose:
         return self.entries[-1]
 
     @property
-    def entries_since_edit(self) -> tuple[Entry, ...]:
+    def entries_since_edit(self) -> tuple[AcceptedPose, ...]:
         """Entries that its plays and its mean are about: from the initial pose on, or from the last edited one."""
         edited = max((k for k, entry in enumerate(self.entries) if entry.stage == "edited"), default=0)
         return self.entries[edited:]
 
-    def advanced(self, entry: Entry) -> Arm:
+    def advanced(self, entry: AcceptedPose) -> Arm:
         """After one more iteration that accepted ``entry``; its reward is still to come."""
         return Arm((*self.entries, entry), self.plays, self.mean, self.n_iterations + 1)
 
@@ -67,7 +67,7 @@ class Arm:
 
 def initial_arms(hypotheses: Sequence[Hypothesis], scores: Scores) -> tuple[Arm, ...]:
     """An arm per hypothesis, whose score is its first play (paper Sec. III-C)."""
-    entries = [Entry(h.T_cam_obj, scores[j], "initial", 0) for j, h in enumerate(hypotheses)]
+    entries = [AcceptedPose(h.T_cam_obj, scores[j], "initial", 0) for j, h in enumerate(hypotheses)]
     return tuple(Arm((entry,), 1.0, entry.score.score) for entry in entries)
 
 
@@ -117,7 +117,7 @@ class ObjectState:
         """
         if not 0 <= j < len(self.arms):
             raise ShapeError(f"there is no hypothesis {j + 1}; this object has {len(self.arms)}")
-        entry = Entry(as_rigid(T_cam_obj, "edited pose"), score, "edited", iteration)
+        entry = AcceptedPose(as_rigid(T_cam_obj, "edited pose"), score, "edited", iteration)
         # What the arm had earned says nothing about a pose that did not come from it: this is a new hypothesis in its
         # place, and begins as every hypothesis does, with its score as the first play (docs/methods.md 1.4).
         arm = Arm((*self.arms[j].entries, entry), 1.0, score.score, self.arms[j].n_iterations)

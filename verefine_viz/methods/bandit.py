@@ -40,7 +40,7 @@ class Ucb:
         ucb = [m + e for m, e in zip(mean, exploration, strict=True)]
         # Sec. III-C: the arm with maximal ucb_j is selected.
         j = ucb.index(max(ucb))
-        return _choice(j, plays, mean, exploration, ucb, _why(j, mean, exploration, ucb))
+        return _choice(j, plays, mean, exploration, ucb, _reason(j, mean, exploration, ucb))
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def _choice(j: int, plays: Numbers, mean: Numbers, exploration: Numbers, ucb: Nu
     return Choice(j, *columns, reason=reason)
 
 
-def _why(j: int, mean: Numbers, exploration: Numbers, ucb: Numbers) -> str:
+def _reason(j: int, mean: Numbers, exploration: Numbers, ucb: Numbers) -> str:
     if len(ucb) == 1:
         return f"hypothesis {j + 1}: {mean[j]:.2f} + {exploration[j]:.2f}, the only one"
     rival = max((k for k in range(len(ucb)) if k != j), key=ucb.__getitem__)

@@ -19,7 +19,7 @@ from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Verifier
 from verefine_viz.core.records import Best, Iteration, PlacedPose, Stage, StageName
 from verefine_viz.core.scores import PoseScore, Scores
-from verefine_viz.methods.arms import Arm, Entry, ObjectState, initial_arms
+from verefine_viz.methods.arms import AcceptedPose, Arm, ObjectState, initial_arms
 from verefine_viz.methods.bandit import Policy, next_choice
 from verefine_viz.methods.events import events_of
 from verefine_viz.methods.single_object import BeginScore, Chain, Draft
@@ -102,7 +102,7 @@ class ObjectMethod:
         if flipped is not None:
             accepted, stages, candidates = flipped, (*stages, flipped), [*candidates, flipped]
         score_ms = (perf_counter() - started) * 1e3
-        entry = Entry(accepted.T_cam_obj, _score_of(accepted), accepted.name, index)
+        entry = AcceptedPose(accepted.T_cam_obj, _score_of(accepted), accepted.name, index)
         reward = max(_score_of(s).score for s in candidates)
         # Sec. III-B, III-C: the answer is the best of all poses on the way, the initial ones included.
         best = self._better(state.best, entry, j)
@@ -197,7 +197,7 @@ class ObjectMethod:
             return current
         return better
 
-    def _better(self, best: Best, entry: Entry, arm: int) -> Best:
+    def _better(self, best: Best, entry: AcceptedPose, arm: int) -> Best:
         if self.answer_is_best_scored and not entry.score.score > best.score.score:
             return best
         return entry.as_best(arm)

@@ -29,7 +29,7 @@ from verefine_viz.core.problem import Hypothesis, Problem, Target
 from verefine_viz.core.protocols import Refiner, SceneRenderer, Simulator, Verifier
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import PhysicsSettings
-from verefine_viz.methods.arms import Entry, ObjectState, initial_arms
+from verefine_viz.methods.arms import AcceptedPose, ObjectState, initial_arms
 from verefine_viz.methods.per_object import FrameState, clusters_of
 from verefine_viz.methods.scene_search import SceneSearch, Search
 from verefine_viz.methods.search_tree import Candidate, SearchTree
@@ -240,7 +240,7 @@ def _advanced(o: ObjectState | None, iteration: Iteration) -> ObjectState:
     accepted = iteration.accepted_stage
     assert o is not None
     assert accepted.score is not None
-    entry = Entry(accepted.T_cam_obj, accepted.score, accepted.name, iteration.index)
+    entry = AcceptedPose(accepted.T_cam_obj, accepted.score, accepted.name, iteration.index)
     arm = o.arms[iteration.arm].advanced(entry).rewarded(accepted.score.score)
     return o.with_arm(iteration.arm, arm, o.best)
 

@@ -46,7 +46,7 @@ class NoSteps:
 
 
 @dataclass(frozen=True)
-class RecordedSteps(ObjectMethod):
+class TraceMethod(ObjectMethod):
     """Takes the recorded poses one after the other; the answer is the last one, as the program answered."""
 
     def n_iterations(self, state: ObjectState) -> int:
@@ -64,6 +64,6 @@ class RecordedSteps(ObjectMethod):
         return Draft((Stage("refined", own[k].T_cam_obj, ms=own[k].ms),), ("refined",), why_stuck=why_stuck)
 
 
-def recorded_steps(verifier: Verifier) -> RecordedSteps:
+def recorded_steps(verifier: Verifier) -> TraceMethod:
     """The method for one object. Its budget is what was recorded."""
-    return RecordedSteps(NoSteps(), verifier, 1, AsRecorded(), answer_is_best_scored=False)
+    return TraceMethod(NoSteps(), verifier, 1, AsRecorded(), answer_is_best_scored=False)

@@ -65,7 +65,7 @@ class _Parts:
 
 
 @dataclass(frozen=True)
-class Method:
+class MethodInfo:
     """What a method is, for all that compose, show or evaluate its runs."""
 
     label: str
@@ -105,29 +105,29 @@ class Method:
         return self.chooses and self.verifies and not self.has_passes
 
 
-METHODS: dict[str, Method] = {
-    "refine": Method("REFINE", lambda p: p.last_pose(Refine(p.refiner)), simulates=False, verifies=False),
-    "phys_before": Method(
+METHODS: dict[str, MethodInfo] = {
+    "refine": MethodInfo("REFINE", lambda p: p.last_pose(Refine(p.refiner)), simulates=False, verifies=False),
+    "phys_before": MethodInfo(
         "PHYS_BEFORE", lambda p: p.last_pose(PhysBefore(p.simulator, p.refiner, p.n_steps)), verifies=False
     ),
-    "phys_after": Method(
+    "phys_after": MethodInfo(
         "PHYS_AFTER",
         lambda p: p.last_pose(PhysAfter(p.simulator, p.refiner, p.n_steps, p.s.iterations)),
         verifies=False,
     ),
-    "even": Method("EVEN", lambda p: p.pir_by(Turns()), chooses=True),
-    "expl": Method("EXPL", lambda p: p.pir_by(BestInitial()), chooses=True),
-    "pir": Method("PIR", lambda p: p.last_pose(p.pir), verifies=False),
-    "sir": Method("SIR", lambda p: PerObject(p.sir_alone())),
-    "rir": Method("RIR", lambda p: PerObject(p.rir()), chooses=True, has_ucb=True),
-    "vf_breadth": Method(
+    "even": MethodInfo("EVEN", lambda p: p.pir_by(Turns()), chooses=True),
+    "expl": MethodInfo("EXPL", lambda p: p.pir_by(BestInitial()), chooses=True),
+    "pir": MethodInfo("PIR", lambda p: p.last_pose(p.pir), verifies=False),
+    "sir": MethodInfo("SIR", lambda p: PerObject(p.sir_alone())),
+    "rir": MethodInfo("RIR", lambda p: PerObject(p.rir()), chooses=True, has_ucb=True),
+    "vf_breadth": MethodInfo(
         "VF_b", lambda p: VfBreadth(p.scene_rir(), p.s.carry_clusters), chooses=True, has_ucb=True, knows_others=True
     ),
-    "vf_depth": Method("VF_d", _Parts.vf_depth, chooses=True, has_ucb=True, knows_others=True, has_passes=True),
+    "vf_depth": MethodInfo("VF_d", _Parts.vf_depth, chooses=True, has_ucb=True, knows_others=True, has_passes=True),
     # The system that the paper compares with; it has a refiner and a simulator of its own (methods/physim_mcts.py).
-    "physim_mcts": Method("PHYSIM-MCTS", knows_others=True, has_tree=True),
+    "physim_mcts": MethodInfo("PHYSIM-MCTS", knows_others=True, has_tree=True),
     # What another program did (verefine_viz/trace.py).
-    "trace": Method(
+    "trace": MethodInfo(
         "TRACE", lambda p: PerObject(recorded_steps(p.verifier)),
         simulates=False, chooses=True, verifies=False, repeats=True,
     ),
@@ -141,9 +141,9 @@ SEARCH = next(name for name, method in METHODS.items() if method.has_tree)
 """Name of the tree search."""
 
 
-def method_of(name: str) -> Method:
+def method_of(name: str) -> MethodInfo:
     """What the method of that name is; an unknown one counts as a plain one."""
-    return METHODS.get(name) or Method(name.upper())
+    return METHODS.get(name) or MethodInfo(name.upper())
 
 
 def make_method(

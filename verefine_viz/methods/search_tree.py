@@ -133,7 +133,7 @@ class SearchTree:
             children = towards or [c for c in node.children if not self.nodes[c].is_closed]
             bounds = [self._bound_px(node, c, exploration_px) for c in children]
             k = bounds.index(min(bounds))
-            choices.append(self._why(node, children, bounds, k))
+            choices.append(self._reason(node, children, bounds, k))
             branch.append(children[k])
 
     def expanded(self, parent: int, arm: int, T_cam_obj: Float) -> SearchTree:
@@ -185,7 +185,7 @@ class SearchTree:
         below = self.nodes[child]
         return below.mean_px - exploration_px * math.sqrt(2 * math.log(node.visits) / below.visits)
 
-    def _why(self, node: Node, children: list[int], bounds: list[float], k: int) -> str:
+    def _reason(self, node: Node, children: list[int], bounds: list[float], k: int) -> str:
         def term(i: int) -> str:
             below = self.nodes[children[i]]
             return f"hypothesis {below.arm + 1}: {below.mean_px:.0f} − {below.mean_px - bounds[i]:.0f} px"

@@ -11,7 +11,7 @@ import platformdirs
 
 from verefine_viz.core.algorithm_settings import DenseFusionSettings
 from verefine_viz.core.errors import SettingsError, UnavailableError
-from verefine_viz.core.writing import atomic, one_at_a_time
+from verefine_viz.core.writing import atomic, locked
 from verefine_viz.learned.densefusion_steps import POSE_NET, REFINE_NET, DenseFusionPose, DenseFusionSteps
 from verefine_viz.learned.onnx_network import PACKAGED, hash_of, read_weights
 
@@ -77,7 +77,7 @@ def onnx_file(path: Path, name: str) -> Path:
         raise UnavailableError(
             f"weights {path} need {error.name} once, to be made into ONNX: pip install 'verefine-viz[torch]'"
         ) from None
-    with one_at_a_time(made.with_suffix(".lock"), lambda _: None, ""):
+    with locked(made.with_suffix(".lock"), lambda _: None, ""):
         if not made.exists():
             converted = onnx_of_pth(content, path, name)
             with atomic(made) as part:

@@ -43,7 +43,7 @@ GOES_ON_M = 0.10
 
 
 @dataclass(frozen=True, eq=False)
-class Cells:
+class HeightCells:
     """Where the image shows upward surfaces, seen from above: the highest per cell."""
 
     tops: Float
@@ -53,7 +53,7 @@ class Cells:
     shape: tuple[int, int]
 
 
-def cells_of(points: Float, low: Float, high: Float, cell_m: float) -> Cells:
+def cells_of(points: Float, low: Float, high: Float, cell_m: float) -> HeightCells:
     """The cells of points (n, 3) of upward surfaces between ``low`` and ``high`` (2,).
 
     A cell's top is the mean of what lies close to its highest points, a few outliers aside.
@@ -74,10 +74,10 @@ def cells_of(points: Float, low: Float, high: Float, cell_m: float) -> Cells:
     dense = n_near >= 3
     tops = np.stack(sums, axis=1)[dense] / n_near[dense, None]
     at = np.stack([cells // shape[1], cells % shape[1]], axis=1)[dense]
-    return Cells(tops, at, (shape[0], shape[1]))
+    return HeightCells(tops, at, (shape[0], shape[1]))
 
 
-def support_surfaces(cells: Cells, seen: Float, eye: Float, first: SupportSurface) -> tuple[SupportSurface, ...]:
+def support_surfaces(cells: HeightCells, seen: Float, eye: Float, first: SupportSurface) -> tuple[SupportSurface, ...]:
     """The surfaces of the cells, that of ``first`` (the support plane) before others, then the largest first.
 
     Only the first may be endless.
@@ -143,7 +143,7 @@ def _fitted(plane: SupportSurface, points: Float) -> SupportSurface | None:
 
 
 def _outlined(
-    plane: SupportSurface, cells: Cells, left: NDArray[np.bool_], gaps: Float, far_m: float
+    plane: SupportSurface, cells: HeightCells, left: NDArray[np.bool_], gaps: Float, far_m: float
 ) -> SupportSurface | None:
     """The plane with the outline within which it supports, clear of the ``gaps`` (n, 2) in it; None where that is too
     small.

@@ -40,7 +40,7 @@ class Admission:
         if not is_loopback(host):
             names.append(socket.gethostname().lower())
         if host not in _EVERYWHERE:
-            names.append(in_url(host).lower())
+            names.append(url_host(host).lower())
         self._names, self._is_everywhere = names, host in _EVERYWHERE
         self._allowed = {read_origin(text) for text in allowed}
 
@@ -86,7 +86,7 @@ def reached_at(host: str) -> str:
     return _EVERYWHERE.get(host, host)
 
 
-def in_url(host: str) -> str:
+def url_host(host: str) -> str:
     """A host as it stands in an address."""
     return f"[{host}]" if ":" in host else host
 

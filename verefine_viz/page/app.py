@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from verefine_viz.core.errors import Cancelled, SettingsError, in_one_line, unknown
+from verefine_viz.core.errors import Cancelled, SettingsError, one_line, unknown
 from verefine_viz.core.files import first_line
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.progress_token import ProgressToken
@@ -22,10 +22,9 @@ from verefine_viz.methods.registry import METHODS
 from verefine_viz.page import proxy
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.export import Exporter
-from verefine_viz.page.gallery import Gallery
+from verefine_viz.page.gallery import Gallery, open_gallery
 from verefine_viz.page.live_gallery import LiveGallery
 from verefine_viz.page.moment import moment_of
-from verefine_viz.page.opening import open_gallery
 from verefine_viz.page.protocol import AnyVerb
 from verefine_viz.page.scene3d.scene import Scene3D
 from verefine_viz.page.scene3d.viser_server import Viser3DServer
@@ -313,9 +312,9 @@ def serve(
     try:
         print(f"verefine-viz: {app.url}  (Ctrl-C ends it)", flush=True)
         for note in notes:
-            print(f"note: {in_one_line(note)}", flush=True)
+            print(f"note: {one_line(note)}", flush=True)
         if watch is not None:
-            print(in_one_line(f"watching {watch.folder}; results in {watch.out}"), flush=True)
+            print(one_line(f"watching {watch.folder}; results in {watch.out}"), flush=True)
         app.wait_until_ready()
         if open_browser:
             webbrowser.open(app.url)

@@ -15,7 +15,7 @@ from verefine_viz.diagnosis.lost_poses import Discarded, discarded
 from verefine_viz.evaluation.matched_estimates import CORRECT
 from verefine_viz.methods.registry import method_of
 from verefine_viz.page.evaluator import CachedEvaluator
-from verefine_viz.page.marks import RED, Mark, marks_of, once_per_object
+from verefine_viz.page.marks import RED, Mark, listed_marks, marks_of
 from verefine_viz.run.engine import Run
 from verefine_viz.run.session_file import changed
 
@@ -28,12 +28,12 @@ BySection = dict[str, dict[str, Any]]
 """Changed settings by section, as session files have them."""
 
 
-def in_order(changes: Sequence[Change]) -> list[Change]:
+def sorted_changes(changes: Sequence[Change]) -> list[Change]:
     """Sort changes, the earliest first."""
     return sorted(changes, key=lambda change: change.after_iteration)
 
 
-def by_section(settings: Settings) -> BySection:
+def group_by_section(settings: Settings) -> BySection:
     """Sort settings into sections: {"method.exploration": 0.2} as {"method": {"exploration": 0.2}}."""
     out: BySection = {}
     for name, value in settings.items():
@@ -82,7 +82,7 @@ class Branch:
     @cached_property
     def settings(self) -> Session:
         """The settings that it ends up with: a session that was read may change them on the way."""
-        return changed(self.tools.session, merged([c.settings for c in in_order(self.changes)]))
+        return changed(self.tools.session, merged([c.settings for c in sorted_changes(self.changes)]))
 
     def evaluator_of(self, k: int) -> CachedEvaluator:
         """Return what evaluates by the settings of iteration ``k``; of the first where ``k`` is 0."""
@@ -107,9 +107,9 @@ class Branch:
             after = evaluator.errors(target, iteration.accepted_stage.T_cam_obj)
             growth = after.add_s_mm - before.add_s_mm if before and after else None
             self._marks.append(marks_of(iteration, growth))
-        marks = once_per_object(list(zip(run.iterations, self._marks, strict=False)))
+        marks = listed_marks(list(zip(run.iterations, self._marks, strict=False)))
         given_up = [
-            Mark(d.given_up, own, "discarded", d.in_words(run.problem.target(own).model.name), RED)
+            Mark(d.given_up, own, "discarded", d.describe(run.problem.target(own).model.name), RED)
             for own, d in self.discarded().items()
         ]
         return tuple(sorted((*marks, *given_up), key=lambda mark: mark.k))

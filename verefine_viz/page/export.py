@@ -20,10 +20,10 @@ from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import atomic
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.maps_sheet import maps_sheet
+from verefine_viz.page.opened import Opened
 from verefine_viz.page.protocol import AnyVerb, Save, UnconfirmedError, write_verb
 from verefine_viz.page.saved_session import Saved, savable
 from verefine_viz.page.share import shared, write_shared
-from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.run.run_file import SUFFIX, RunFile
 from verefine_viz.run.session_file import load_session, save_session
@@ -50,7 +50,7 @@ class Exporter:
         self._folder, self._progress, self._scene_page = folder, progress, scene_page
         self._written: dict[str, Path] = {}
 
-    def __call__(self, d: Debugger, verb: Save) -> dict[str, Any]:
+    def __call__(self, d: Opened, verb: Save) -> dict[str, Any]:
         """Write a file and return message ``written``.
 
         Raises:
@@ -81,7 +81,7 @@ class Exporter:
         space.files[path.resolve()] = Saved(session, branch)
         return path, note
 
-    def _export(self, d: Debugger, verb: Save) -> Path:
+    def _export(self, d: Opened, verb: Save) -> Path:
         branch = d.space.work.first if verb.what == "verbs" else d.space.branch(verb.branch)
         is_run_file = verb.what == "recording" and verb.name.endswith(SUFFIX)
         ending = SUFFIX if is_run_file else ENDINGS[verb.what]
@@ -126,7 +126,7 @@ class Exporter:
             )
         watchers = (file,) if recorder is None else (file, recorder)
         try:
-            run.show((Watched(self._progress, run.length, watchers),))
+            run.show((CheckedHistory(self._progress, run.length, watchers),))
             if branch.recording is not None:
                 end = read_recording(branch.recording).end
             else:
@@ -150,7 +150,7 @@ class Exporter:
 
 
 @dataclass(frozen=True)
-class Watched:
+class CheckedHistory:
     """Shows a history of ``n`` iterations to watchers, and asks before each whether to go on."""
 
     progress: ProgressToken
@@ -172,7 +172,7 @@ class Watched:
             watcher.on_finish(state)
 
 
-def logged(d: Debugger) -> list[AnyVerb]:
+def logged(d: Opened) -> list[AnyVerb]:
     """Return the verbs that lead to what is open; of a run that goes on, as far as it is now."""
     return [*d.log, *d.progress_verbs()]
 

@@ -29,7 +29,7 @@ WRONG, RIGHT, UNKNOWN = "wrong or no answer", "right", "unknown"
 
 
 @dataclass(frozen=True)
-class Entry:
+class GalleryEntry:
     """One object of a frame, as one run answered it; or a frame of a watched folder that is not solved yet."""
 
     run: str
@@ -88,7 +88,7 @@ class Gallery:
         self.n_unfinished = n_unfinished
         self.notes = (*notes, *(note for index in indices for note in index.notes))
         """What is missing."""
-        self.entries = tuple(Entry(run, row) for run, index in self.runs.items() for row in index.rows)
+        self.entries = tuple(GalleryEntry(run, row) for run, index in self.runs.items() for row in index.rows)
         self._overrides = overrides or {}
         self._sessions: dict[str, Session] = {}
         self._files: dict[str, TagFile] = {}
@@ -104,13 +104,13 @@ class Gallery:
         """Return where the solved frames of a run lie; nowhere where other settings win over its own."""
         runs = Runs(self.runs[run].folder / "runs")
 
-        def of_frame(frame: str) -> Path | None:
+        def run_file(frame: str) -> Path | None:
             path = runs.path(frame)
             return path if path.is_file() and not self._overrides else None
 
-        return of_frame
+        return run_file
 
-    def loose_record(self, entry: Entry) -> Path | None:
+    def loose_record(self, entry: GalleryEntry) -> Path | None:
         """Return the file of an answer's run where a folder holds run files of any names; None where it is a batch."""
         row = entry.row
         return self._loose.get((entry.run, row.frame, row.method, row.seed))
@@ -127,7 +127,7 @@ class Gallery:
         return files
 
     @cached_property
-    def worst(self) -> Entry:
+    def worst(self) -> GalleryEntry:
         """What is opened first; of frames that can be opened, if there are any."""
         ordered = self.sorted_by("error")
         return next((entry for entry in ordered if entry.can_be_opened), ordered[0])
@@ -142,7 +142,7 @@ class Gallery:
         """In how many frames the data are in doubt, and why; empty where none are."""
         return doubts_in_words([(run, index.rows) for run, index in self.runs.items()])
 
-    def sorted_by(self, order: Order) -> tuple[Entry, ...]:
+    def sorted_by(self, order: Order) -> tuple[GalleryEntry, ...]:
         """Everything in one of ``batch.index.ORDERS``."""
         place = sort_key(order)
         return tuple(sorted(self.entries, key=lambda entry: place(entry.row)))
@@ -154,10 +154,10 @@ class Gallery:
 
     # Tags
 
-    def tags_of(self, entry: Entry) -> tuple[str, ...]:
+    def tags_of(self, entry: GalleryEntry) -> tuple[str, ...]:
         return self._files[entry.run].tags.get(answer_key(entry.row), ())
 
-    def tag(self, entries: Sequence[Entry], tag: str, on: bool) -> None:
+    def tag(self, entries: Sequence[GalleryEntry], tag: str, on: bool) -> None:
         """Gives answers a tag, or takes it away; kept beside their runs.
 
         Raises:
@@ -178,7 +178,7 @@ class Gallery:
         save_tags(self.runs[run].folder, file)
         self._files[run] = file
 
-    def answer(self, key: int) -> Entry:
+    def answer(self, key: int) -> GalleryEntry:
         """The answer of a number, in the order of :attr:`entries`.
 
         Raises:
@@ -233,4 +233,15 @@ def read_gallery(folder: Path, overrides: Mapping[str, Any] | None = None) -> Ga
     gallery = Gallery(indices, len(folders) - len(finished), overrides, notes)
     if not gallery.sorted_by("error"):
         raise InputError(f"no run in {folder} has an answer; open one by itself: verefine-viz view RUN{SUFFIX}")
+    return gallery
+
+
+def open_gallery(gallery: Gallery | None) -> Gallery:
+    """Return the answers of the batch that is open.
+
+    Raises:
+        InputError: none is.
+    """
+    if gallery is None:
+        raise InputError("no batch is open; open one with verefine-viz view FOLDER")
     return gallery

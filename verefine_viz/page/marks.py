@@ -82,7 +82,7 @@ def marks_of(iteration: Iteration, error_growth_mm: float | None = None) -> tupl
     return tuple(marks)
 
 
-def once_per_object(marked: Sequence[tuple[Iteration, Sequence[Mark]]]) -> tuple[Mark, ...]:
+def listed_marks(marked: Sequence[tuple[Iteration, Sequence[Mark]]]) -> tuple[Mark, ...]:
     """The marks of iterations in their order; of those that stay so (:data:`ONCE`) the first of each object, which says
     how often it happens.
     """

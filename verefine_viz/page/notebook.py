@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from verefine_viz.page.app import App
-from verefine_viz.page.what_lies_at import path_of, what_lies_at
+from verefine_viz.page.openable import path_of, read_openable
 
 HEIGHT_PX = 800
 
@@ -62,7 +62,7 @@ def show(what: Any, height: int = HEIGHT_PX) -> ShownPage:
     """
     folder = tempfile.TemporaryDirectory(prefix="verefine-viz-")
     try:
-        there = what_lies_at(path_of(what, Path(folder.name)))
+        there = read_openable(path_of(what, Path(folder.name)))
         app = App(
             session=there.session,
             session_path=there.session_path,

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Sequence
-from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from msgspec import structs
 
 from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.settings import Session
-from verefine_viz.core.writing import at_home
-from verefine_viz.page.gallery import Entry, Gallery
+from verefine_viz.core.writing import expand_home
+from verefine_viz.page.gallery import GalleryEntry, open_gallery
 from verefine_viz.page.link import PageLink, read_link
+from verefine_viz.page.opened import Opened
 from verefine_viz.page.protocol import Open
 from verefine_viz.run.session_file import load_session
 
-if TYPE_CHECKING:
-    from verefine_viz.page.verbs import Debugger
 
-
-def open_other(d: Debugger, verb: Open, window: int | None) -> None:
+def open_other(d: Opened, verb: Open, window: int | None) -> None:
     """Open what a verb names.
 
     Raises:
@@ -35,7 +29,7 @@ def open_other(d: Debugger, verb: Open, window: int | None) -> None:
         _open(d, verb, window)
 
 
-def _open(d: Debugger, verb: Open, window: int | None) -> None:
+def _open(d: Opened, verb: Open, window: int | None) -> None:
     space = d.space
     if verb.answer is not None:
         entry = open_gallery(d.gallery).answer(verb.answer)
@@ -48,10 +42,10 @@ def _open(d: Debugger, verb: Open, window: int | None) -> None:
     if verb.frame:
         space.open_frame(verb.frame)
     elif verb.recording:
-        space.open_recording(at_home(verb.recording))
+        space.open_recording(expand_home(verb.recording))
         d.enter_run("")
     elif verb.session:
-        file = at_home(verb.session)
+        file = expand_home(verb.session)
         space.open(load_session(file), file)
         d.enter_run("")
     elif verb.demo:
@@ -64,7 +58,7 @@ def _open(d: Debugger, verb: Open, window: int | None) -> None:
     d.show(None, None, None)
 
 
-def _open_link(d: Debugger, link: PageLink, window: int | None) -> None:
+def _open_link(d: Opened, link: PageLink, window: int | None) -> None:
     """Open what a link names; the frame that is open stays where it is unless the link names an iteration."""
     space = d.space
     frame = link.frame or space.frame
@@ -90,18 +84,7 @@ def _open_link(d: Debugger, link: PageLink, window: int | None) -> None:
         d.show(link.iteration, obj, window)
 
 
-def open_gallery(gallery: Gallery | None) -> Gallery:
-    """Return the answers of the batch that is open.
-
-    Raises:
-        InputError: none is.
-    """
-    if gallery is None:
-        raise InputError("no batch is open; open one with verefine-viz view FOLDER")
-    return gallery
-
-
-def _open_answer(d: Debugger, entry: Entry) -> None:
+def _open_answer(d: Opened, entry: GalleryEntry) -> None:
     path = open_gallery(d.gallery).loose_record(entry)
     if path is None:
         _enter(d, entry.run, entry.row.frame)
@@ -111,7 +94,7 @@ def _open_answer(d: Debugger, entry: Entry) -> None:
     d.send_frame()
 
 
-def _enter(d: Debugger, run: str, frame: str) -> None:
+def _enter(d: Opened, run: str, frame: str) -> None:
     """Open a frame of a batch run, with the session of that run; without a run a frame of the open session."""
     gallery, space = d.gallery, d.space
     if not run:
@@ -127,7 +110,7 @@ def _enter(d: Debugger, run: str, frame: str) -> None:
     d.repeat_recorded()
 
 
-def _demo_session(d: Debugger, name: str) -> tuple[Session, Path | None]:
+def _demo_session(d: Opened, name: str) -> tuple[Session, Path | None]:
     """Return the session of a built-in scene: that of the file of its name, or else the open one's settings."""
     if name not in d.demos:
         raise SettingsError(unknown("built-in scene", name, d.demos))
@@ -140,23 +123,3 @@ def _demo_session(d: Debugger, name: str) -> tuple[Session, Path | None]:
     hypotheses = structs.replace(old.hypotheses, source="perturb", files=(), estimate=())
     update = {"scene": scene, "hypotheses": hypotheses, "title": name, "edits": (), "changes": ()}
     return structs.replace(old, **update), None
-
-
-def titled(files: Sequence[Path]) -> list[dict[str, str]]:
-    """Name session files by their titles; one without a title by its scene and a number, which gives nothing away."""
-    out: list[dict[str, str]] = []
-    for number, path in enumerate(files, 1):
-        title, scene = _title_and_scene(path, path.stat().st_mtime_ns if path.exists() else 0)
-        out.append({"path": str(path), "title": title or f"{scene} {number}"})
-    return out
-
-
-@lru_cache(maxsize=256)
-def _title_and_scene(path: Path, changed_ns: int) -> tuple[str, str]:
-    try:
-        content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return path.stem, ""
-    scene = content.get("scene")
-    known = scene if isinstance(scene, dict) else {}
-    return str(content.get("title") or ""), str(known.get("demo") or Path(str(known.get("dataset", "session"))).name)

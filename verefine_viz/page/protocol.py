@@ -32,11 +32,11 @@ class UnconfirmedError(InputError):
         self.offer = {"words": words, "verb": msgspec.to_builtins(verb)}
 
 
-class Verb(Struct, forbid_unknown_fields=True, tag_field="verb", tag=str.lower):
+class Verb(Struct, forbid_unknown_fields=True, tag_field="verb", tag=lambda name: name.removesuffix("Verb").lower()):
     """Something that a window asks the server to do."""
 
 
-class Edit(Struct, frozen=True, forbid_unknown_fields=True):
+class EditedPose(Struct, frozen=True, forbid_unknown_fields=True):
     """A pose that takes the place of a hypothesis's current one."""
 
     obj: int
@@ -92,7 +92,7 @@ class Seek(Verb):
     branch: Index = 0
 
 
-class Run(Verb):
+class RunVerb(Verb):
     """Compute a branch on to its end, or to the next event; breakpoints stop both."""
 
     branch: Index = 0
@@ -122,7 +122,7 @@ class Fork(Verb):
     k: Index
     branch: Index = 0
     changes: Changes = {}
-    edit: Edit | None = None
+    edit: EditedPose | None = None
     run: bool = False
 
 
@@ -148,7 +148,7 @@ class Estimate(Verb):
     branch: Index = 0
 
 
-class Branch(Verb):
+class BranchVerb(Verb):
     """Name a branch, or remove it."""
 
     index: Index
@@ -199,11 +199,13 @@ class Evaluate(Verb):
     k: Index = 0
 
 
-class Wanted(Struct, forbid_unknown_fields=True, tag_field="what", tag=str.lower):
+class Wanted(
+    Struct, forbid_unknown_fields=True, tag_field="what", tag=lambda name: name.removesuffix("Wanted").lower()
+):
     """What a want asks for; each kind stands beside its view."""
 
 
-class Maps(Wanted):
+class MapsWanted(Wanted):
     """The score of a pose, or of several together, pixel by pixel."""
 
     branch: Index = 0
@@ -213,21 +215,21 @@ class Maps(Wanted):
     poses: Annotated[tuple[tuple[int, Pose], ...], Meta(max_length=64)] = ()
 
 
-class Outlines(Wanted):
+class OutlinesWanted(Wanted):
     """The outlines of a model in the image at some poses."""
 
     obj: int
     poses: Annotated[tuple[Pose, ...], Meta(max_length=MOST_POSES)]
 
 
-class Shaded(Wanted):
+class ShadedWanted(Wanted):
     """A model as it would look at a pose."""
 
     obj: int
     T: Pose
 
 
-class Physics(Wanted):
+class PhysicsWanted(Wanted):
     """Whether the objects can stand where they are, and what the simulation did."""
 
     branch: Index = 0
@@ -237,7 +239,7 @@ class Physics(Wanted):
     edited: Pose | None = None
 
 
-class Landscape(Wanted):
+class LandscapeWanted(Wanted):
     """The score around the best pose of an object at an iteration."""
 
     obj: int
@@ -249,7 +251,7 @@ class Landscape(Wanted):
     """Axes of the map: across and up."""
 
 
-class Comparison(Wanted, tag="compare"):
+class ComparisonWanted(Wanted, tag="compare"):
     """Two branches side by side, iteration by iteration."""
 
     a: Index
@@ -258,7 +260,7 @@ class Comparison(Wanted, tag="compare"):
     """Iterations of both: a browser asks again when there are more."""
 
 
-class Crops(Wanted):
+class CropsWanted(Wanted):
     """What a learned refiner saw in an iteration."""
 
     k: Index
@@ -266,7 +268,7 @@ class Crops(Wanted):
     branch: Index = 0
 
 
-class Track(Wanted):
+class TrackWanted(Wanted):
     """An object over the frames of a sequence."""
 
     obj: int
@@ -274,7 +276,7 @@ class Track(Wanted):
     """Whether the open frame is solved: a browser asks again when it is."""
 
 
-class Recorded(Wanted):
+class RecordedWanted(Wanted):
     """What another program recorded of an object's poses, beside our scores."""
 
     obj: int
@@ -283,7 +285,17 @@ class Recorded(Wanted):
     """Iterations that are there: a browser asks again when there are more."""
 
 
-AnyWant = Maps | Outlines | Shaded | Physics | Landscape | Comparison | Crops | Track | Recorded
+AnyWant = (
+    MapsWanted
+    | OutlinesWanted
+    | ShadedWanted
+    | PhysicsWanted
+    | LandscapeWanted
+    | ComparisonWanted
+    | CropsWanted
+    | TrackWanted
+    | RecordedWanted
+)
 
 
 class Want(Verb):
@@ -314,8 +326,8 @@ class Tag(Verb):
 
 
 AnyVerb = (
-    Look | Step | Seek | Run | Pause | Cancel | Restart | Fork | Open | Estimate | Branch | Compare | Break | Order
-    | Evaluate | Want | Save | Tag
+    Look | Step | Seek | RunVerb | Pause | Cancel | Restart | Fork | Open | Estimate | BranchVerb | Compare | Break
+    | Order | Evaluate | Want | Save | Tag
 )  # fmt: skip
 
 _DECODER = msgspec.json.Decoder(AnyVerb)

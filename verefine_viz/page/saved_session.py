@@ -42,7 +42,10 @@ def edits_of_all(shown: Branch, others: Sequence[Branch], is_only_frame: bool) -
         others: those of the other frames that were opened.
         is_only_frame: whether the session has no frame but the shown one.
     """
-    made = [*_at_first(shown, is_only_frame), *(edit for other in others for edit in _at_first(other) if edit.frame)]
+    made = [
+        *_opening_edits(shown, is_only_frame),
+        *(edit for other in others for edit in _opening_edits(other) if edit.frame),
+    ]
     elsewhere = (edit for edit in shown.start.edits if edit not in made)
     there = (edit for other in others for edit in edits_made(other) if edit.frame)
     return (*edits_made(shown, is_only_frame), *elsewhere, *there)
@@ -60,8 +63,8 @@ def savable(session: Session, shown: Branch, others: Sequence[Branch], n_frames:
         others: those of the other frames that were opened.
         n_frames: how many the session has.
     """
-    frame, apart = shown.run.problem.frame, [o.run.problem.frame for o in others if not _goes_with(o, shown)]
-    if n_frames > 1 and _goes_with(shown, shown):
+    frame, apart = shown.run.problem.frame, [o.run.problem.frame for o in others if not _is_compatible(o, shown)]
+    if n_frames > 1 and _is_compatible(shown, shown):
         first = tuple(edit for edit in shown.start.edits if edit.frame in apart)
         edits = (*(edit for edit in session.edits if edit.frame not in apart), *first)
         return structs.replace(session, edits=edits), _lacks(apart)
@@ -73,12 +76,12 @@ def savable(session: Session, shown: Branch, others: Sequence[Branch], n_frames:
     alone = structs.replace(session, scene=scene, edits=here)
     if n_frames == 1:
         return alone, ""
-    belongs = beside_the_method(alone) or "a pose that the session moves in every frame is not moved here, which"
-    opens = f"it opens frame {frame} alone: {belongs} belong{'' if beside_the_method(alone) else 's'} to it"
+    belongs = extra_work(alone) or "a pose that the session moves in every frame is not moved here, which"
+    opens = f"it opens frame {frame} alone: {belongs} belong{'' if extra_work(alone) else 's'} to it"
     return alone, "; ".join(filter(None, (opens, _lacks(apart))))
 
 
-def beside_the_method(session: Session) -> str:
+def extra_work(session: Session) -> str:
     """What a run of a session does beside its method, in words."""
     moved, changed = bool(session.edits) * ["edited poses"], bool(session.changes) * ["settings changed later"]
     return " and ".join(moved + changed)
@@ -91,18 +94,18 @@ def _lacks(frames: Sequence[str]) -> str:
     return f"it does not hold what was done in frame{'s' if len(names) > 1 else ''} {listed(names)}: save that there"
 
 
-def _goes_with(branch: Branch, shown: Branch) -> bool:
+def _is_compatible(branch: Branch, shown: Branch) -> bool:
     """Whether one session can say what was done in a branch and in the shown one: poses of named frames were moved."""
     start, other = (structs.replace(b.start, edits=(), tracked=()) for b in (branch, shown))
-    dropped = any(not edit.frame and edit not in edits_made(branch) for edit in _at_first(branch))
+    dropped = any(not edit.frame and edit not in edits_made(branch) for edit in _opening_edits(branch))
     return start == other and branch.changes == branch.start.changes and not dropped
 
 
 def edits_made(branch: Branch, is_only_frame: bool = False) -> tuple[Edit, ...]:
     """The poses that a branch moves; one that was read moves none again."""
-    return _at_first(branch, is_only_frame) if branch.recording else branch.run.edits
+    return _opening_edits(branch, is_only_frame) if branch.recording else branch.run.edits
 
 
-def _at_first(branch: Branch, is_only_frame: bool = False) -> tuple[Edit, ...]:
+def _opening_edits(branch: Branch, is_only_frame: bool = False) -> tuple[Edit, ...]:
     """Edits that the session moves in the branch's frame, as it was opened."""
     return edits_of(branch.start.edits, branch.run.problem, is_only_frame)

@@ -24,7 +24,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from verefine_viz import __version__
 from verefine_viz.core.errors import InputError, UnavailableError
-from verefine_viz.page.admission import Admission, Guard, in_url, is_loopback, reached_at
+from verefine_viz.page.admission import Admission, Guard, is_loopback, reached_at, url_host
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.protocol import AnyVerb, read_verb
 
@@ -123,7 +123,7 @@ class PageServer:
     @property
     def url(self) -> str:
         """What to type into a browser on this machine."""
-        return f"http://{in_url(reached_at(self.host))}:{self.port}"
+        return f"http://{url_host(reached_at(self.host))}:{self.port}"
 
     def start(self, routes: Sequence[BaseRoute] = ()) -> None:
         """Serve on a thread of its own, with further ``routes``, such as the 3D view's."""

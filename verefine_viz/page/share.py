@@ -21,11 +21,12 @@ from verefine_viz.core.writing import atomic
 from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.bundle import InlinedBlobs, bundle, compressed, element, webp
-from verefine_viz.page.gallery import Entry, Gallery
+from verefine_viz.page.gallery import Gallery, GalleryEntry
+from verefine_viz.page.openable import path_of, read_openable
+from verefine_viz.page.opened import Opened
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.pixel_maps import ALIGNED
 from verefine_viz.page.wants import ANSWERS
-from verefine_viz.page.what_lies_at import path_of, what_lies_at
 from verefine_viz.page.workspace import Checks, Workspace
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ def share(
     with tempfile.TemporaryDirectory(prefix="verefine-viz-") as folder:
         path = path_of(what, Path(folder))
         debugger = opened(path, frame)
-        run = shared(debugger, f"verefine-viz view {as_typed(path)}", maps)
+        run = shared(debugger, f"verefine-viz view {command_path(path)}", maps)
         note = write_shared(run, end_scene(debugger) if with_scene else "", out)
         return f"Frame {debugger.space.frame} of “{run.title}”. {note}".rstrip()
 
@@ -111,7 +112,7 @@ def write_shared(run: SharedRun, scene: str, out: Path) -> str:
     return note
 
 
-def as_typed(path: Path) -> str:
+def command_path(path: Path) -> str:
     """Return a path as a command has it; of one that names places on this machine the last part."""
     return path.name if path.is_absolute() else str(path)
 
@@ -126,7 +127,7 @@ def opened(path: Path, frame: str | None = None) -> Debugger:
     Raises:
         VerefineError: it cannot be opened.
     """
-    there = what_lies_at(path)
+    there = read_openable(path)
     if there.gallery is not None:
         return opened_batch(there.gallery, frame)
     space = Workspace(there.session, there.session_path, *_real_parts(), frame=frame, recording=there.recording)
@@ -135,7 +136,7 @@ def opened(path: Path, frame: str | None = None) -> Debugger:
     debugger = Debugger(space).carry_out(())
     branch = space.work.first
     if not branch.run.is_done and branch.recording is None:
-        debugger.carry_out([p.Run(branch.index)])
+        debugger.carry_out([p.RunVerb(branch.index)])
     return debugger
 
 
@@ -154,7 +155,7 @@ def opened_batch(gallery: Gallery, frame: str | None = None) -> Debugger:
     return opened_answer(gallery, entry)
 
 
-def opened_answer(gallery: Gallery, entry: Entry) -> Debugger:
+def opened_answer(gallery: Gallery, entry: GalleryEntry) -> Debugger:
     """Open an answer of a batch.
 
     Raises:
@@ -178,7 +179,7 @@ def _real_parts() -> tuple[Callable[[Session], Toolbox], Checks]:
 
 
 def shared(
-    debugger: Debugger,
+    debugger: Opened,
     command: str,
     maps: WithMaps = "marked",
     objects: Collection[int] | None = None,
@@ -223,7 +224,7 @@ def shared(
     return SharedRun(frame["title"], (hello, file, *known), tuple(answers), tuple(blobs.elements))
 
 
-def end_scene(debugger: Debugger) -> str:
+def end_scene(debugger: Opened) -> str:
     """Return the 3D view of the end of the first branch as a page of its own."""
     from verefine_viz.page.scene3d.scene import Scene3D
     from verefine_viz.page.scene3d.viser_server import Viser3DServer
@@ -254,13 +255,13 @@ def _portable(message: Json) -> Json:
 def _answer(space: Workspace, of: Json, blobs: InlinedBlobs) -> Json:
     want = msgspec.convert(of, p.AnyWant)
     try:
-        if not isinstance(want, p.Maps | p.Shaded):
+        if not isinstance(want, p.MapsWanted | p.ShadedWanted):
             return ANSWERS[type(want)](space, want, blobs)
         exact = Blobs()
         answer = ANSWERS[type(want)](space, want, exact)
     except VerefineError as error:
         return {"gone": str(error)}
-    if isinstance(want, p.Maps):
+    if isinstance(want, p.MapsWanted):
         return answer | _rounded(exact.data(answer["blob"]), answer["arrays"], blobs)
     if answer["url"] is None:
         return answer

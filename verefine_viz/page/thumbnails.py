@@ -13,7 +13,7 @@ from msgspec import structs
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import SceneSettings
-from verefine_viz.page.gallery import Entry, Gallery
+from verefine_viz.page.gallery import Gallery, GalleryEntry
 from verefine_viz.page.live_gallery import LiveGallery
 from verefine_viz.pictures.answer_pictures import picture_source, thumbnail
 from verefine_viz.scenes.source import SceneSource
@@ -32,15 +32,15 @@ class Thumbnails:
         draw: makes one, as WebP; empty where it cannot.
     """
 
-    def __init__(self, draw: Callable[[Entry], bytes]) -> None:
+    def __init__(self, draw: Callable[[GalleryEntry], bytes]) -> None:
         self._draw = draw
-        self._pictures: OrderedDict[Entry, Future[bytes]] = OrderedDict()
-        self._wanted: list[Entry] = []
+        self._pictures: OrderedDict[GalleryEntry, Future[bytes]] = OrderedDict()
+        self._wanted: list[GalleryEntry] = []
         self._wake = threading.Condition()
         self._stopping = False
         self._thread: threading.Thread | None = None
 
-    def ask(self, entry: Entry) -> Future[bytes]:
+    def ask(self, entry: GalleryEntry) -> Future[bytes]:
         """Return the picture, once it is made; what was asked for last is made first. Empty = there is none."""
         with self._wake:
             if entry not in self._pictures:
@@ -73,7 +73,7 @@ class Thumbnails:
             if picture is not None:
                 picture.set_result(self._drawn(entry))
 
-    def _drawn(self, entry: Entry) -> bytes:
+    def _drawn(self, entry: GalleryEntry) -> bytes:
         try:
             return self._draw(entry)
         except VerefineError as error:  # Its images may be gone: the words remain.
@@ -95,7 +95,7 @@ class Painter:
         self._sources: dict[SceneSettings, SceneSource] = {}
         self._problems: OrderedDict[tuple[SceneSettings, str], Problem] = OrderedDict()
 
-    def __call__(self, entry: Entry) -> bytes:
+    def __call__(self, entry: GalleryEntry) -> bytes:
         """Draw an answer, as WebP.
 
         Raises:
@@ -110,7 +110,7 @@ class Painter:
         target = self._problem(entry).target(row.instance_id)
         return thumbnail(target, answer, WIDTH_PX)
 
-    def _problem(self, entry: Entry) -> Problem:
+    def _problem(self, entry: GalleryEntry) -> Problem:
         index = self._gallery().runs[entry.run]
         # Runs on the same data share it.
         data = structs.replace(index.session.scene, frames=())

@@ -1,12 +1,8 @@
-"""Carries out verbs: what is open, which runs go on, and what windows get. Needs no screen."""
+"""Carries out verbs: what a window may ask for, and what it does. Needs no screen."""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from contextlib import suppress
-from pathlib import Path
-from time import monotonic, perf_counter
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import msgspec
@@ -14,38 +10,23 @@ from msgspec.structs import replace
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, unknown
-from verefine_viz.core.problem import Placed
-from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
-from verefine_viz.core.writing import at_home
-from verefine_viz.methods.registry import method_of
+from verefine_viz.core.writing import expand_home
 from verefine_viz.page import protocol as p
-from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.branch import Branch
-from verefine_viz.page.gallery import Gallery
-from verefine_viz.page.live_gallery import LiveGallery
-from verefine_viz.page.marks import jumps
+from verefine_viz.page.gallery import open_gallery
 from verefine_viz.page.moment import labels_of, pose_matrix, state_of
-from verefine_viz.page.opening import open_gallery, open_other, titled
+from verefine_viz.page.opened import Goal, Opened
+from verefine_viz.page.opening import open_other
 from verefine_viz.page.protocol import AnyVerb
 from verefine_viz.page.reorder import reordered
-from verefine_viz.page.views.branch_list import branches_message
-from verefine_viz.page.views.frame import frame_message
 from verefine_viz.page.views.gallery_answers import answers_message
-from verefine_viz.page.views.rows import run_message
-from verefine_viz.page.views.verdict import finished_objects, verdict_message
 from verefine_viz.page.wants import ANSWERS
-from verefine_viz.page.worker import Post
-from verefine_viz.page.workspace import Workspace
-from verefine_viz.run.breakpoints import hits, with_changes
+from verefine_viz.run.breakpoints import with_changes
 from verefine_viz.scenes.hypothesis_pool import asked_estimators
 
-ROWS_S = 0.1
-"""Time between two messages with the rows of a run that goes on [s]."""
-_TIMED = 20
-"""Iterations whose mean duration says how long the others will take."""
 SOURCES = {"results": "the results files", "perturb": "the disturbed ground truth"}
 """What the page calls where initial poses come from; estimators have their names."""
-_NOT_LOGGED = (p.Look, p.Want, p.Run, p.Seek, p.Pause, p.Cancel, p.Evaluate, p.Save, p.Tag)
+_NOT_LOGGED = (p.Look, p.Want, p.RunVerb, p.Seek, p.Pause, p.Cancel, p.Evaluate, p.Save, p.Tag)
 """Verbs that change no record; how far a run came is logged where it stops."""
 
 
@@ -53,85 +34,8 @@ _NEW_RUNS = (p.Restart, p.Open, p.Order, p.Estimate)
 """Verbs after which other runs are there: what is computed ends before them."""
 
 
-class Goal:
-    """What a branch is computed to.
-
-    Args:
-        branch: which.
-        k: until it holds so many iterations, breakpoints or not; None = to its end, and breakpoints stop it.
-        until: "end", or "event": the first mark stops it too.
-    """
-
-    def __init__(self, branch: Branch, k: int | None = None, until: str = "end") -> None:
-        self.branch, self.k, self.until = branch, k, until
-        self.seconds: deque[float] = deque(maxlen=_TIMED)
-
-    @property
-    def is_reached(self) -> bool:
-        """Whether nothing is left to compute."""
-        run = self.branch.run
-        return run.is_done or (self.k is not None and run.length >= self.k)
-
-    @property
-    def remaining_s(self) -> float | None:
-        """Estimated time to the goal [s]; None where nothing was timed yet."""
-        if not self.seconds:
-            return None
-        run = self.branch.run
-        return ((self.k or run.n_iterations) - run.length) * sum(self.seconds) / len(self.seconds)
-
-
-class Debugger:
-    """What is open, and what happens to it.
-
-    Args:
-        space: the open session.
-        post: sends messages to windows; None where there are none.
-        blobs: where binary arrays are held for them.
-        gallery: the answers of a batch; None = no batch is open.
-        demos: names of the built-in scenes.
-        sessions: lists the session files that lie at hand.
-        write: writes a file for ``Save``; None = nothing can be written.
-        progress: checked between the parts of long work.
-    """
-
-    def __init__(
-        self,
-        space: Workspace,
-        post: Post = lambda message, window: None,
-        blobs: Blobs | None = None,
-        gallery: Gallery | None = None,
-        demos: Sequence[str] = (),
-        sessions: Callable[[], Sequence[Path]] = tuple,
-        write: Callable[[Debugger, p.Save], dict[str, Any]] | None = None,
-        progress: ProgressToken = NEVER_CANCELLED,
-    ) -> None:
-        self.space, self.post, self.blobs = space, post, blobs or Blobs()
-        self.gallery, self.demos, self.list_sessions = gallery, demos, sessions
-        self._write, self.progress = write, progress
-        self.batch_run = ""
-        """The batch run whose session is open; "" = none is."""
-        self.enter_run(gallery.worst.run if gallery is not None else "")
-        self.goals: dict[int, Goal] = {}
-        """What is computed, by branch; in turns where there are several."""
-        self.stopped = ""
-        """The breakpoint at which a run stopped last; "" once one goes on."""
-        self.log: list[AnyVerb] = []
-        """Verbs that changed a record; carried out again they give the same records."""
-        self.look: p.Look | None = None
-        """What the window used last looks at."""
-        self.look_window: int | None = None
-        self.on_look: Callable[[], None] = lambda: None
-        """Draws the 3D view."""
-        self._sent: dict[int, int] = {}
-        """Rows of each branch that windows have."""
-        self._sent_at = 0.0
-        self._judged: dict[int, int] = {}
-        """Branches whose verdict windows have, and of how many iterations."""
-        self._later: Iterator[None] | None = self._warm_up()
-        self.repeat_recorded()
-
-    # Verbs
+class Debugger(Opened):
+    """Carries out verbs on what is open."""
 
     def apply(self, window: int | None, verb: AnyVerb) -> None:
         """Begin to carry out a verb; a run goes on with each :meth:`tick`.
@@ -149,7 +53,7 @@ class Debugger:
             self.log.extend(self.progress_verbs())
         HANDLERS[type(verb)](self, verb, window)
         if is_logged:
-            self.log.append(_as_logged(verb))
+            self.log.append(_log_entry(verb))
         if not isinstance(verb, (p.Look, p.Want)):
             self.announce_running()
 
@@ -161,254 +65,8 @@ class Debugger:
                 self.tick()
         return self
 
-    @property
-    def is_running(self) -> bool:
-        """Whether a branch is computed."""
-        return bool(self.goals)
 
-    def compute(self, goal: Goal) -> None:
-        """Have a branch computed to a goal, beside what is computed already."""
-        self.goals[goal.branch.index], self.stopped = goal, ""
-
-    def tick(self) -> None:
-        """Compute one iteration of the branch whose turn it is."""
-        if not self.goals:
-            return
-        index, goal = next(iter(self.goals.items()))
-        run = goal.branch.run
-        if not goal.is_reached:
-            began = perf_counter()
-            run.seek(run.length)
-            iteration = run.step()
-            goal.seconds.append(perf_counter() - began)
-            reasons = hits(self.space.breakpoints, run.problem, iteration) if goal.k is None else ()
-            if reasons and not run.is_done:
-                self.stopped = f"Breakpoint at iteration {iteration.index}: {'; '.join(reasons)}"
-                self.pause(index)
-                return
-            if goal.until == "event" and iteration.index in jumps(goal.branch.marks()):
-                self.pause(index)
-                return
-        if goal.is_reached:
-            self.pause(index)
-            return
-        self.goals[index] = self.goals.pop(index)  # The next one's turn.
-        if monotonic() - self._sent_at > ROWS_S:
-            for other in self.goals.values():
-                self.send_rows(other.branch)
-            self.announce_running()
-
-    def pause(self, index: int | None = None) -> None:
-        """Stop computing a branch, or all; the log says how far each came."""
-        stopped = [goal for i, goal in self.goals.items() if index in (None, i)]
-        if not stopped:
-            return
-        self.log.extend(p.Seek(goal.branch.run.length, goal.branch.index) for goal in stopped)
-        for goal in stopped:
-            del self.goals[goal.branch.index]
-            self.send_rows(goal.branch)
-        self.announce_running()
-
-    def progress_verbs(self) -> list[AnyVerb]:
-        """Return verbs that compute as much as is there of what is being computed."""
-        return [p.Seek(goal.branch.run.length, goal.branch.index) for goal in self.goals.values()]
-
-    def enter_run(self, run: str) -> None:
-        """Note which batch run the open session is of; "" = none."""
-        self.batch_run = run
-        self.space.batch = self.gallery.runs[run].folder if self.gallery is not None and run else None
-
-    def repeat_recorded(self) -> None:
-        """Take the steps that another program recorded: what is over already opens at its end."""
-        branch = self.space.work.first
-        if method_of(branch.settings.method.name).repeats and not branch.run.is_done:
-            self.compute(Goal(branch, branch.run.n_iterations))
-
-    def show(self, iteration: int | None, obj: int | None, window: int | None) -> None:
-        """Take a window to an iteration of the first branch, and compute the whole run where it is not there yet.
-
-        Args:
-            iteration: 0 = before the first; None = the end of what is there.
-            obj: in focus; None = that of the iteration.
-            window: which; None = all.
-        """
-        branch = self.space.work.first
-        run = branch.run
-        patch = {"branch": branch.index, "obj": obj, "stage": None, "arm": None, "moment": None}
-        at = None if iteration is None else min(iteration, run.n_iterations)
-        self.post({"t": "view", "patch": patch, "at": at}, window)
-        if iteration is not None and not run.is_done:
-            self.compute(Goal(branch, run.n_iterations))
-
-    def refresh_gallery(self) -> None:
-        """Take over what a watched folder has now."""
-        space = self.space
-        if not isinstance(self.gallery, LiveGallery):
-            return
-        self.gallery = gallery = self.gallery.refreshed()
-        frames = None
-        if self.batch_run and space.tools.session == gallery.session(self.batch_run):
-            frames = space.frames = gallery.frames(self.batch_run)
-        self.post({**answers_message(gallery), "frames": frames}, None)
-
-    def step(self, branch: Branch) -> None:
-        """Compute one iteration at the end of a branch."""
-        if branch.run.is_done:
-            raise InputError("the run is over; restart it, or fork it with other settings")
-        branch.run.seek(branch.run.length)
-        branch.run.step()
-        self.send_rows(branch)
-
-    # What windows get
-
-    def known(self, blobs: Blobs) -> Iterator[dict[str, Any]]:
-        """Return the messages that say all that is known of the open frame; ``blobs`` gets their arrays."""
-        yield self._frame(blobs)
-        yield branches_message(self.space)
-        for branch in self.space.branches.values():
-            yield run_message(branch, 0, self.space.work.first)
-            if branch.is_over:
-                yield self._verdict(branch)
-
-    def work_out(self, objects: Collection[int] | None = None) -> Iterator[None]:
-        """Work out, piece by piece, what the verdicts on finished runs may still say of some objects; None = of all."""
-        for branch in self.space.branches.values():
-            if branch.is_over:
-                yield from self._work_out(branch, objects)
-
-    def welcome(self, window: int) -> None:
-        """Send a window that has just connected all that is known."""
-        for message in self.known(self.blobs):
-            self.post(message, window)
-        for branch in self.space.branches.values():
-            self._sent[branch.index] = branch.run.length
-            if branch.is_over:
-                self._judge(branch)
-        if self.gallery is not None:
-            self.post(answers_message(self.gallery), window)
-        self.announce_running(window)
-        self.post({"t": "scene3d", "window": self.look_window}, window)
-        self.post({"t": "ready"}, window)
-
-    def window_closed(self, window: int) -> None:
-        """Note that a window is closed: the 3D view is free for another one."""
-        if window == self.look_window:
-            self.look_window = None
-            self.post({"t": "scene3d", "window": None}, None)
-
-    def say(self, text: str, window: int | None = None) -> None:
-        """Show a few words."""
-        self.post({"t": "note", "text": text}, window)
-
-    def send_frame(self) -> None:
-        """Send everything again: another frame, session or start."""
-        self._sent, self._judged, self._later = {}, {}, None
-        self.post(self._frame(self.blobs), None)
-        self.send_branches()
-        for branch in self.space.branches.values():
-            self.send_rows(branch)
-
-    def send_branches(self) -> None:
-        """Send which branches there are."""
-        self.post(branches_message(self.space), None)
-
-    def send_rows(self, branch: Branch) -> None:
-        """Send the iterations that windows do not have, and the verdict once the run is over."""
-        self.post(run_message(branch, self._sent.get(branch.index, 0), self.space.work.first), None)
-        self._sent[branch.index], self._sent_at = branch.run.length, monotonic()
-        if branch.is_over and self._judge(branch):
-            self.post(self._verdict(branch), None)
-
-    def _judge(self, branch: Branch) -> bool:
-        """Have what the verdict on a finished run may still say worked out, once; return whether it was not before."""
-        if self._judged.get(branch.index) == branch.run.length:
-            return False
-        self._judged[branch.index] = branch.run.length
-        self._later = self._work_out(branch)
-        return True
-
-    def announce_running(self, window: int | None = None) -> None:
-        """Say which branch is computed, and how long it will take."""
-        left = [goal.remaining_s for goal in self.goals.values()]
-        running = {
-            "branch": next(iter(self.goals), None),
-            "branches": list(self.goals),
-            "stopped": self.stopped,
-            "remaining_s": sum(s for s in left if s is not None) if any(s is not None for s in left) else None,
-        }
-        self.post({"t": "running", **running}, window)
-
-    def _frame(self, blobs: Blobs) -> dict[str, Any]:
-        sessions = self.list_sessions()
-        shown = {path.stem for path in sessions if path.stem.startswith("failure_")}  # By titles that say less.
-        demos = [name for name in self.demos if name not in shown]
-        message = frame_message(self.space, blobs, demos, titled(sessions))
-        return {**message, "run": self.batch_run}
-
-    def _verdict(self, branch: Branch) -> dict[str, Any]:
-        return verdict_message(branch, self._batch_rows(branch))
-
-    def _batch_rows(self, branch: Branch) -> dict[int, Any]:
-        """Return what the batch reports of the frame, by instance; nothing of a branch that is not its run."""
-        gallery, space = self.gallery, self.space
-        if (
-            gallery is None
-            or not self.batch_run
-            or branch is not space.work.first
-            or (branch.recording is None and branch.settings.method != gallery.session(self.batch_run).method)
-        ):
-            return {}
-        made_by = branch.settings.method.name
-        rows = (row for row in gallery.runs[self.batch_run].rows if (row.frame, row.method) == (space.frame, made_by))
-        return {row.instance_id: row for row in rows if row.instance_id is not None}
-
-    # Work aside
-
-    def later(self) -> bool:
-        """Work out a piece of what the verdict may still say; return whether there is more."""
-        if self._later is None:
-            return False
-        try:
-            next(self._later)
-        except StopIteration:
-            self._later = None
-        return self._later is not None
-
-    def _warm_up(self) -> Iterator[None]:
-        """Make a first step and forget it: else the first real one waits until its kernels are loaded."""
-        run = self.space.work.first.run
-        yield
-        with suppress(Exception):  # What is wrong is said when it is made in earnest.
-            if not run.is_done:
-                run.method.step(run.state)
-
-    def _work_out(self, branch: Branch, only: Collection[int] | None = None) -> Iterator[None]:
-        """Work out physics, then the score around the answers, of objects whose verdict may change by it."""
-        evaluator = branch.final_evaluator
-        answered = [o for o in finished_objects(branch) if o.answer is not None]
-        placed = [Placed(o.instance_id, o.target.model, o.answer.T_cam_obj) for o in answered if o.answer is not None]
-        objects = [o for o in answered if only is None or o.instance_id in only]
-        unknown_truth = [o for o in objects if o.errors is None]
-        for o in unknown_truth:
-            assert o.answer is not None
-            others = [other for other in placed if other.instance_id != o.instance_id]
-            evaluator.plausibility(o.target, o.answer.T_cam_obj, others)
-            yield
-        if unknown_truth:
-            self.post(self._verdict(branch), None)
-        for o in objects:
-            assert o.answer is not None
-            iterations = branch.run.iterations_of(o.instance_id)
-            evaluator.landscape(o.target, o.answer.T_cam_obj)
-            yield
-            evaluator.near_symmetries(o.target.model)
-            yield
-            evaluator.other_pose(o.target, o.answer.T_cam_obj, iterations)
-            yield
-        self.post(self._verdict(branch), None)
-
-
-def _as_logged(verb: AnyVerb) -> AnyVerb:
+def _log_entry(verb: AnyVerb) -> AnyVerb:
     """Return a verb without the run that it starts: how far that came is logged by itself."""
     return replace(verb, run=False) if isinstance(verb, (p.Fork, p.Compare)) else verb
 
@@ -416,7 +74,7 @@ def _as_logged(verb: AnyVerb) -> AnyVerb:
 # Moving on
 
 
-def _look(d: Debugger, verb: p.Look, window: int | None) -> None:
+def _look(d: Opened, verb: p.Look, window: int | None) -> None:
     if window != d.look_window:
         d.look_window = window
         d.post({"t": "scene3d", "window": window}, None)
@@ -424,28 +82,28 @@ def _look(d: Debugger, verb: p.Look, window: int | None) -> None:
     d.on_look()
 
 
-def _step(d: Debugger, verb: p.Step, window: int | None) -> None:
+def _step(d: Opened, verb: p.Step, window: int | None) -> None:
     d.step(d.space.branch(verb.branch))
 
 
-def _seek(d: Debugger, verb: p.Seek, window: int | None) -> None:
+def _seek(d: Opened, verb: p.Seek, window: int | None) -> None:
     branch = d.space.branch(verb.branch)
     if branch.run.length < verb.k and not branch.run.is_done:
         d.compute(Goal(branch, verb.k))
 
 
-def _run(d: Debugger, verb: p.Run, window: int | None) -> None:
+def _run(d: Opened, verb: p.RunVerb, window: int | None) -> None:
     branch = d.space.branch(verb.branch)
     if branch.run.is_done:
         raise InputError("the run is over; restart it, or fork it with other settings")
     d.compute(Goal(branch, None, verb.until))
 
 
-def _pause(d: Debugger, verb: p.Pause | p.Cancel, window: int | None) -> None:
+def _pause(d: Opened, verb: p.Pause | p.Cancel, window: int | None) -> None:
     d.pause()
 
 
-def _break(d: Debugger, verb: p.Break, window: int | None) -> None:
+def _break(d: Opened, verb: p.Break, window: int | None) -> None:
     d.space.breakpoints = with_changes(d.space.breakpoints, verb.changes.items())
     d.post({"t": "breakpoints", "breakpoints": msgspec.to_builtins(d.space.breakpoints)}, None)
 
@@ -453,7 +111,7 @@ def _break(d: Debugger, verb: p.Break, window: int | None) -> None:
 # Branches
 
 
-def _restart(d: Debugger, verb: p.Restart, window: int | None) -> None:
+def _restart(d: Opened, verb: p.Restart, window: int | None) -> None:
     branch = d.space.branch(verb.branch)
     before = d.space.session_of(branch)
     d.space.restart(branch, verb.changes)
@@ -465,7 +123,7 @@ def _restart(d: Debugger, verb: p.Restart, window: int | None) -> None:
         d.say(f"{lost} edited pose{'s are' if lost > 1 else ' is'} not moved again.")
 
 
-def _check_nothing_is_lost(d: Debugger, branch: Branch, verb: p.Restart | p.Order) -> None:
+def _check_nothing_is_lost(d: Opened, branch: Branch, verb: p.Restart | p.Order) -> None:
     """Refuse a restart that discards other branches or edited poses, unless it was confirmed."""
     n_others, n_edits = len(d.space.branches) - 1, len(branch.run.edits) - len(branch.start.edits)
     lost = [f"{n_others} other branch{'es' if n_others > 1 else ''}"] if n_others else []
@@ -475,7 +133,7 @@ def _check_nothing_is_lost(d: Debugger, branch: Branch, verb: p.Restart | p.Orde
         raise p.UnconfirmedError(text, "Restart all the same", replace(verb, discard=True))
 
 
-def _fork(d: Debugger, verb: p.Fork, window: int | None) -> None:
+def _fork(d: Opened, verb: p.Fork, window: int | None) -> None:
     old, edit = d.space.branch(verb.branch), verb.edit
     moved = None if edit is None else (edit.obj, edit.arm, pose_matrix(edit.T))
     k = min(verb.k, old.run.length)
@@ -506,7 +164,7 @@ def _check_goes_on(old: Branch, k: int, edit: tuple[int, int, Float]) -> None:
         )
 
 
-def _branch(d: Debugger, verb: p.Branch, window: int | None) -> None:
+def _branch(d: Opened, verb: p.BranchVerb, window: int | None) -> None:
     branch = d.space.branch(verb.index)
     if verb.remove:
         d.pause(branch.index)
@@ -516,16 +174,16 @@ def _branch(d: Debugger, verb: p.Branch, window: int | None) -> None:
     d.send_branches()
 
 
-def _compare(d: Debugger, verb: p.Compare, window: int | None) -> None:
+def _compare(d: Opened, verb: p.Compare, window: int | None) -> None:
     space, a = d.space, d.space.branch(verb.a)
     if verb.stop:
         space.work.compare = None
         d.send_branches()
         return
     if verb.recording:
-        b = space.recorded(at_home(verb.recording))
+        b = space.recorded(expand_home(verb.recording))
     elif verb.changes is not None:
-        b = space.beside(a, verb.changes)
+        b = space.begin_beside(a, verb.changes)
     elif verb.b is not None:
         b = space.branch(verb.b)
     else:
@@ -537,7 +195,7 @@ def _compare(d: Debugger, verb: p.Compare, window: int | None) -> None:
         d.compute(Goal(b))
 
 
-def _estimate(d: Debugger, verb: p.Estimate, window: int | None) -> None:
+def _estimate(d: Opened, verb: p.Estimate, window: int | None) -> None:
     space, branch, instance_id = d.space, d.space.branch(verb.branch), verb.obj
     labels = labels_of(space.problem)
     if instance_id not in labels:
@@ -553,7 +211,7 @@ def _estimate(d: Debugger, verb: p.Estimate, window: int | None) -> None:
     d.say(f"{label} now has {n} initial pose{'s' if n != 1 else ''}; the run before is still there as a branch.")
 
 
-def _order(d: Debugger, verb: p.Order, window: int | None) -> None:
+def _order(d: Opened, verb: p.Order, window: int | None) -> None:
     branch = d.space.branch(verb.branch)
     d.space.restart(branch, reordered(d.space, branch, verb))
     d.send_frame()
@@ -562,44 +220,44 @@ def _order(d: Debugger, verb: p.Order, window: int | None) -> None:
 # Answers and files
 
 
-def _want(d: Debugger, verb: p.Want, window: int | None) -> None:
+def _want(d: Opened, verb: p.Want, window: int | None) -> None:
     answer = ANSWERS[type(verb.of)](d.space, verb.of, d.blobs)
     d.post({"t": "answer", "id": verb.id, **answer}, window)
-    if isinstance(verb.of, p.Physics) and window == d.look_window:
+    if isinstance(verb.of, p.PhysicsWanted) and window == d.look_window:
         d.on_look()  # Overlaps and supports are known now.
 
 
-def _evaluate(d: Debugger, verb: p.Evaluate, window: int | None) -> None:
+def _evaluate(d: Opened, verb: p.Evaluate, window: int | None) -> None:
     from verefine_viz.page.views.grasp import grasp
 
     answer = grasp(d.space, verb, d.blobs, d.progress)
     d.post({"t": "answer", "id": verb.id, **answer}, window)
 
 
-def _save(d: Debugger, verb: p.Save, window: int | None) -> None:
-    if d._write is None:
+def _save(d: Opened, verb: p.Save, window: int | None) -> None:
+    if d.write is None:
         raise InputError("nothing can be written here")
-    written = d._write(d, verb)
+    written = d.write(d, verb)
     d.post({"t": "written", **written}, window)
 
 
-def _tag(d: Debugger, verb: p.Tag, window: int | None) -> None:
+def _tag(d: Opened, verb: p.Tag, window: int | None) -> None:
     gallery = open_gallery(d.gallery)
     gallery.tag([gallery.answer(key) for key in verb.answers], verb.tag, verb.on)
     d.post(answers_message(gallery), None)
 
 
-HANDLERS: dict[type, Callable[[Debugger, Any, int | None], None]] = {
+HANDLERS: dict[type, Callable[[Opened, Any, int | None], None]] = {
     p.Look: _look,
     p.Step: _step,
     p.Seek: _seek,
-    p.Run: _run,
+    p.RunVerb: _run,
     p.Pause: _pause,
     p.Cancel: _pause,
     p.Break: _break,
     p.Restart: _restart,
     p.Fork: _fork,
-    p.Branch: _branch,
+    p.BranchVerb: _branch,
     p.Compare: _compare,
     p.Estimate: _estimate,
     p.Order: _order,

@@ -17,13 +17,13 @@ from verefine_viz.page.views.score_landscape import landscape
 from verefine_viz.page.views.shaded_model import shaded
 
 ANSWERS: dict[type, Callable[..., dict[str, Any]]] = {
-    p.Comparison: comparison,
-    p.Landscape: landscape,
-    p.Maps: maps,
-    p.Outlines: outlines,
-    p.Physics: physics,
-    p.Shaded: shaded,
-    p.Crops: crops,
-    p.Track: track,
-    p.Recorded: recorded,
+    p.ComparisonWanted: comparison,
+    p.LandscapeWanted: landscape,
+    p.MapsWanted: maps,
+    p.OutlinesWanted: outlines,
+    p.PhysicsWanted: physics,
+    p.ShadedWanted: shaded,
+    p.CropsWanted: crops,
+    p.TrackWanted: track,
+    p.RecordedWanted: recorded,
 }

@@ -21,7 +21,7 @@ from verefine_viz.core.records import Best
 from verefine_viz.core.settings import SURROUNDINGS, Change, Session
 from verefine_viz.core.text_format import first_of
 from verefine_viz.estimators.registry import ESTIMATORS
-from verefine_viz.page.branch import Branch, Settings, by_section, in_order, merged
+from verefine_viz.page.branch import Branch, Settings, group_by_section, merged, sorted_changes
 from verefine_viz.page.evaluator import CachedEvaluator
 from verefine_viz.page.grasp_trials import GraspTrials
 from verefine_viz.page.saved_session import Saved, edits_of_all
@@ -244,8 +244,8 @@ class Workspace:
         Other branches, edited poses and settings changed on the way are discarded. New initial poses
         (``hypotheses.*``) open the session again.
         """
-        new, old = by_section(settings), branch.tools
-        ended = [change.settings for change in in_order(branch.changes)]
+        new, old = group_by_section(settings), branch.tools
+        ended = [change.settings for change in sorted_changes(branch.changes)]
         pool = new.pop("hypotheses", None)
         if pool:
             tools = old.restarted(merged((*ended, new)))
@@ -286,7 +286,7 @@ class Workspace:
 
         It goes on with the settings that the other one ended up with, and ``settings``.
         """
-        nested = by_section(settings)
+        nested = group_by_section(settings)
         # A session that was read begins with other settings than it ends up with.
         tools = old.tools.changed(merged((*(c.settings for c in old.changes), nested)))
         if tools.session == old.tools.session:
@@ -302,7 +302,7 @@ class Workspace:
         name = _name(k, settings, edit)
         return self._add(Branch(next(self._numbers), name, run, tools, old.start, on_the_way, evaluators, old.index, k))
 
-    def beside(self, base: Branch, settings: Settings) -> Branch:
+    def begin_beside(self, base: Branch, settings: Settings) -> Branch:
         """Begin a branch from the start of the open frame, with the settings of another branch and ``settings``."""
         session = variant(base.tools.session, tuple(settings.items()))
         tools = self._tools_like(base.tools, session)
@@ -411,12 +411,12 @@ class Workspace:
         is_cheap = all(name.partition(".")[0] in _CHEAP and name not in _WORLD for name, _, _ in between)
         if old.edits or old.changes or not is_cheap:
             return self.make_tools(session)
-        return tools.changed(by_section({name: value for name, _, value in between}))
+        return tools.changed(group_by_section({name: value for name, _, value in between}))
 
     def _evaluators(self, tools: Toolbox) -> tuple[tuple[int, CachedEvaluator], ...]:
         """Return those of a run from its start, with the changes that its session holds."""
         evaluators = [(0, self._evaluator(tools))]
-        for change in in_order(tools.session.changes):
+        for change in sorted_changes(tools.session.changes):
             tools = tools.changed(change.settings)
             if "score" in change.settings:
                 evaluators.append((change.after_iteration, self._evaluator(tools)))

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from verefine_viz.core.array_cache import Arrays, cached
-from verefine_viz.core.arrays import Float, finite
+from verefine_viz.core.arrays import Float, finite, set_fields
 from verefine_viz.core.decimation import decimated
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import as_rigid, inverse, transform
@@ -69,9 +69,12 @@ class Collider:
     """Whether it is the hull only because taking the mesh apart takes more than ``decomposition.LIMIT_S``."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "parts", tuple(finite(p, "collider part", (None, 3)) for p in self.parts))
-        object.__setattr__(self, "T_obj_com", as_rigid(self.T_obj_com, "T_obj_com"))
-        object.__setattr__(self, "inertia_m2", finite(self.inertia_m2, "inertia", (3,)))
+        set_fields(
+            self,
+            parts=tuple(finite(p, "collider part", (None, 3)) for p in self.parts),
+            T_obj_com=as_rigid(self.T_obj_com, "T_obj_com"),
+            inertia_m2=finite(self.inertia_m2, "inertia", (3,)),
+        )
 
     @cached_property
     def T_com_obj(self) -> Float:

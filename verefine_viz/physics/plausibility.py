@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, QhullError
 
-from verefine_viz.core.arrays import Float, finite, frozen
+from verefine_viz.core.arrays import Float, finite, frozen, set_fields
 from verefine_viz.core.geometry import apply, inverse
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
@@ -75,12 +75,15 @@ class Plausibility:
 
     def __post_init__(self) -> None:
         n = len(self.contact_others)
-        object.__setattr__(self, "contact_points_cam", finite(self.contact_points_cam, "contact points", (n, 3)))
-        object.__setattr__(self, "contact_normals_cam", finite(self.contact_normals_cam, "contact normals", (n, 3)))
-        object.__setattr__(self, "contact_others", frozen(self.contact_others, "contact partners", (n,), np.int64))
-        object.__setattr__(self, "polygon_cam", finite(self.polygon_cam, "support polygon", (None, 3)))
-        object.__setattr__(self, "com_cam", finite(self.com_cam, "centre of mass", (3,)))
-        object.__setattr__(self, "com_on_plane_cam", finite(self.com_on_plane_cam, "centre of mass", (3,)))
+        set_fields(
+            self,
+            contact_points_cam=finite(self.contact_points_cam, "contact points", (n, 3)),
+            contact_normals_cam=finite(self.contact_normals_cam, "contact normals", (n, 3)),
+            contact_others=frozen(self.contact_others, "contact partners", (n,), np.int64),
+            polygon_cam=finite(self.polygon_cam, "support polygon", (None, 3)),
+            com_cam=finite(self.com_cam, "centre of mass", (3,)),
+            com_on_plane_cam=finite(self.com_on_plane_cam, "centre of mass", (3,)),
+        )
 
     def share(self, tolerance_m: float) -> float:
         """What a score has of it, p in [0, 1]: half for touching without sinking in, half for being stable.
@@ -125,39 +128,12 @@ def plausibility(
     """
     settings = settings or PhysicsSettings()
     T_world_obj = support.T_world_cam @ checked_pose(moving)
-    around = support.surroundings
-    base = around.base if around is not None else plane_of(support)
-    normal = base.normal_world
     if com_obj is None:
         com_obj = centre_of_mass(moving.model, settings, cache, progress)
     com = apply(T_world_obj, com_obj[None])[0]
 
-    # The plane: its distance to a mesh is a vertex's.
     vertices = apply(T_world_obj, _solid_vertices(moving.model))
-    heights_m = base.heights(vertices)
-    gaps_m = {SUPPORT_ID: max(float(heights_m.min()), 0.0)}
-    depths_m = {SUPPORT_ID: max(-float(heights_m.min()), 0.0)}
-    near = [
-        (vertices, np.broadcast_to(normal, vertices.shape), heights_m, SUPPORT_ID, settings.friction * PLANE_FRICTION)
-    ]
-
-    surface: Surface | None = None
-    others = [
-        (placed.instance_id, placed.model, support.T_world_cam @ checked_pose(placed))
-        for placed in sorted(fixed, key=lambda placed: placed.instance_id)
-    ]
-    still = [(instance_id, model, np.eye(4)) for instance_id, model in around.bodies] if around is not None else []
-    for own, model, T_world_other in (*others, *still):
-        if _are_apart(vertices, apply(T_world_other, _solid_vertices(model))):
-            continue
-        surface = surface or surface_of(moving.model)
-        near_other = nearness(surface, T_world_obj, surface_of(model), T_world_other, NEAR_M)
-        gaps_m[own] = min(gaps_m.get(own, np.inf), near_other.gap_m)
-        depths_m[own] = max(depths_m.get(own, 0.0), near_other.penetration_m)
-        friction_there = PLANE_FRICTION if own == SUPPORT_ID else settings.friction
-        near.append(
-            (near_other.points, near_other.normals, near_other.distances_m, own, settings.friction * friction_there)
-        )
+    near, gaps_m, depths_m = _nearby(moving.model, T_world_obj, vertices, fixed, support, settings.friction, surface_of)
     below = _below(com[:2], float(vertices[:, 2].min()), support)
 
     gap_m = min(gaps_m.values())
@@ -190,6 +166,59 @@ def plausibility(
         light=light,
         sentence=sentence,
     )
+
+
+class _Near(NamedTuple):
+    """Points of the object, or of a neighbour, between which contact is possible; world frame."""
+
+    points: Float
+    """(n, 3) [m]."""
+    normals: Float
+    """(n, 3) unit, onto the object."""
+    distances_m: Float
+    """(n,) negative inside."""
+    instance_id: int
+    """The neighbour."""
+    friction: float
+
+
+def _nearby(
+    model: ObjectModel,
+    T_world_obj: Float,
+    vertices: Float,
+    fixed: Sequence[Placed],
+    support: Support,
+    friction: float,
+    surface_of: Callable[[ObjectModel], Surface],
+) -> tuple[list[_Near], dict[int, float], dict[int, float]]:
+    """What is near the object, the base of the support first, and by instance the gap to it and how deep the object
+    sinks in [m].
+    """
+    around = support.surroundings
+    base = around.base if around is not None else plane_of(support)
+    # The plane: its distance to a mesh is a vertex's.
+    heights_m = base.heights(vertices)
+    gaps_m = {SUPPORT_ID: max(float(heights_m.min()), 0.0)}
+    depths_m = {SUPPORT_ID: max(-float(heights_m.min()), 0.0)}
+    upwards = np.broadcast_to(base.normal_world, vertices.shape)
+    near = [_Near(vertices, upwards, heights_m, SUPPORT_ID, friction * PLANE_FRICTION)]
+
+    others = [
+        (placed.instance_id, placed.model, support.T_world_cam @ checked_pose(placed))
+        for placed in sorted(fixed, key=lambda placed: placed.instance_id)
+    ]
+    still = [(instance_id, body, np.eye(4)) for instance_id, body in around.bodies] if around is not None else []
+    surface: Surface | None = None
+    for own, other, T_world_other in (*others, *still):
+        if _are_apart(vertices, apply(T_world_other, _solid_vertices(other))):
+            continue
+        surface = surface or surface_of(model)
+        there = nearness(surface, T_world_obj, surface_of(other), T_world_other, NEAR_M)
+        gaps_m[own] = min(gaps_m.get(own, np.inf), there.gap_m)
+        depths_m[own] = max(depths_m.get(own, 0.0), there.penetration_m)
+        friction_there = PLANE_FRICTION if own == SUPPORT_ID else friction
+        near.append(_Near(there.points, there.normals, there.distances_m, own, friction * friction_there))
+    return near, gaps_m, depths_m
 
 
 def centre_of_mass(
@@ -262,9 +291,7 @@ def _are_apart(a: Float, b: Float) -> bool:
     return float(between_m.max()) > NEAR_M
 
 
-def _contacts(
-    near: list[tuple[Float, Float, Float, int, float]], reach_m: float
-) -> tuple[Float, Float, NDArray[np.int64], Float]:
+def _contacts(near: Sequence[_Near], reach_m: float) -> tuple[Float, Float, NDArray[np.int64], Float]:
     """Points, normals, partners and friction of what is within ``reach_m``, thinned out."""
     points, normals, others, friction = [np.zeros((0, 3))], [np.zeros((0, 3))], [], []
     for k, (p, n, distance_m, other, mu) in enumerate(near):

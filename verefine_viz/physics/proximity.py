@@ -80,7 +80,7 @@ class Nearness:
 
 def nearness(a: Surface, T_w_a: Float, b: Surface, T_w_b: Float, within_m: float) -> Nearness:
     """How near surface ``a`` is to ``b``, with points and normals in frame w."""
-    both = [_one_way(a, T_w_a, b, T_w_b, within_m), _one_way(b, T_w_b, a, T_w_a, within_m)]
+    both = [_directed_gap(a, T_w_a, b, T_w_b, within_m), _directed_gap(b, T_w_b, a, T_w_a, within_m)]
     smallest_m = min(both[0][0], both[1][0])
     return Nearness(
         max(smallest_m, 0.0),
@@ -91,7 +91,9 @@ def nearness(a: Surface, T_w_a: Float, b: Surface, T_w_b: Float, within_m: float
     )
 
 
-def _one_way(a: Surface, T_w_a: Float, b: Surface, T_w_b: Float, within_m: float) -> tuple[float, Float, Float, Float]:
+def _directed_gap(
+    a: Surface, T_w_a: Float, b: Surface, T_w_b: Float, within_m: float
+) -> tuple[float, Float, Float, Float]:
     """Smallest signed distance of the points of ``a`` to ``b``; where ``b`` is met and its normals, in frame w."""
     points_b = ((a.points @ T_w_a[:3, :3].T + T_w_a[:3, 3]) - T_w_b[:3, 3]) @ T_w_b[:3, :3]
     close = np.flatnonzero(((points_b >= b.low - within_m) & (points_b <= b.high + within_m)).all(axis=1))

@@ -25,7 +25,7 @@ from verefine_viz.core.settings import PhysicsSettings
 from verefine_viz.core.surroundings import SUPPORT_ID, SupportSurface, Surroundings
 from verefine_viz.physics.colliders import Collider, boxed, collider
 from verefine_viz.physics.given_parts import given_collider
-from verefine_viz.physics.stability import Motion, Touch
+from verefine_viz.physics.stability import SettlingMotion, Touch
 from verefine_viz.physics.world import PLANE_FRICTION, BodyKey, PlacedBody, World, pybullet
 
 LEVEL = 0.75
@@ -152,7 +152,7 @@ class BulletSimulator:
         Ts.flags.writeable = False
         tipping = None
         if touched and self._settings.gravity_m_s2 > 0:  # Without gravity nothing tips over.
-            standing = Motion(
+            standing = SettlingMotion(
                 Ts_world_com,
                 lambda step: self._touches(near[step - 1], poses[step][0], ids),
                 self._hull_com(moving.model)[0],

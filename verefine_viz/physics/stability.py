@@ -55,7 +55,7 @@ class Touch(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class SettlingMotion:
     """What simulation did to an object, as far as it matters for whether it stands."""
 
     Ts_world_com: Float

@@ -34,7 +34,7 @@ QUALITY = 72
 
 
 @dataclass(frozen=True)
-class Window:
+class ShownPart:
     """The part of the camera's image that is shown, in its pixels; it lies inside the image."""
 
     u0: float
@@ -67,7 +67,7 @@ def height_of(width_px: int) -> int:
     return round(width_px * HEIGHT_PX / WIDTH_PX)
 
 
-def window_around(target: Target, poses: Sequence[Float]) -> Window:
+def window_around(target: Target, poses: Sequence[Float]) -> ShownPart:
     """What to show: the object's mask and its model at all poses, as far as they are in the image."""
     camera = target.observation.camera
     rows, columns = np.nonzero(target.instance.mask)
@@ -85,7 +85,7 @@ def window_around(target: Target, poses: Sequence[Float]) -> Window:
     width = min(width, camera.width, camera.height * WIDTH_PX / HEIGHT_PX)
     size = np.array([width, width * HEIGHT_PX / WIDTH_PX])
     u0, v0 = np.clip((low + high) / 2 - size / 2, 0, limits - size)
-    return Window(float(u0), float(v0), float(size[0]), float(size[1]))
+    return ShownPart(float(u0), float(v0), float(size[0]), float(size[1]))
 
 
 def thumbnail(target: Target, T_cam_obj: Float | None, width_px: int) -> bytes:

@@ -15,7 +15,7 @@ ROOT = -1
 
 
 @dataclass(frozen=True)
-class Node:
+class DrawnNode:
     """One node: an object placed from one of its hypotheses, after those of the nodes above."""
 
     number: int
@@ -46,7 +46,7 @@ class Tree:
 
     cluster: int
     """From 0."""
-    nodes: tuple[Node, ...]
+    nodes: tuple[DrawnNode, ...]
     """By number."""
     branch: tuple[int, ...]
     """Nodes from the root to the one visited last."""
@@ -59,7 +59,7 @@ class Tree:
     choices: tuple[str, ...]
     """Why each node of the branch after the root was chosen."""
 
-    def below(self, number: int = 0) -> Iterator[Node]:
+    def below(self, number: int = 0) -> Iterator[DrawnNode]:
         """The nodes below one, parents first, the most visited sibling first and the cheaper one on ties."""
         children = (self.nodes[k] for k in self.nodes[number].children)
         for child in sorted(children, key=lambda n: (-n.visits, n.mean_px, n.number)):
@@ -72,7 +72,7 @@ class GrowingTree:
 
     def __init__(self, cluster: int) -> None:
         self._cluster = cluster
-        self._nodes = [Node(0, -1, 0, ROOT, -1, 0.0, 0)]
+        self._nodes = [DrawnNode(0, -1, 0, ROOT, -1, 0.0, 0)]
         self._incumbent: tuple[tuple[int, ...], float, int] = ((0,), float("inf"), 0)
         self._costs: list[tuple[int, float, float]] = []
         self._branch: tuple[int, ...] = (0,)
@@ -85,7 +85,7 @@ class GrowingTree:
             parent = nodes[added.parent]
             nodes[added.parent] = replace(parent, children=(*parent.children, added.node))
             depth = parent.depth + 1
-            nodes.append(Node(added.node, added.parent, depth, added.instance_id, added.arm, added.lcp, index))
+            nodes.append(DrawnNode(added.node, added.parent, depth, added.instance_id, added.arm, added.lcp, index))
         for number in step.branch:
             node = nodes[number]
             nodes[number] = replace(node, visits=node.visits + 1, cost_px=node.cost_px + step.cost_px)

@@ -12,7 +12,7 @@ from verefine_viz.core.palette import ARM_COLORS, RGB, STAGE_COLORS
 from verefine_viz.core.records import Iteration
 from verefine_viz.recording import entities
 from verefine_viz.recording.block import Block
-from verefine_viz.recording.layout import Branch, Layout
+from verefine_viz.recording.layout import Layout, ObjectBranch
 from verefine_viz.recording.recording_file import RecordingFile
 
 _GREY: RGB = (150, 150, 150)
@@ -22,7 +22,7 @@ _PHYSICS += ["contacts", "deepest penetration [mm]"]
 _SCENE = ["reward", "poses of the pass", "best pose of each object", "best scene so far"]
 
 
-def log_styles(file: RecordingFile, branch: Branch) -> None:
+def log_styles(file: RecordingFile, branch: ObjectBranch) -> None:
     """Names and colours of all curves of an object."""
     arms = [f"hypothesis {j + 1}" for j in range(branch.n_arms)]
     colors = [ARM_COLORS[j % len(ARM_COLORS)] for j in range(branch.n_arms)]
@@ -58,7 +58,7 @@ def log_scene_styles(file: RecordingFile, layout: Layout) -> None:
         file.log(entities.curve("cost", branch.name), cost)
 
 
-def send_initial(file: RecordingFile, branch: Branch, before: int) -> None:
+def send_initial(file: RecordingFile, branch: ObjectBranch, before: int) -> None:
     """The initial scores, at the iteration before the object's first."""
     _send(file, "score", branch.name, [before], [[*branch.initial_scores, max(branch.initial_scores)]])
 
@@ -70,7 +70,9 @@ def send_initial_best(file: RecordingFile, layout: Layout) -> None:
             _send(file, "best", branch.name, [0], [[max(branch.initial_scores)]])
 
 
-def send_curves(file: RecordingFile, branch: Branch, block: Block, own: Sequence[int], last_scores: Float) -> None:
+def send_curves(
+    file: RecordingFile, branch: ObjectBranch, block: Block, own: Sequence[int], last_scores: Float
+) -> None:
     """The curves of an object.
 
     Args:

@@ -17,7 +17,7 @@ from verefine_viz.recording.block import Block, last_contacts
 from verefine_viz.recording.drawn_poses import Poses
 from verefine_viz.recording.graphs import TreeGraphs
 from verefine_viz.recording.iteration_text import describe
-from verefine_viz.recording.layout import Branch, Layout
+from verefine_viz.recording.layout import Layout, ObjectBranch
 from verefine_viz.recording.recording_file import RecordingFile
 
 ARROW_M_PER_N = 0.002
@@ -88,7 +88,9 @@ class Drawing:
         return turns
 
 
-def _send_contacts(file: RecordingFile, branch: Branch, iterations: Sequence[Iteration], turns: Sequence[int]) -> None:
+def _send_contacts(
+    file: RecordingFile, branch: ObjectBranch, iterations: Sequence[Iteration], turns: Sequence[int]
+) -> None:
     """Contacts and path of the simulation; nothing from an iteration of ``turns`` on."""
     shown = {i.index: (last_contacts(i), i.path.Ts_cam_obj) for i in iterations if i.path is not None}
     shown |= {k: (NO_CONTACTS, _NO_PATH) for k in turns}

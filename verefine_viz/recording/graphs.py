@@ -10,7 +10,7 @@ import rerun as rr
 from verefine_viz.core.palette import RGB
 from verefine_viz.core.problem import DependencyGraph, Edge, EdgeKind
 from verefine_viz.core.records import Iteration
-from verefine_viz.pictures.visited_tree import ROOT, GrowingTree, Node
+from verefine_viz.pictures.visited_tree import ROOT, DrawnNode, GrowingTree
 from verefine_viz.recording import entities
 from verefine_viz.recording.iteration_text import plain
 from verefine_viz.recording.layout import Layout
@@ -128,18 +128,18 @@ class TreeGraphs:
             [column.partition([n - 1 for n in n_nodes]) for column in graph_edges],
         )
 
-    def _label(self, node: Node) -> str:
+    def _label(self, node: DrawnNode) -> str:
         if not node.depth:
             return f"nothing placed, {node.visits}×"
         name = self._layout.branch(node.instance_id).name
         return f"{name} h{node.arm + 1}, {node.visits}×, {node.cost_px / max(node.visits, 1):.0f} px"
 
 
-def _tree_positions(nodes: Sequence[Node]) -> list[tuple[float, float]]:
+def _tree_positions(nodes: Sequence[DrawnNode]) -> list[tuple[float, float]]:
     """Leaves one below the other, parents to the left of the middle of their children."""
     down = [0.0] * len(nodes)
     n_leaves = 0
-    parents_first: list[Node] = []
+    parents_first: list[DrawnNode] = []
     waiting = [nodes[0]]
     while waiting:
         node = waiting.pop()

@@ -18,16 +18,16 @@ def log_landscape(file: RecordingFile, branch_name: str, around: Landscape) -> N
         chart = rr.BarChart(curve.scores, abscissa=curve.offsets, color=STAGE_COLORS["best"])
         file.log(entities.landscape(branch_name, k), chart)
     widest = sorted(around.curves, key=lambda curve: curve is not around.least_certain)
-    words = "\n".join(f"- {curve.in_words()}" for curve in widest)
+    words = "\n".join(f"- {curve.describe()}" for curve in widest)
     file.log(entities.landscape_words(branch_name), rr.TextDocument(words, media_type=rr.MediaType.MARKDOWN))
 
 
 def landscape_tab(layout: Layout) -> rrb.Container:
     """A tab of the whole window: for each object its words and its curves."""
-    return rrb.Tabs(*(_of_object(name) for name in layout.names), name="Landscape")
+    return rrb.Tabs(*(_object_view(name) for name in layout.names), name="Landscape")
 
 
-def _of_object(branch_name: str) -> rrb.Container:
+def _object_view(branch_name: str) -> rrb.Container:
     words = rrb.TextDocumentView(origin=entities.landscape_words(branch_name), name="Undetermined")
     charts = [
         rrb.BarChartView(origin=entities.landscape(branch_name, k), name=name) for k, name in enumerate(AXIS_WORDS)

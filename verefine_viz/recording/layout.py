@@ -21,7 +21,7 @@ SUBSAMPLE = 16
 
 
 @dataclass(frozen=True)
-class Branch:
+class ObjectBranch:
     """One object's part of the recording."""
 
     instance_id: int
@@ -42,7 +42,7 @@ class Branch:
 class Layout:
     """All objects of the recorded problem, in order."""
 
-    branches: tuple[Branch, ...]
+    branches: tuple[ObjectBranch, ...]
     center_world: tuple[float, float, float]
     """What the 3D view looks at: the middle of the objects [m]."""
     eye_world: tuple[float, float, float]
@@ -97,14 +97,14 @@ class Layout:
         """Each object's colour, by instance."""
         return {b.instance_id: OBJECT_COLORS[k % len(OBJECT_COLORS)] for k, b in enumerate(self.branches)}
 
-    def branch(self, instance_id: int) -> Branch:
+    def branch(self, instance_id: int) -> ObjectBranch:
         return next(b for b in self.branches if b.instance_id == instance_id)
 
 
 def layout_of(problem: Problem, header: RunHeader, session: Session) -> Layout:
     """The layout of a run of ``session``."""
     branches = tuple(
-        Branch(
+        ObjectBranch(
             one.instance_id,
             branch(instance, problem),
             tuple(h.source for h in one.hypotheses),

@@ -79,7 +79,7 @@ class PendingMaps:
         self._rows.clear()
 
 
-class Maps:
+class LoggedMaps:
     """The score maps of an object's iterations, or of a scene of several."""
 
     def __init__(self, targets: Sequence[Target], verifier: Verifier, size_px: int = TILE_PX) -> None:

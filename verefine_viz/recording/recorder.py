@@ -28,7 +28,7 @@ from verefine_viz.recording.graphs import log_dependencies
 from verefine_viz.recording.grasps import log_grasps
 from verefine_viz.recording.landscapes import log_landscape
 from verefine_viz.recording.layout import layout_of
-from verefine_viz.recording.maps import SCENE_TILE_PX, Maps, PendingMaps, log_colors, send_refiner_steps
+from verefine_viz.recording.maps import SCENE_TILE_PX, LoggedMaps, PendingMaps, log_colors, send_refiner_steps
 from verefine_viz.recording.recording_file import RecordingFile
 from verefine_viz.recording.views import blueprint_of
 from verefine_viz.run.record import header_of
@@ -84,7 +84,7 @@ class Recorder:
         self._pending_errors: list[Float] = []
         self._pending_maps = PendingMaps()
         self._n_drawn = 0
-        self._maps: tuple[int, Verifier, Maps] | None = None
+        self._maps: tuple[int, Verifier, LoggedMaps] | None = None
         self._errors = _GroundTruthErrors()
         self.landscapes: dict[int, Landscape] = {}
         """The score around the answers, by instance, as soon as it is recorded."""
@@ -192,7 +192,7 @@ class Recorder:
         """The maps of an iteration, and of the scene where it closes a pass."""
         placed = self._placed(iteration.placed) if self._session.method.occluders == "placed" else ()
         if self._maps is None or self._maps[:2] != (iteration.instance_id, verifier):
-            maps = Maps([self._targets[iteration.instance_id]], verifier)
+            maps = LoggedMaps([self._targets[iteration.instance_id]], verifier)
             self._maps = (iteration.instance_id, verifier, maps)
             maps.send_observed(file, iteration.index)
         self._maps[2].add_pair(self._pending_maps, iteration, placed)
@@ -204,7 +204,7 @@ class Recorder:
             targets = [self._targets[p.instance_id] for p in scene.poses]
             own = {p.instance_id for p in scene.poses}
             others = [p for p in placed if p.instance_id not in own]
-            maps = Maps(targets, verifier, SCENE_TILE_PX)
+            maps = LoggedMaps(targets, verifier, SCENE_TILE_PX)
             maps.add_scene(self._pending_maps, iteration.index, np.array([p.T_cam_obj for p in scene.poses]), others)
 
     def _placed(self, poses: Sequence[PlacedPose]) -> list[Placed]:

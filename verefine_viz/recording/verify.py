@@ -55,7 +55,7 @@ def differences(a: Any, b: Any, path: str = "") -> Iterator[Difference]:
         if a.shape != b.shape or a.dtype != b.dtype:
             yield Difference(f"{path}: {a.dtype} {a.shape} against {b.dtype} {b.shape}", math.inf)
         elif a.tobytes() != b.tobytes():
-            yield _of_arrays(a, b, path)
+            yield _array_difference(a, b, path)
     elif isinstance(a, tuple | list):
         if len(a) != len(b):
             yield Difference(f"{path}: {len(a)} entries against {len(b)}", math.inf)
@@ -63,10 +63,10 @@ def differences(a: Any, b: Any, path: str = "") -> Iterator[Difference]:
             for i, (x, y) in enumerate(zip(a, b, strict=True)):
                 yield from differences(x, y, f"{path}[{i}]")
     elif a != b and not (isinstance(a, float) and a != a and b != b):
-        yield _of_values(a, b, path)
+        yield _value_difference(a, b, path)
 
 
-def _of_arrays(a: np.ndarray, b: np.ndarray, path: str) -> Difference:
+def _array_difference(a: np.ndarray, b: np.ndarray, path: str) -> Difference:
     """The furthest apart of the entries of two arrays of the same shape and type that are not the same bits."""
     values_a, values_b = a.ravel().tolist(), b.ravel().tolist()
     bits_a, bits_b = (np.ascontiguousarray(x).view(np.uint8).reshape(a.size, -1) for x in (a, b))
@@ -74,12 +74,12 @@ def _of_arrays(a: np.ndarray, b: np.ndarray, path: str) -> Difference:
     sizes = {k: _size(values_a[k], values_b[k]) for k in differing}
     k = max(differing, key=lambda k: sizes[k])
     at = ", ".join(str(i) for i in np.unravel_index(k, a.shape))
-    largest = _of_values(values_a[k], values_b[k], f"{path}[{at}]")
+    largest = _value_difference(values_a[k], values_b[k], f"{path}[{at}]")
     more = f", the largest of {len(differing)} differences in it" if len(differing) > 1 else ""
     return Difference(largest.words + more, largest.size)
 
 
-def _of_values(a: Any, b: Any, path: str) -> Difference:
+def _value_difference(a: Any, b: Any, path: str) -> Difference:
     size = _size(a, b)
     if isinstance(a, float):
         a, b = float(a), float(b)  # So that numpy's own are shown as numbers.
@@ -122,7 +122,7 @@ class Verification:
         return self.difference is None and bool(self.missing)
 
     @property
-    def in_words(self) -> str:
+    def text(self) -> str:
         if self.difference is not None:
             return f"differs, recorded against now: {self.difference}"
         if not self.ends_early and self.n_planned == 0:
@@ -165,7 +165,7 @@ def verify(path: Path, make_run: MakeRun | None = None) -> Verification:
             break
     words = None
     if first_and_real:
-        words = _in_words(first_and_real, largest, recorded)
+        words = _describe(first_and_real, largest, recorded)
     return Verification(n_same, words, run.n_iterations, recorded.missing)
 
 
@@ -198,7 +198,7 @@ def _differences(iteration: Iteration, run: Run) -> list[Difference]:
     return list(differences(iteration, as_read(run.step())))
 
 
-def _in_words(first_and_real: list[tuple[int, Difference]], largest: float, recorded: RunRecord) -> str:
+def _describe(first_and_real: list[tuple[int, Difference]], largest: float, recorded: RunRecord) -> str:
     """The first difference and, where that is rounding and more follows, the first that is not."""
     (index, first), changed = first_and_real[0], _changed(recorded)
     text = f"iteration {index}: {first.words}"

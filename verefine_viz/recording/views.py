@@ -56,7 +56,7 @@ def blueprint_of(
         rrb.Horizontal(
             _pictures(layout, has_maps),
             *([_maps(layout, has_colour, has_refiner)] if has_maps else []),
-            _why(layout),
+            _reason(layout),
             column_shares=[5, 4, 3] if has_maps else [6, 3],
         ),
         rrb.Horizontal(*below, _events(), column_shares=[*([8 / len(below)] * len(below)), 5]),
@@ -192,7 +192,7 @@ def _events() -> rrb.Container:
     )
 
 
-def _why(layout: Layout) -> rrb.Container | rrb.View:
+def _reason(layout: Layout) -> rrb.Container | rrb.View:
     text = rrb.TextDocumentView(origin=entities.CHOICE, name="This iteration")
     if not layout.has_choice:
         return text

@@ -29,7 +29,7 @@ from verefine_viz.learned.depth_crops import (
     FORMAT,
     REACH,
     SIDE_PX,
-    Crops,
+    DepthCrops,
     Extent,
     crops_at,
     extent_of,
@@ -51,7 +51,7 @@ after another, about poses that depth cannot tell apart."""
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class NetworkStep:
     """One step of the network from N poses."""
 
     channels: NDArray[np.float32]
@@ -97,7 +97,7 @@ class DepthNet:
         """
         return self.steps(target, T_cam_obj)[-1].Ts_cam_obj[0]
 
-    def steps(self, target: Target, T_cam_obj: Float) -> list[Step]:
+    def steps(self, target: Target, T_cam_obj: Float) -> list[NetworkStep]:
         """Every step from a pose (4, 4), with what the network saw and answered."""
         observation, instance = target.observation, target.instance
         mesh, extent = self._meshes.get(target.model), self._extent(target.model)
@@ -174,7 +174,7 @@ class DepthNetIcp:
         return self._net.explain(target, T_cam_obj)
 
 
-def step_from(Ts_cam_obj: Float, crops: Crops, network: OnnxNetwork, extent: Extent) -> Step:
+def step_from(Ts_cam_obj: Float, crops: DepthCrops, network: OnnxNetwork, extent: Extent) -> NetworkStep:
     """The network's step from N poses (N, 4, 4) with their crops; a pose whose crop shows nothing stays as it is."""
     answers = network(crops.channels)
     if answers.shape != (len(Ts_cam_obj), ANSWERS):
@@ -187,7 +187,7 @@ def step_from(Ts_cam_obj: Float, crops: Crops, network: OnnxNetwork, extent: Ext
         moved_by(T, _taken(answer), R, extent) if is_usable else T
         for T, answer, R, is_usable in zip(Ts_cam_obj, answers, crops.Rs_crop_cam, crops.is_usable, strict=True)
     ]
-    return Step(crops.channels, answers, np.stack(poses))
+    return NetworkStep(crops.channels, answers, np.stack(poses))
 
 
 def _taken(answer: Float) -> Float:

@@ -226,7 +226,7 @@ class ColourStore:
         return scenes[key][1]
 
     def _make(self, targets: Sequence[Target]) -> SceneColours | None:
-        grids = tuple(colour_grid(target.model) if self.why_off(target) is None else None for target in targets)
+        grids = tuple(colour_grid(target.model) if self.off_reason(target) is None else None for target in targets)
         if all(grid is None for grid in grids):
             return None
         n_own = np.array([np.count_nonzero(own_pixels(target)) for target in targets])
@@ -244,7 +244,7 @@ class ColourStore:
         )
         return SceneColours(grids, observed, shares, self._weight * float(shares.sum()), arrays)
 
-    def why_off(self, target: Target) -> str | None:
+    def off_reason(self, target: Target) -> str | None:
         """Why the term is off for a target, in a few words; None where it is on."""
         if target.observation.rgb is None:
             return "the frame has no colour image"

@@ -44,7 +44,7 @@ def _pool() -> ThreadPoolExecutor:
 
 
 @dataclass(frozen=True, eq=False)
-class _Scene:
+class _KernelScene:
     """What the kernel takes of the targets, whatever their poses."""
 
     targets: tuple[Target, ...]
@@ -68,7 +68,7 @@ class CpuVerifier(RenderingVerifier):
     ) -> None:
         super().__init__(settings, cache_folder, progress)
         self._n_threads = config.NUMBA_NUM_THREADS  # pyright: ignore
-        self._scene: _Scene | None = None
+        self._scene: _KernelScene | None = None
         """Scene of the last call; it is mostly that of the next one as well."""
         self._placed_m = NOTHING_PLACED
 
@@ -105,7 +105,7 @@ class CpuVerifier(RenderingVerifier):
         if scene is None or scene.whole_frame != whole_frame or scene.targets != tuple(targets):
             meshes = self._meshes.together([target.model for target in targets])
             drawing = meshes.arrays, intrinsics(targets[0].observation.camera, settings), far_m(settings)
-            scene = _Scene(tuple(targets), whole_frame, drawing, self._targets.scene(targets, whole_frame))
+            scene = _KernelScene(tuple(targets), whole_frame, drawing, self._targets.scene(targets, whole_frame))
             self._scene = scene
         seen = scene.prepared.arrays(self._placed_depth(targets, placed))
         colours = self._colours.scene(targets)

@@ -37,7 +37,7 @@ VERY_FAR_M = 1e30
 """Stands for no far limit [m]."""
 
 
-class Surface:
+class Framebuffer:
     """A framebuffer of (z, face) with a depth buffer, grown when more is asked for."""
 
     def __init__(self, context: moderngl.Context) -> None:
@@ -70,8 +70,8 @@ class GlPasses:
         self.context = context
         # What Python no longer references is released at the next call, in the thread that owns the context.
         context.gc_mode = "context_gc"
-        self.atlas = Surface(context)
-        self.placed = Surface(context)
+        self.atlas = Framebuffer(context)
+        self.placed = Framebuffer(context)
         self._draw = context.program(_shader("draw.vert"), _shader("draw.frag"))
         self._score = context.program(_shader("whole.vert"), _shader("score.frag"))
         self._reduce = context.program(_shader("whole.vert"), _shader("reduce.frag"))
@@ -214,7 +214,7 @@ class GlPasses:
 
     def _draw_together(
         self,
-        surface: Surface,
+        surface: Framebuffer,
         corner: tuple[int, int],
         items: list[tuple[RenderMesh, Float]],
         first_faces: list[int],

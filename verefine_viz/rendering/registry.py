@@ -77,7 +77,7 @@ class ScoringVerifier:
             ShapeError: another shape, or the scorer returns another number of scores.
         """
         Ts = as_poses(Ts_cam_obj)
-        return self._as_scores(self._scores(target, Ts, placed), _in_image(target, Ts))
+        return self._as_scores(self._scores(target, Ts, placed), _points_in_image(target, Ts))
 
     def begin(self, target: Target, Ts_cam_obj: Float, placed: Sequence[Placed] = ()) -> None:
         """None: whether the scorer can work beside the caller is not known."""
@@ -96,7 +96,7 @@ class ScoringVerifier:
             raise ShapeError(f"the combinations to score have shape {Ts.shape}, expected n×{len(targets)}×4×4")
         score, seen = np.zeros((len(Ts), len(targets))), np.zeros(len(Ts), np.int64)
         for i, target in enumerate(targets):
-            seen += _in_image(target, Ts[:, i])
+            seen += _points_in_image(target, Ts[:, i])
             own = [p for p in placed if p.instance_id not in [t.instance.instance_id for t in targets]]
             for n, together in enumerate(Ts):
                 others = [Placed(t.instance.instance_id, t.model, T) for t, T in zip(targets, together, strict=True)]
@@ -130,7 +130,7 @@ class ScoringVerifier:
         return Scores(score, none, none, np.zeros(len(score), np.int64), seen, counts)
 
 
-def _in_image(target: Target, Ts: Float) -> np.ndarray:
+def _points_in_image(target: Target, Ts: Float) -> np.ndarray:
     """(N,) how many of the model's points each pose puts into the image: 0 is a pose that is not seen."""
     camera = target.observation.camera
     seen = np.zeros(len(Ts), np.int64)

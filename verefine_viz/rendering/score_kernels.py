@@ -61,6 +61,34 @@ def classify(observed, rendered, other, is_own, any_own, tau):
 
 
 @njit(cache=True)
+def fits_into(kind, any_own, is_object, pixels):
+    """Whether a pixel on which a model shows counts in the sums of Eq. 1 (docs/methods.md 1.8.1)."""
+    if pixels == PUBLISHED:
+        return is_object
+    return any_own if pixels == OBSERVED else kind == EXPLAINED
+
+
+@njit(cache=True)
+def fit_of(d, z, dot, has_normal, pixels, per_tau, per_alpha):
+    """f_d and f_n of Eq. 1 at a pixel.
+
+    Args:
+        d: measured z > 0 [m].
+        z: rendered z > 0 [m].
+        dot: n · n̂ of the normals; whatever it is where no normal was observed.
+        has_normal: whether a normal was observed; where not, f_d counts in its place (docs/methods.md 1.8.26).
+        pixels: ``PUBLISHED``, ``OBSERVED`` or ``CLASSES``.
+        per_tau: 1 / τ [1/m].
+        per_alpha: 1 / α.
+    """
+    # f_d = max(0, 1 − |d − d̂| / τ), f_n = max(0, 1 − (1 − n·n̂) / α).
+    f_d = max(0.0, 1.0 - abs(d - z) * per_tau)
+    if pixels != PUBLISHED and not has_normal:
+        return f_d, f_d
+    return f_d, max(0.0, 1.0 - (1.0 - min(max(dot, 0.0), 1.0)) * per_alpha)
+
+
+@njit(cache=True)
 def score_scene(Ts, meshes, camera, far, seen, rule, colours, sums, colour_sums):
     """Fills ``sums`` (``N_SUMS``,) for one combination of poses.
 
@@ -129,25 +157,15 @@ def _sum(inv_z, face_of, x0, y0, facing, face_starts, far, seen, rule, sums):
                 n_covered += 1
             if (flag & OBJECTS) == 0:
                 n_stray += 1
-            if pixels == PUBLISHED:
-                fits = (flag & OBJECTS) != 0
-            elif pixels == OBSERVED:
-                fits = any_own
-            else:
-                fits = kind == EXPLAINED
-            if fits:
-                # Eq. 1: f_d = max(0, 1 − |d − d̂| / τ).
-                f_d = max(0.0, 1.0 - abs(d - z) * per_tau)
-                sum_d += f_d
+            if fits_into(kind, any_own, (flag & OBJECTS) != 0, pixels):
                 nx = np.float64(observed[v, u, 0])
                 ny = np.float64(observed[v, u, 1])
                 nz = np.float64(observed[v, u, 2])
-                if pixels != PUBLISHED and nx == 0.0 and ny == 0.0 and nz == 0.0:
-                    sum_n += f_d  # No normal was observed: docs/methods.md 1.8.26.
-                    continue
-                # Eq. 1: f_n = max(0, 1 − (1 − n·n̂) / α).
                 dot = nx * facing[f, 0] + ny * facing[f, 1] + nz * facing[f, 2]
-                sum_n += max(0.0, 1.0 - (1.0 - min(max(dot, 0.0), 1.0)) * per_alpha)
+                has_normal = nx != 0.0 or ny != 0.0 or nz != 0.0
+                f_d, f_n = fit_of(d, z, dot, has_normal, pixels, per_tau, per_alpha)
+                sum_d += f_d
+                sum_n += f_n
     counts[MISSED] += n_own - n_covered
     sums[0], sums[1], sums[3] = sum_d, sum_n, n_rendered
     # N of Eq. 1: docs/methods.md 1.8.1 and 1.8.3.
@@ -352,26 +370,16 @@ def fill_maps(Ts, meshes, rows, columns, depth, faces, camera, seen, rule, maps)
             other = np.float64(placed[v, u]) if placed.shape[0] > 0 else 0.0
             kind = classify(d, z, other, (own[k, v, u] & OWN) != 0, any_own, tau)
             classes[y, x] = kind + 1
-            if pixels == PUBLISHED:
-                fits = objects
-            elif pixels == OBSERVED:
-                fits = any_own
-            else:
-                fits = kind == EXPLAINED
-                counted[y, x] = fits or kind in (MISSED, PROTRUDING)
+            if pixels == CLASSES:
+                counted[y, x] = kind in (EXPLAINED, MISSED, PROTRUDING)
             if d > 0.0:
                 difference[y, x] = d - z
-            # Eq. 1: f_d, and below f_n.
-            depth_fit = max(0.0, 1.0 - abs(d - z) / tau) if fits else 0.0
-            f_d[y, x] = depth_fit
             dot, has_normal = 0.0, False
             for i in range(3):
                 n_obs = np.float64(observed[v, u, i])
                 dot += n_obs * np.float64(normals[y, x, i])
                 has_normal = has_normal or n_obs != 0.0
-            dot = min(max(dot, 0.0), 1.0)
             if has_normal:
-                angle[y, x] = math.acos(dot)
-            if fits:
-                without = pixels != PUBLISHED and not has_normal
-                f_n[y, x] = depth_fit if without else max(0.0, 1.0 - (1.0 - dot) / alpha)
+                angle[y, x] = math.acos(min(max(dot, 0.0), 1.0))
+            if fits_into(kind, any_own, objects, pixels):
+                f_d[y, x], f_n[y, x] = fit_of(d, z, dot, has_normal, pixels, 1.0 / tau, 1.0 / alpha)

@@ -78,7 +78,7 @@ def simplified(
 ) -> tuple[Float, Faces]:
     """The coarsest mesh tried whose measured deviation is within ``tolerance_m``; at worst the mesh itself, welded."""
     vertices, faces = _welded(vertices, faces)
-    is_small = _in_small_part(vertices, faces)
+    is_small = _is_in_small_part(vertices, faces)
     small, large = faces[is_small], faces[~is_small]
     best = vertices, faces
     if len(large) == 0:
@@ -145,7 +145,7 @@ def _welded(vertices: Float, faces: Faces) -> tuple[Float, Faces]:
     return points[used], compact.reshape(-1, 3).astype(np.int32)
 
 
-def _in_small_part(vertices: Float, faces: Faces) -> NDArray[np.bool_]:
+def _is_in_small_part(vertices: Float, faces: Faces) -> NDArray[np.bool_]:
     part_of = _parts(len(vertices), faces)
     return np.bincount(part_of)[part_of] < SMALL_PART_FACES
 

@@ -82,7 +82,7 @@ class RenderingVerifier(ABC):
         Raises:
             ShapeError: another shape of poses, no targets, or targets of several frames.
         """
-        return self._score(*_in_order(targets, Ts_cam_obj), placed, whole_frame)
+        return self._score(*_sorted_placements(targets, Ts_cam_obj), placed, whole_frame)
 
     def scene_maps(
         self,
@@ -94,7 +94,7 @@ class RenderingVerifier(ABC):
         at: PixelGrid | None = None,
     ) -> ScoreMaps:
         """The scene's score of one combination (m, 4, 4), pixel by pixel; see :meth:`score_scene`."""
-        targets, Ts = _in_order(targets, np.asarray(Ts_cam_obj)[None])
+        targets, Ts = _sorted_placements(targets, np.asarray(Ts_cam_obj)[None])
         return self._maps(targets, Ts[0], placed, whole_frame, at)
 
     @abstractmethod
@@ -140,7 +140,7 @@ def as_poses(Ts_cam_obj: Float) -> Float:
     return Ts
 
 
-def _in_order(targets: Sequence[Target], Ts_cam_obj: Float) -> tuple[tuple[Target, ...], Float]:
+def _sorted_placements(targets: Sequence[Target], Ts_cam_obj: Float) -> tuple[tuple[Target, ...], Float]:
     """Targets and their poses as a contiguous (N, m, 4, 4), by instance: the same bits in any order.
 
     Raises:

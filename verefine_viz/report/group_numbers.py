@@ -12,7 +12,7 @@ import numpy as np
 from verefine_viz.batch.totals import misranked_share
 from verefine_viz.core.arrays import Float
 from verefine_viz.diagnosis.causes import cause_title
-from verefine_viz.evaluation.bootstrap import Cells, Draws, Spread, draws
+from verefine_viz.evaluation.bootstrap import CellSums, Draws, Spread, draws
 from verefine_viz.methods.registry import method_of
 from verefine_viz.report.bop_recalls import BopRecalls
 from verefine_viz.report.groups import Group, Section, key
@@ -28,7 +28,7 @@ MOST_HARD = 40
 
 
 @dataclass(frozen=True)
-class Column:
+class GroupColumn:
     """A number of a group."""
 
     id: str
@@ -48,21 +48,21 @@ def _solved(name: str) -> Callable[[Answer], float | None]:
 
 
 COLUMNS = (
-    Column("recall", "right", "share of objects whose ADD(-S) is below 10 % of the diameter", "%", 100, 1, 1,
+    GroupColumn("recall", "right", "share of objects whose ADD(-S) is below 10 % of the diameter", "%", 100, 1, 1,
            lambda row: float(row.is_correct is True) if row.can_be_right else None),
-    Column("ar", "BOP AR", "average recall over VSD, MSSD and MSPD, as in the BOP challenge", "%", 100, 1, 1),
-    Column("median_mm", "median ADD(-S)", "ADD, for symmetric objects ADD-S, of the objects with an answer", "mm", 1, 1,
-           -1),
-    Column("mean_mm", "mean ADD(-S)", "of the objects with an answer", "mm", 1, 1, -1, _solved("add_s_mm")),
-    Column("rotation_deg", "rotation", "mean error of the answers", "°", 1, 1, -1, lambda row: row.rotation_deg),
-    Column("translation_mm", "translation", "mean error of the answers", "mm", 1, 1, -1,
+    GroupColumn("ar", "BOP AR", "average recall over VSD, MSSD and MSPD, as in the BOP challenge", "%", 100, 1, 1),
+    GroupColumn("median_mm", "median ADD(-S)", "ADD, for symmetric objects ADD-S, of the objects with an answer", "mm",
+           1, 1, -1),
+    GroupColumn("mean_mm", "mean ADD(-S)", "of the objects with an answer", "mm", 1, 1, -1, _solved("add_s_mm")),
+    GroupColumn("rotation_deg", "rotation", "mean error of the answers", "°", 1, 1, -1, lambda row: row.rotation_deg),
+    GroupColumn("translation_mm", "translation", "mean error of the answers", "mm", 1, 1, -1,
            lambda row: row.translation_mm),
-    Column("lifted", "lifted", "share of answers by which a simulated grasp succeeds", "%", 100, 0, 1,
+    GroupColumn("lifted", "lifted", "share of answers by which a simulated grasp succeeds", "%", 100, 0, 1,
            lambda row: float(row.grasp == "success") if row.grasp else None),
-    Column("score", "score", "mean of the answers", "", 1, 2, 0, _solved("score")),
-    Column("ms_per_frame", "time a frame", "computing time of the iterations for all objects of a frame, without "
+    GroupColumn("score", "score", "mean of the answers", "", 1, 2, 0, _solved("score")),
+    GroupColumn("ms_per_frame", "time a frame", "computing time of the iterations for all objects of a frame, without "
            "first scores; median", "ms", 1, 0, -1),
-    Column("calls", "refiner calls", "for one object, mean", "", 1, 1, 0,
+    GroupColumn("calls", "refiner calls", "for one object, mean", "", 1, 1, 0,
            lambda row: None if row.status != "ok" or method_of(row.method).has_tree else float(row.n_iterations)),
 )  # fmt: skip
 
@@ -90,7 +90,7 @@ class Axes:
         """Where an object is in cells."""
         return self.unit(row.frame), self.models[row.obj_id or 0]
 
-    def cells(self, rows: Iterable[Answer], value: Callable[[Answer], float | None]) -> Cells:
+    def cells(self, rows: Iterable[Answer], value: Callable[[Answer], float | None]) -> CellSums:
         """Sums of what is known of some objects."""
         total, n = np.zeros(self.shape), np.zeros(self.shape)
         for row in rows:
@@ -98,14 +98,14 @@ class Axes:
             if known is not None:
                 total[self.place(row)] += known
                 n[self.place(row)] += 1
-        return Cells(total, n)
+        return CellSums(total, n)
 
     def _unit(self, frame: str) -> str:
         return frame.partition("/")[0] if self.by_scene else frame
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class GroupLine:
     """One group in numbers."""
 
     group: Group
@@ -115,8 +115,8 @@ class Line:
     """Recall less that of the best group, over the objects of both; None of the best itself."""
     curve: tuple[Float, tuple[Float, Float] | None] | None
     """Recall over :data:`THRESHOLDS`, and its 95 % interval."""
-    recall: Cells
-    ar: Cells
+    recall: CellSums
+    ar: CellSums
 
     @property
     def name(self) -> str:
@@ -124,13 +124,13 @@ class Line:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class GroupComparison:
     """All groups of a section."""
 
     section: Section
-    lines: tuple[Line, ...]
+    lines: tuple[GroupLine, ...]
     """In the order of the groups."""
-    best: Line
+    best: GroupLine
     axes: Axes
 
     @property
@@ -138,7 +138,7 @@ class Comparison:
         return any("recall" in line.numbers for line in self.lines)
 
 
-def compare(section: Section, bop: BopRecalls) -> Comparison:
+def compare(section: Section, bop: BopRecalls) -> GroupComparison:
     """The groups of a section, each as a whole, and all against the best one."""
     axes = Axes(section.groups, (obj_id for _, _, obj_id in bop.by_place))
     drawn = draws(*axes.shape)
@@ -151,10 +151,10 @@ def compare(section: Section, bop: BopRecalls) -> Comparison:
         _line(group, axes, drawn, recalls[k], None if k == best else recalls[best], _ar(group, axes, bop))
         for k, group in enumerate(section.groups)
     )
-    return Comparison(section, lines, lines[best], axes)
+    return GroupComparison(section, lines, lines[best], axes)
 
 
-def _line(group: Group, axes: Axes, drawn: Draws, recall: Cells, best: Cells | None, ar: Cells) -> Line:
+def _line(group: Group, axes: Axes, drawn: Draws, recall: CellSums, best: CellSums | None, ar: CellSums) -> GroupLine:
     objects = group.objects
     errors = [(row.add_s_mm, *axes.place(row)) for row in objects if row.status == "ok" and row.add_s_mm is not None]
     values, units, models = np.array(errors).reshape(-1, 3).T
@@ -166,10 +166,10 @@ def _line(group: Group, axes: Axes, drawn: Draws, recall: Cells, best: Cells | N
     hits = _hits(group.with_truth, axes)
     curve = (hits.sum(axis=(0, 1)) / recall.n.sum(), drawn.band(hits, recall.n)) if recall.n.any() else None
     behind = None if best is None else drawn.difference(recall, best)
-    return Line(group, {name: one for name, one in numbers.items() if one is not None}, behind, curve, recall, ar)
+    return GroupLine(group, {name: one for name, one in numbers.items() if one is not None}, behind, curve, recall, ar)
 
 
-def _ar(group: Group, axes: Axes, bop: BopRecalls) -> Cells:
+def _ar(group: Group, axes: Axes, bop: BopRecalls) -> CellSums:
     total, n = np.zeros(axes.shape), np.zeros(axes.shape)
     folders = {run.folder for run in group.runs}
     for (folder, frame, obj_id), (n_targets, ar) in bop.by_place.items():
@@ -177,7 +177,7 @@ def _ar(group: Group, axes: Axes, bop: BopRecalls) -> Cells:
             place = axes.unit(frame), axes.models[obj_id]
             total[place] += n_targets * ar
             n[place] += n_targets
-    return Cells(total, n)
+    return CellSums(total, n)
 
 
 def _frame_ms(group: Group, axes: Axes) -> Float:
@@ -227,7 +227,7 @@ def cause_counts(group: Group) -> Counter[str]:
     return Counter(cause_title(row.cause) for row in group.failures) if group.with_truth else Counter()
 
 
-def object_numbers(comparison: Comparison) -> list[Json]:
+def object_numbers(comparison: GroupComparison) -> list[Json]:
     """Each object model: its numbers in each group, None where a group does not have it."""
     rows = list[Json]()
     for obj_id, place in comparison.axes.models.items():
@@ -238,13 +238,13 @@ def object_numbers(comparison: Comparison) -> list[Json]:
     return rows
 
 
-def _object_cell(line: Line, obj_id: int, place: int) -> Json | None:
+def _object_cell(line: GroupLine, obj_id: int, place: int) -> Json | None:
     mine = [row for row in line.group.objects if (row.obj_id or 0) == obj_id]
     errors = [row.add_s_mm for row in mine if row.status == "ok" and row.add_s_mm is not None]
     scores = [row.score for row in mine if row.status == "ok" and row.score is not None]
     causes = Counter(row.cause for row in mine if row.cause)
 
-    def share(cells: Cells) -> float | None:
+    def share(cells: CellSums) -> float | None:
         n = cells.n[:, place].sum()
         return round(float(100 * cells.total[:, place].sum() / n), 2) if n else None
 

@@ -20,7 +20,7 @@ MOST_ROWS = 1000
 
 
 @dataclass(frozen=True)
-class Change:
+class PairChange:
     """One object of one frame in both runs."""
 
     a: Answer
@@ -51,11 +51,11 @@ def error_or_infinite(row: Answer) -> float:
     return math.inf if row.relative_error is None else row.relative_error
 
 
-def changes_of(a: Group, b: Group) -> list[Change]:
+def changes_of(a: Group, b: Group) -> list[PairChange]:
     """The objects with ground truth that both groups are about, the most improved first."""
     of_b = {key(row): row for row in b.objects}
     with_truth = {key(row) for row in (*a.with_truth, *b.with_truth)}
-    both = [Change(row, of_b[key(row)]) for row in a.objects if key(row) in of_b and key(row) in with_truth]
+    both = [PairChange(row, of_b[key(row)]) for row in a.objects if key(row) in of_b and key(row) in with_truth]
     return sorted(both, key=lambda change: (change.by, change.a.frame))
 
 
@@ -102,9 +102,9 @@ def wrong_in(a: Group, b: Group) -> dict[int, str]:
     }
 
 
-def _frames(changes: Sequence[Change]) -> list[Json]:
+def _frames(changes: Sequence[PairChange]) -> list[Json]:
     """Both runs frame by frame, the most improved first; errors are means over objects that both have an answer for."""
-    by_frame: dict[str, list[Change]] = {}
+    by_frame: dict[str, list[PairChange]] = {}
     for change in changes:
         by_frame.setdefault(change.a.frame, []).append(change)
     frames = list[tuple[float, Json]]()

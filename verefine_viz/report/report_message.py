@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 
 from verefine_viz.batch.index import BatchIndex
-from verefine_viz.batch.motion_table import Track, read_tracks
+from verefine_viz.batch.motion_table import MotionTrack, read_tracks
 from verefine_viz.batch.totals import doubts_in_words
 from verefine_viz.core.arrays import Float
 from verefine_viz.evaluation.bootstrap import Spread
@@ -21,8 +21,8 @@ from verefine_viz.report.group_numbers import (
     COLUMNS,
     MOST_HARD,
     THRESHOLDS,
-    Column,
-    Line,
+    GroupColumn,
+    GroupLine,
     cause_counts,
     compare,
     hardest,
@@ -112,7 +112,7 @@ def _section(section: Section, bop: BopRecalls, keys: Mapping[int, int], names: 
     }  # fmt: skip
 
 
-def _group(line: Line, names: Mapping[int, str]) -> Json:
+def _group(line: GroupLine, names: Mapping[int, str]) -> Json:
     group = line.group
     return {
         "name": group.name,
@@ -135,7 +135,7 @@ def _group(line: Line, names: Mapping[int, str]) -> Json:
     }
 
 
-def _curve(line: Line) -> Json | None:
+def _curve(line: GroupLine) -> Json | None:
     if line.curve is None:
         return None
     recall, band = line.curve
@@ -150,7 +150,7 @@ def _grasps(group: Group) -> list[list[Any]]:
     return [[end, answers[end], truth[end]] for end in get_args(Verdict) if answers[end] or truth[end]]
 
 
-def _track(run: str, track: Track, is_drawn: bool) -> Json:
+def _track(run: str, track: MotionTrack, is_drawn: bool) -> Json:
     counts = track.counts
     return {
         "run": run, "name": track.name, "scene": track.scene_id, "frames": counts.n_frames, "flips": counts.flips,
@@ -178,7 +178,7 @@ def _made(runs: Sequence[BatchIndex]) -> list[str]:
     return [words for words, is_known in known.items() if is_known]
 
 
-def _column(column: Column) -> Json:
+def _column(column: GroupColumn) -> Json:
     return {name: getattr(column, name) for name in ("id", "label", "hint", "unit", "digits", "better")}
 
 

@@ -11,7 +11,7 @@ from verefine_viz.diagnosis.causes import ADVICE, STARVED_ADVICE, Cause, cause_t
 from verefine_viz.evaluation.bootstrap import DRAWS, Spread
 from verefine_viz.methods.registry import METHODS, SEARCH
 from verefine_viz.page.gallery import outcome_words
-from verefine_viz.report.group_numbers import Comparison
+from verefine_viz.report.group_numbers import GroupComparison
 from verefine_viz.report.groups import Group, Section, seeds_of
 from verefine_viz.run.record import Answer
 
@@ -61,7 +61,7 @@ def title(sections: Sequence[Section]) -> str:
     return f"{section.groups[0].method} on {section.data}{seeds}"
 
 
-def headline(comparison: Comparison) -> str:
+def headline(comparison: GroupComparison) -> str:
     """What came out: how many objects are right, or which group is best, and by how much."""
     best, lines = comparison.best, comparison.lines
     if len(lines) == 1:
@@ -90,7 +90,7 @@ def headline(comparison: Comparison) -> str:
     )
 
 
-def explanation(comparison: Comparison) -> str:
+def explanation(comparison: GroupComparison) -> str:
     """What the intervals mean; empty where there are none."""
     n_units, n_models = comparison.axes.shape
     if n_units == n_models == 1:
@@ -121,7 +121,7 @@ def next_step(group: Group) -> NextStep | None:
         return NextStep(f"No cause stands out among {_of(len(wrong))} ({causes}); begin with the worst,", wrong[0])
     mine = [row for row in wrong if row.cause == first[0]]
     lead = _lead(len(group.with_truth), len(wrong), counts)
-    return NextStep(f"{lead}{_in_common(mine)}: {advice(first[0], group.method)}; begin with", mine[0])
+    return NextStep(f"{lead}{_shared_facts(mine)}: {advice(first[0], group.method)}; begin with", mine[0])
 
 
 def advice(cause: str, method: str) -> str:
@@ -184,7 +184,7 @@ def _shown(counts: Sequence[tuple[str, int]]) -> str:
     return f"{' and '.join(titles)} {n}{' each' * (len(titles) > 1)}"
 
 
-def _in_common(rows: Sequence[Answer]) -> str:
+def _shared_facts(rows: Sequence[Answer]) -> str:
     """What all of several answers share, if anything."""
     if len(rows) < 2:
         return ""

@@ -17,8 +17,8 @@ from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.writing import atomic, clear_parts
 from verefine_viz.page.bundle import bundle, part, picture
-from verefine_viz.page.gallery import Entry, Gallery
-from verefine_viz.page.share import as_typed, opened_answer, shared, write_shared
+from verefine_viz.page.gallery import Gallery, GalleryEntry
+from verefine_viz.page.share import command_path, opened_answer, shared, write_shared
 from verefine_viz.page.thumbnails import Painter
 from verefine_viz.page.views.gallery_answers import answers_message
 from verefine_viz.report.groups import read_runs, sections_of
@@ -109,7 +109,7 @@ def write_report(
         *_pictures(gallery, answers, pictures, notes, progress),
         *_frames(gallery, answers, embed, beside, path.with_name(f"{path.stem}-frames"), notes, progress),
     ]
-    command = f"verefine-viz view {as_typed(folders[0] if len(folders) == 1 else folders[0].parent)}"
+    command = f"verefine-viz view {command_path(folders[0] if len(folders) == 1 else folders[0].parent)}"
     messages = [
         {"t": "hello", "window": 0, "version": __version__},
         {"t": "file", "command": command, "maps": "end", "scene": False},
@@ -188,7 +188,7 @@ def _frames(
     return parts
 
 
-def _run_file(gallery: Gallery, entry: Entry) -> str:
+def _run_file(gallery: Gallery, entry: GalleryEntry) -> str:
     """The run file of an answer as a command has it."""
     folder = gallery.runs[entry.run].folder
     path = gallery.loose_record(entry) or Runs(folder / "runs").path(entry.row.frame)

@@ -15,10 +15,10 @@ import tomli_w
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
-from verefine_viz.core.errors import InputError, in_one_line
+from verefine_viz.core.errors import InputError, one_line
 from verefine_viz.core.files import id_of, read_json
 from verefine_viz.core.problem import Problem, Target
-from verefine_viz.core.writing import atomic, wait_for_lock, why_not, write_json
+from verefine_viz.core.writing import atomic, path_fault, wait_for_lock, write_json
 from verefine_viz.run.session_file import CAPTURE_HEAD, SCENE_ID, scene_folder
 from verefine_viz.scenes.detections import encode_rle
 from verefine_viz.scenes.image_files import read_color, write_image
@@ -197,7 +197,7 @@ class CaptureFolder:
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise InputError(f"cannot write {path}: {why_not(path, error)}") from None
+            raise InputError(f"cannot write {path}: {path_fault(path, error)}") from None
         with wait_for_lock(path):
             yield
 
@@ -332,7 +332,7 @@ class CaptureFolder:
             "gravity": "world" if any("cam_R_w2c" in camera for camera in cameras.values()) else "plane",
             **({"sequence": True} if self._is_sequence else {}),
         }
-        session = {"title": in_one_line(self._folder.resolve().name), "scene": scene, "hypotheses": hypotheses}
+        session = {"title": one_line(self._folder.resolve().name), "scene": scene, "hypotheses": hypotheses}
         if (self._folder / ORDERS).is_file():
             session["dependency"] = {"order_file": ORDERS}
         with atomic(self._folder / SESSION) as part:

@@ -84,7 +84,7 @@ def departures(a: Run, b: Run, pairs: Sequence[Pair]) -> Departures:
     An iteration that only one of them has so far counts when the other is done with its run.
     """
     deed = score = None
-    for departure in _all_departures(a, b, pairs):
+    for departure in _differences(a, b, pairs):
         if departure.kind == "score":
             score = score or departure
         else:
@@ -94,7 +94,7 @@ def departures(a: Run, b: Run, pairs: Sequence[Pair]) -> Departures:
     return Departures(deed, score)
 
 
-def _all_departures(a: Run, b: Run, pairs: Sequence[Pair]) -> Iterator[Departure]:
+def _differences(a: Run, b: Run, pairs: Sequence[Pair]) -> Iterator[Departure]:
     """Every difference, in the order of the pairs; in a pair what is done before what it scores."""
     ours, theirs = a.iterations, b.iterations
     for kind, text in _starts(a, b):
@@ -103,7 +103,9 @@ def _all_departures(a: Run, b: Run, pairs: Sequence[Pair]) -> Iterator[Departure
         one = ours[pair.a - 1] if pair.a else None
         other = theirs[pair.b - 1] if pair.b else None
         name = name_of(a.problem if one else b.problem, pair.instance_id)
-        for kind, text in _in_both(one, other, name) if one and other else _in_one(a, b, pair, name):
+        for kind, text in (
+            _iteration_differences(one, other, name) if one and other else _extra_iteration(a, b, pair, name)
+        ):
             yield Departure(place, kind, text, pair.a, pair.b)
 
 
@@ -134,7 +136,7 @@ def _initial_scores(run: Run) -> dict[int, list[float]]:
     return {i: scores.score.tolist() if scores is not None else [] for i, scores in zip(ids, pools, strict=True)}
 
 
-def _in_one(a: Run, b: Run, pair: Pair, name: str) -> Iterator[tuple[Kind, str]]:
+def _extra_iteration(a: Run, b: Run, pair: Pair, name: str) -> Iterator[tuple[Kind, str]]:
     """An iteration that the other run does not make, where that one is over."""
     done = _n(pair.n - 1, "iteration", "iterations")
     if pair.b is None and b.is_done:
@@ -143,7 +145,7 @@ def _in_one(a: Run, b: Run, pair: Pair, name: str) -> Iterator[tuple[Kind, str]]
         yield "missing", f"goes on with {name}, which A is done with after {done}"
 
 
-def _in_both(one: Iteration, other: Iteration, name: str) -> Iterator[tuple[Kind, str]]:
+def _iteration_differences(one: Iteration, other: Iteration, name: str) -> Iterator[tuple[Kind, str]]:
     yield from _deeds(one, other, name)
     for text in _scores(one, other, name):
         yield "score", text
@@ -241,7 +243,7 @@ Winner = Literal["A", "B", "even"]
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class ComparedObject:
     """One object in both runs."""
 
     instance_id: int
@@ -292,7 +294,7 @@ def outcomes(
     b: Run,
     errors_of: ErrorsOf,
     score_of: Callable[[Target, Best], float] | None = None,
-) -> tuple[Outcome, ...]:
+) -> tuple[ComparedObject, ...]:
     """The answers of both runs so far, object by object.
 
     Args:
@@ -313,4 +315,4 @@ def outcomes(
     of_a, of_b = answers(a), answers(b, score_of)
     problems = {i.instance_id: run.problem for run in (b, a) for i in run.problem.instances}
     ids = dict.fromkeys(i.instance_id for run in (a, b) for i in run.problem.instances)
-    return tuple(Outcome(own, name_of(problems[own], own), of_a.get(own), of_b.get(own)) for own in ids)
+    return tuple(ComparedObject(own, name_of(problems[own], own), of_a.get(own), of_b.get(own)) for own in ids)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from verefine_viz.core.errors import InputError, in_one_line
+from verefine_viz.core.errors import InputError, one_line
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.run.built_in_sessions import named_session
@@ -16,10 +16,10 @@ from verefine_viz.run.session_file import CAPTURE_HEAD, load_session
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.bop_files import (
     Inside,
-    beside,
     datasets_below,
     has_truth,
     inside_dataset,
+    nearby_hint,
     scenes_in,
     sensors_of,
     splits_in,
@@ -77,7 +77,7 @@ def _bop(folder: Path, splits: Sequence[str], overrides: Mapping[str, Any]) -> K
     }
     others = ", ".join(name for name in splits if name != split)
     what = f"a data set in BOP layout, split {split}{f' (also: {others})' if others else ''}"
-    return KnownData(in_one_line(what), _session(folder, sections, overrides))
+    return KnownData(one_line(what), _session(folder, sections, overrides))
 
 
 def _part_of_bop(inside: Inside, overrides: Mapping[str, Any]) -> KnownData | None:
@@ -88,7 +88,7 @@ def _part_of_bop(inside: Inside, overrides: Mapping[str, Any]) -> KnownData | No
         scene["frames"] = tuple(map(frame_name, frames_of_scene(dataset, inside.scene_id)))
     known = data_at(inside.dataset, {**overrides, "scene": scene})
     part = f"split {inside.split}" if inside.scene_id is None else f"scene {inside.scene_id} of split {inside.split}"
-    return known and KnownData(in_one_line(f"{part} of the data set {inside.dataset}"), known.session)
+    return known and KnownData(one_line(f"{part} of the data set {inside.dataset}"), known.session)
 
 
 def _recorded(folder: Path, recording: LayoutReader, overrides: Mapping[str, Any]) -> KnownData:
@@ -103,7 +103,7 @@ def _recorded(folder: Path, recording: LayoutReader, overrides: Mapping[str, Any
 
 def _session(folder: Path, sections: Mapping[str, Mapping[str, Any]], overrides: Mapping[str, Any]) -> Session:
     given = {name: {**fields, **overrides.get(name, {})} for name, fields in sections.items()}
-    return load_session(None, {"title": in_one_line(folder.resolve().name), **overrides, **given})
+    return load_session(None, {"title": one_line(folder.resolve().name), **overrides, **given})
 
 
 def holds_frames(folder: Path) -> bool:
@@ -127,14 +127,14 @@ def open_session(
     path = named_session(path)
     known = data_at(path, overrides)
     if known is not None:
-        report(f"{in_one_line(str(path))}: {known.what}")
+        report(f"{one_line(str(path))}: {known.what}")
         return known.session
     if path.is_dir() and not (path / SESSION).exists():
-        raise InputError(f"{path} {why_unknown(path)}")
+        raise InputError(f"{path} {layout_fault(path)}")
     return load_session(path, overrides)
 
 
-def why_unknown(folder: Path) -> str:
+def layout_fault(folder: Path) -> str:
     """What a folder that is none of data lacks, or what was looked for."""
     results = sorted(path for path in folder.iterdir() if path.suffix in SUFFIXES)
     hint = f"; it holds poses, {results[0]}: open that file" if results else ""
@@ -150,11 +150,11 @@ def _meant(folder: Path) -> str:
     """What a folder lacks to be of a data set in BOP layout, or which ones lie in it; empty where it is like none."""
     if sensors_of(folder):
         return "is a scene in BOP layout, but not named by its number: expected DATASET/test/000001"
-    if near := beside(folder / "scene_camera.json"):
+    if near := nearby_hint(folder / "scene_camera.json"):
         return f"has no scene_camera.json{near}"
     for split in splits_in(folder):
         scene = next(iter(scenes_in(folder / split).values()))[0]
-        if near := beside(scene / "scene_camera.json"):
+        if near := nearby_hint(scene / "scene_camera.json"):
             return f"has no {split}/{scene.name}/scene_camera.json{near}"
     below = [path for path in datasets_below(folder) if splits_to_open(path)]
     return f"is no data set itself; did you mean {first_of(below, MOST_NAMED, ' or ')}?" if below else ""

@@ -60,7 +60,7 @@ def check_edits(
         if is_meant and _instance(edit, problem) is not None:
             _check_possible(edit, problem)
         elif is_meant:
-            notes[_why_not(edit, problem, has_all_objects)] = None
+            notes[_skip_reason(edit, problem, has_all_objects)] = None
         elif not _is_of(edit, problem, is_only_frame):
             who = f"hypothesis {edit.hypothesis + 1} of instance {edit.instance}"
             notes[f"the session edits the pose of {who}, which this frame does not have"] = None
@@ -84,7 +84,7 @@ def _check_possible(edit: Edit, problem: Problem) -> None:
         raise InputError(f"{who} is farther away than {FARTHEST_M:g} m, expected metres (frame {problem.frame})")
 
 
-def _why_not(edit: Edit, problem: Problem, has_all_objects: bool) -> str:
+def _skip_reason(edit: Edit, problem: Problem, has_all_objects: bool) -> str:
     """Why the edit is not applied though it is meant for this frame.
 
     Raises:

@@ -20,7 +20,7 @@ from verefine_viz.core.records import Best, Iteration
 from verefine_viz.core.settings import Edit, Session
 from verefine_viz.run.plausible_verifier import are_comparable
 from verefine_viz.run.record import RunRecord, header_of
-from verefine_viz.run.recorded_run import RecordedSteps
+from verefine_viz.run.recorded_run import ReplayedMethod
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +136,7 @@ class Run:
         Raises:
             InputError: the frame does not hold what was recorded.
         """
-        run = cls(cast(Any, RecordedSteps(record)), problem, watchers)
+        run = cls(cast(Any, ReplayedMethod(record)), problem, watchers)
         run.finish()
         run.seek(0)
         run._again = again
@@ -281,7 +281,7 @@ class Run:
         """
         if not 0 <= k <= self.length:
             raise InputError(f"cannot fork at iteration {k}; the history has 0 to {self.length}")
-        if isinstance(self._plan.method, RecordedSteps):
+        if isinstance(self._plan.method, ReplayedMethod):
             if self._again is None:
                 raise InputError("a run that was read cannot go on without its data; open its session")
             run = self._again()

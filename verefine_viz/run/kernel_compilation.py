@@ -13,7 +13,7 @@ from pathlib import Path
 import platformdirs
 from numba.core.event import Event, Listener, install_listener
 
-from verefine_viz.core.writing import one_at_a_time
+from verefine_viz.core.writing import locked
 
 COMPILING = "Compiling kernels (once after installing); a minute or two in all."
 
@@ -77,7 +77,7 @@ class CompilingTurn:
         if self._is_mine:
             return
         waited: list[str] = []
-        self._held.enter_context(one_at_a_time(self._file, waited.append, ""))
+        self._held.enter_context(locked(self._file, waited.append, ""))
         self._is_mine = True
         if waited:
             self.end()

@@ -12,12 +12,12 @@ from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.scores import PoseScore, Scores
-from verefine_viz.methods.arms import Arm, Entry, ObjectState
+from verefine_viz.methods.arms import AcceptedPose, Arm, ObjectState
 from verefine_viz.methods.per_object import FrameState
 from verefine_viz.run.record import RunRecord
 
 
-class RecordedSteps:
+class ReplayedMethod:
     """A method whose steps were made before."""
 
     refiner = None
@@ -75,7 +75,7 @@ class RecordedSteps:
         if not recorded.hypotheses:
             return None
         pairs = zip(recorded.hypotheses, recorded.initial, strict=True)
-        entries = [Entry(h.T_cam_obj, score, "initial", 0) for h, score in pairs]
+        entries = [AcceptedPose(h.T_cam_obj, score, "initial", 0) for h, score in pairs]
         arms = tuple(Arm((entry,), 1.0, entry.score.score) for entry in entries)
         if not any(i.choice for i in self._iterations if i.instance_id == own):
             arms = arms[:1]  # A method without a choice uses the first only.
@@ -111,7 +111,7 @@ def _after(before: ObjectState, iteration: Iteration) -> ObjectState:
         arms = [replace(arm, plays=plays, mean=mean) for arm, plays, mean in numbers]
     if j < len(arms):
         score = accepted.score or arms[j].current.score
-        arm = arms[j].advanced(Entry(accepted.T_cam_obj, score, accepted.name, iteration.index))
+        arm = arms[j].advanced(AcceptedPose(accepted.T_cam_obj, score, accepted.name, iteration.index))
         scores = [s.score.score for s in iteration.stages[1:] if s.score is not None]
         arms[j] = arm.rewarded(max(scores)) if scores else arm
     return replace(

@@ -21,7 +21,7 @@ import numpy as np
 from msgspec import structs
 
 from verefine_viz.core.arrays import finite, frozen
-from verefine_viz.core.errors import InputError, ShapeError, in_one_line
+from verefine_viz.core.errors import InputError, ShapeError, one_line
 from verefine_viz.core.files import read_file
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.protocols import RunState
@@ -162,7 +162,7 @@ def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecor
         if with_iterations:
             _check(header, iterations)
     except (msgspec.MsgspecError, ShapeError, ValueError, RecursionError) as error:
-        raise InputError(f"{what} is damaged: {in_one_line(str(error))}; run its session again") from None
+        raise InputError(f"{what} is damaged: {one_line(str(error))}; run its session again") from None
     missing = ""
     if entries.damage or end is None:
         left = "1 iteration is in it" if n == 1 else f"{n or 'no'} iterations are in it"
@@ -237,7 +237,7 @@ def _header(body: bytes, what: str) -> RunHeader:
             if len(one.initial) not in (0, len(one.hypotheses)):
                 raise ValueError(f"{one.name} has {len(one.hypotheses)} hypotheses and {len(one.initial)} scores")
     except (msgspec.MsgspecError, ShapeError, ValueError, RecursionError) as error:
-        raise InputError(f"{what} is damaged: {in_one_line(str(error))}; run its session again") from None
+        raise InputError(f"{what} is damaged: {one_line(str(error))}; run its session again") from None
     return header
 
 

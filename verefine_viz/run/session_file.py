@@ -19,7 +19,7 @@ from verefine_viz.core.files import read_file
 from verefine_viz.core.presets import preset_fields
 from verefine_viz.core.setting_types import expected
 from verefine_viz.core.settings import SURROUNDINGS, Session
-from verefine_viz.core.writing import at_home, atomic
+from verefine_viz.core.writing import atomic, expand_home
 
 Raw = Mapping[str, Any]
 Layer = tuple[str, Raw]
@@ -85,11 +85,11 @@ def load_session(path: Path | None, overrides: Raw | None = None, origin: str = 
     """
     typed = (origin, _with_absolute_paths(overrides or {}, Path.cwd()))
     if path is None:
-        return _of_layers([typed])
+        return _merge_layers([typed])
     raw = _read(path)
     if not raw and not overrides:
         raise SettingsError(f'session file {path} is empty, expected at least a [scene], such as demo = "mug"')
-    return _of_layers([(str(path), _with_absolute_paths(raw, path.parent)), typed])
+    return _merge_layers([(str(path), _with_absolute_paths(raw, path.parent)), typed])
 
 
 def resolve(raw: Raw, origin: str = "session") -> Session:
@@ -99,7 +99,7 @@ def resolve(raw: Raw, origin: str = "session") -> Session:
         SettingsError: a field is unknown or out of range, or data are named that the chosen source does not read;
             the text names the field and what was expected.
     """
-    return _of_layers([(origin, raw)])
+    return _merge_layers([(origin, raw)])
 
 
 def changed(
@@ -157,7 +157,7 @@ def parsed_toml(text: str) -> dict[str, Any]:
     return raw
 
 
-def _of_layers(layers: Sequence[Layer]) -> Session:
+def _merge_layers(layers: Sequence[Layer]) -> Session:
     """The session that some layers of explicit fields add up to, the later over the earlier."""
     raw: dict[str, Any] = {}
     for _, fields in layers:
@@ -211,7 +211,7 @@ def _with_absolute_paths(raw: Raw, folder: Path) -> dict[str, Any]:
 
 def _absolute(path: str, folder: Path) -> str:
     # What no path can be is refused with the field that holds it; a loop of links where the file is opened.
-    whole = path if "\0" in path else os.path.realpath(folder / at_home(path))
+    whole = path if "\0" in path else os.path.realpath(folder / expand_home(path))
     if whole != whole.encode("utf-8", "replace").decode():
         raise InputError(f"{whole} is no UTF-8, in which session files are written; rename it")
     return whole

@@ -54,14 +54,24 @@ class Toolbox:
         session: what is needed for.
         progress: has checkpoints before and during anything that may take seconds. What is cancelled can be repeated.
         source: where the frames come from; None = what the session's scene names.
+        verifier: what scores; None = what the session names.
+        simulator: what simulates; None = what the session names.
+        refiner: what refines, also in the roll-outs of a tree search; None = what the session names.
     """
 
     def __init__(
-        self, session: Session, progress: ProgressToken = NEVER_CANCELLED, source: SceneSource | None = None
+        self,
+        session: Session,
+        progress: ProgressToken = NEVER_CANCELLED,
+        source: SceneSource | None = None,
+        *,
+        verifier: Verifier | None = None,
+        simulator: Simulator | None = None,
+        refiner: Refiner | None = None,
     ) -> None:
         self.session = session
         self._progress = progress
-        self._source = source
+        self._source, self._verifier, self._simulator, self._refiner = source, verifier, simulator, refiner
 
     @cached_property
     def source(self) -> SceneSource:
@@ -69,6 +79,8 @@ class Toolbox:
 
     @cached_property
     def verifier(self) -> Verifier:
+        if self._verifier is not None:
+            return self._verifier
         verifier = make_verifier(self.session.score, self._progress)
         if self.session.score.plausibility_weight == 0:
             return verifier
@@ -90,7 +102,7 @@ class Toolbox:
     @cached_property
     def simulator(self) -> Simulator | None:
         """None where the session switches physics off."""
-        return make_simulator(self.session.physics, self._progress)
+        return self._simulator or make_simulator(self.session.physics, self._progress)
 
     @cached_property
     def surfaces(self) -> Surfaces:
@@ -99,7 +111,7 @@ class Toolbox:
 
     @cached_property
     def refiner(self) -> Refiner:
-        return make_refiner(self.session.method.refiner, self.session)
+        return self._refiner or make_refiner(self.session.method.refiner, self.session)
 
     @cached_property
     def estimators(self) -> Mapping[str, Estimator]:
@@ -115,9 +127,10 @@ class Toolbox:
         s = self.session
         if method_of(s.method.name).has_tree:
             physics, tricp = mcts_physics(s.mcts, s.physics), mcts_tricp(s.mcts, s.tricp)
+            refiner = self._refiner or TrimmedIcp(tricp)
             pixels = ExplainedPixels(s.mcts.explained_m, s.score, progress=self._progress)
             return make_physim_mcts(
-                s.mcts, make_simulator(physics, self._progress), TrimmedIcp(tricp), self.verifier, pixels, physics.steps
+                s.mcts, make_simulator(physics, self._progress), refiner, self.verifier, pixels, physics.steps
             )
         return make_method(s.method, self.simulator, self.refiner, self.verifier, s.physics.steps, self.flips)
 
@@ -184,7 +197,9 @@ class Toolbox:
         if score.colour_weight == 0:
             return without
         colours = ColourStore(score.colour_weight)
-        why = {f"{t.model.name} ({t.model.obj_id})": colours.why_off(t) for t in problem.targets if t.model.has_colors}
+        why = {
+            f"{t.model.name} ({t.model.obj_id})": colours.off_reason(t) for t in problem.targets if t.model.has_colors
+        }
         return (*without, *(f"{name} is scored without colour: {reason}" for name, reason in why.items() if reason))
 
     def ordered(self, problem: Problem) -> Problem:
@@ -299,14 +314,20 @@ class Toolbox:
         return self._sharing(structs.replace(session, edits=(), changes=(), tracked=()))
 
     def _sharing(self, session: Session) -> Toolbox:
-        other = Toolbox(session, self._progress, self.source)
-        score, physics = self.session.score, self.session.physics
-        has_same_physics = other.session.physics == physics
-        if other.session.score == score and (has_same_physics or score.plausibility_weight == 0):
-            other.__dict__["verifier"] = self.verifier
-        if has_same_physics:
-            other.__dict__["simulator"] = self.simulator
-        return other
+        score, has_same_physics = self.session.score, session.physics == self.session.physics
+        has_same_score = session.score == score and (has_same_physics or score.plausibility_weight == 0)
+        return Toolbox(
+            session,
+            self._progress,
+            self.source,
+            verifier=self.verifier if has_same_score else None,
+            simulator=self.simulator if has_same_physics else None,
+        )
+
+    def refined_by(self, refiner: Refiner) -> Toolbox:
+        """Return a toolbox of this session with another refiner; all else is shared."""
+        parts = {"verifier": self.verifier, "simulator": self.simulator, "refiner": refiner}
+        return Toolbox(self.session, self._progress, self.source, **parts)
 
     @cached_property
     def _later(self) -> tuple[tuple[int, Toolbox], ...]:

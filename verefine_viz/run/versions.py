@@ -13,30 +13,26 @@ from verefine_viz.run.session_parts import weights_of
 BULLET = "pybullet" if sys.version_info < (3, 12) else "pybullet-arm64"
 """The package that brings the module pybullet (pyproject.toml)."""
 PACKAGES = (
-    "verefine-viz",
-    "numpy",
-    "numba",
-    "scipy",
-    BULLET,
-    "open3d",
-    "coacd",
-    "trimesh",
-    "onnxruntime",
+    "verefine-viz", "numpy", "numba", "scipy", BULLET, "open3d", "coacd", "trimesh", "onnxruntime", "moderngl", "viser",
     "rerun-sdk",
-)
+)  # fmt: skip
 
 
 def versions(session: Session) -> dict[str, str]:
     """Python, the packages and the weights whose numbers enter a run of the session."""
-    return _installed() | weights_of(session)
+    return (
+        {"python": platform.python_version(), "machine": platform.machine()} | package_versions() | weights_of(session)
+    )
 
 
 @cache
-def _installed() -> dict[str, str]:
-    installed = {"python": platform.python_version(), "machine": platform.machine()}
-    for package in PACKAGES:
-        try:
-            installed[package] = version(package)
-        except PackageNotFoundError:
-            installed[package] = "missing"
-    return installed
+def package_versions() -> dict[str, str]:
+    """Versions of the packages that a run may use, "missing" where one is not installed."""
+    return {package: _version(package) for package in PACKAGES}
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "missing"

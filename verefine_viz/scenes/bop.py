@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.errors import InputError, ShapeError, in_one_line, unknown
+from verefine_viz.core.errors import InputError, ShapeError, one_line, unknown
 from verefine_viz.core.files import Numbered
 from verefine_viz.core.geometry import as_rigid, transform
 from verefine_viz.core.settings import ModelSampling
@@ -34,9 +34,9 @@ from verefine_viz.scenes.annotations import (
 from verefine_viz.scenes.bop_files import (
     MaskFolder,
     SceneFiles,
-    beside,
     files_of_scene,
     meant_dataset,
+    nearby_hint,
     scenes_in,
     sensors_of,
     splits_in,
@@ -118,7 +118,7 @@ class BopDataset:
     @property
     def name(self) -> str:
         """The folder's name: ycbv, lmo, …"""
-        return in_one_line(self.folder.name)
+        return one_line(self.folder.name)
 
     @property
     def scene_ids(self) -> tuple[int, ...]:
@@ -176,21 +176,21 @@ class BopDataset:
         if scene_id not in self._cameras:
             path = self.files(scene_id).json("scene_camera")
             if not os.path.lexists(path):
-                raise InputError(f"{path} does not exist{beside(path)}")
+                raise InputError(f"{path} does not exist{nearby_hint(path)}")
             self._cameras[scene_id] = Numbered(path, CameraEntry, "image")
         return self._cameras[scene_id]
 
     def truths(self, scene_id: int) -> Numbered[tuple[TruthEntry, ...]] | None:
         """What a scene's scene_gt.json has for each image, None without one; as :meth:`cameras`."""
         if scene_id not in self._truths:
-            self._truths[scene_id] = _if_there(self.files(scene_id).json("scene_gt"), tuple[TruthEntry, ...])
+            self._truths[scene_id] = _existing(self.files(scene_id).json("scene_gt"), tuple[TruthEntry, ...])
         return self._truths[scene_id]
 
     def infos(self, scene_id: int) -> Numbered[tuple[InfoEntry, ...]] | None:
         """What a scene's scene_gt_info.json has for each image, None without one; as :meth:`cameras`."""
         if scene_id not in self._infos:
             path = self.files(scene_id).json("scene_gt_info")
-            self._infos[scene_id] = _if_there(path, tuple[InfoEntry, ...])
+            self._infos[scene_id] = _existing(path, tuple[InfoEntry, ...])
         return self._infos[scene_id]
 
     def depth_file(self, scene_id: int, im_id: int) -> Path:
@@ -203,7 +203,7 @@ class BopDataset:
         path = files.image("depth", im_id)
         if path is None:
             expected = files.expected("depth", im_id)
-            raise InputError(f"{expected} is missing; a depth image is needed{beside(expected)}")
+            raise InputError(f"{expected} is missing; a depth image is needed{nearby_hint(expected)}")
         return path
 
     def knows_up(self, scene_id: int) -> bool:
@@ -292,11 +292,11 @@ class BopDataset:
         if not folder.is_dir():
             other = "mask" if kind == "mask_visib" else "mask_visib"
             hint = f"set scene.masks to {other!r} or to the path of a detections JSON"
-            raise InputError(f"{folder} is missing; {hint}{beside(folder)}")
+            raise InputError(f"{folder} is missing; {hint}{nearby_hint(folder)}")
         path = files.image(kind, im_id, gt_id)
         if path is None:
             raise InputError(
-                f"{expected} is missing; add it, or set scene.masks to a detections JSON{beside(expected)}"
+                f"{expected} is missing; add it, or set scene.masks to a detections JSON{nearby_hint(expected)}"
             )
         return read_mask(path, shape)
 
@@ -329,7 +329,7 @@ class BopDataset:
         files = self.files(scene_id)
         path = files.image("rgb", im_id) or files.image("gray", im_id)
         if path is None:
-            near = beside(files.expected("rgb", im_id)) or beside(files.expected("gray", im_id))
+            near = nearby_hint(files.expected("rgb", im_id)) or nearby_hint(files.expected("gray", im_id))
             return None, (NO_COLOR + near,)
         rgb = read_color(path)
         if rgb.shape[:2] != shape:
@@ -337,7 +337,7 @@ class BopDataset:
         return rgb, ()
 
 
-def _if_there(path: Path, kind: type[T]) -> Numbered[T] | None:
+def _existing(path: Path, kind: type[T]) -> Numbered[T] | None:
     return Numbered(path, kind, "image") if os.path.lexists(path) else None
 
 

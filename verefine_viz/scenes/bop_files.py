@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from verefine_viz.core.errors import InputError, in_one_line, unknown
+from verefine_viz.core.errors import InputError, one_line, unknown
 from verefine_viz.core.files import id_of
 from verefine_viz.core.text_format import first_of, listed
 from verefine_viz.scenes.image_files import find_image
@@ -162,16 +162,16 @@ def meant_dataset(folder: Path, split: str) -> str:
     return f"; the data set is {near[0]}: set scene.dataset to it" if near else ""
 
 
-def beside(path: Path) -> str:
+def nearby_hint(path: Path) -> str:
     """A hint at what lies beside a missing file, or beside its missing folder, and may be meant by it; else empty."""
     if not path.parent.is_dir():
-        return "" if path.parent == path else beside(path.parent)
+        return "" if path.parent == path else nearby_hint(path.parent)
     try:
         names = sorted(other.name for other in path.parent.iterdir() if not other.name.startswith("."))
     except OSError:
         return ""
-    like = [in_one_line(name) for name in names if _is_like(name, path.name)]
-    return f"; in {in_one_line(path.parent.name)}/ there is {first_of(like, MOST_LIKE)}" if like else ""
+    like = [one_line(name) for name in names if _is_like(name, path.name)]
+    return f"; in {one_line(path.parent.name)}/ there is {first_of(like, MOST_LIKE)}" if like else ""
 
 
 def _is_like(name: str, wanted: str) -> bool:

@@ -83,7 +83,7 @@ def demo_problem(
     progress.checkpoint("Taking the picture of the scene.")
     colors = take_picture(placed, T_world_cam)
     looks_through = any(item.seen_as for item in scene.items)
-    seen = take_picture(_as_seen(scene, placed, settings), T_world_cam) if looks_through else colors
+    seen = take_picture(_visible_scene(scene, placed, settings), T_world_cam) if looks_through else colors
     depth_m = sense(seen.depth_m, seen.normals_cam, CAMERA, (settings.seed, view))
     if scene.blind is not None:
         points = CAMERA.back_project(seen.depth_m)
@@ -137,7 +137,7 @@ def _model(name: str, settings: SceneSettings) -> ObjectModel:
     return demo_model(name, settings.model_points, settings.seed, settings.model_sampling)
 
 
-def _as_seen(scene: DemoScene, placed: Sequence[Placed], settings: SceneSettings) -> list[Placed]:
+def _visible_scene(scene: DemoScene, placed: Sequence[Placed], settings: SceneSettings) -> list[Placed]:
     """The scene without the parts that the depth sensor and the detector look through."""
     names = [item.seen_as or item.model for item in scene.items]
     models = [_model(name, settings) for name in names]

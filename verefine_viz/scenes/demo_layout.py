@@ -210,11 +210,11 @@ def settled(items: tuple[Item, ...], are_turned: bool = False) -> tuple[Float, .
         R = axis_angle([0, 0, 1], np.deg2rad(item.yaw_deg)) @ tilt
         lowest_m = float((model.vertices @ R[2]).min())
         starts.append(transform(R, [item.x_m, item.y_m, item.drop_m - lowest_m]))
-    poses = at_rest(models, starts)
+    poses = rest_poses(models, starts)
     return turned(models, poses) if are_turned else poses
 
 
-def at_rest(models: Sequence[ObjectModel], starts: Sequence[Float]) -> tuple[Float, ...]:
+def rest_poses(models: Sequence[ObjectModel], starts: Sequence[Float]) -> tuple[Float, ...]:
     """Where objects come to rest that are dropped one after the other, T_world_obj (4, 4) each, from ``starts``."""
     simulator = BulletSimulator(PhysicsSettings())
     resting: list[Placed] = []
@@ -228,7 +228,7 @@ def turned(models: Sequence[ObjectModel], poses: Sequence[Float]) -> tuple[Float
     """Objects at rest (4, 4), each turned by half and dropped again where it lay."""
     lifted = transform(np.eye(3), [0.0, 0.0, TURNED_DROP_M])
     starts = [lifted @ T @ half_turn(model, T[2, :3]) for model, T in zip(models, poses, strict=True)]
-    return at_rest(models, starts)
+    return rest_poses(models, starts)
 
 
 def _body(item: Item) -> ObjectModel:

@@ -16,7 +16,7 @@ from verefine_viz.core.files import Id, Real, decoded_json, first_line, read_jso
 from verefine_viz.scenes.image_files import size_text
 
 
-class Entry(msgspec.Struct, frozen=True):
+class DetectionEntry(msgspec.Struct, frozen=True):
     """One entry of the file; its mask is decoded when its image is asked for."""
 
     scene_id: Id
@@ -60,8 +60,8 @@ class DetectionsFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._entries: dict[tuple[int, int], list[tuple[int, Entry]]] = {}
-        for k, entry in enumerate(read_json(path, tuple[Entry, ...])):
+        self._entries: dict[tuple[int, int], list[tuple[int, DetectionEntry]]] = {}
+        for k, entry in enumerate(read_json(path, tuple[DetectionEntry, ...])):
             self._entries.setdefault((entry.scene_id, entry.image_id), []).append((k, entry))
 
     @property

@@ -23,7 +23,7 @@ from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import HypothesesSettings, PhysicsSettings, SceneSettings
 from verefine_viz.observation.observed_frame import observe
 from verefine_viz.physics.simulator import BulletSimulator
-from verefine_viz.scenes.demo_layout import CAMERA, Viewpoint, at_rest, take_picture, turned
+from verefine_viz.scenes.demo_layout import CAMERA, Viewpoint, rest_poses, take_picture, turned
 from verefine_viz.scenes.frames import parse_frame, repeated_notes
 from verefine_viz.scenes.hypothesis_pool import (
     check_asked,
@@ -185,7 +185,7 @@ class LayoutSource:
             for model in progress.over(models, "Building the colliders of the layout's objects; cached once built."):
                 simulator.collider(model)
             progress.checkpoint("Letting the objects of the layout come to rest.")
-            poses = at_rest(models, starts)
+            poses = rest_poses(models, starts)
             self._rest = tuple(models), turned(models, poses) if self._scene.turned else poses
         return self._rest
 

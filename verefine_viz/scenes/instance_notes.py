@@ -42,7 +42,7 @@ def instance_notes(
         model = models[instance.obj_id]
         name = _name(instance, model)
         if not instance.hypotheses and source == "results":
-            notes.append(f"{without(instance, model)}{_why_none(ids, instance, instances, files)}")
+            notes.append(f"{without(instance, model)}{_no_pose_reason(ids, instance, instances, files)}")
         if not instance.hypotheses and source == "perturb":
             notes.append(
                 f"{without(instance, model)}there is no ground truth to disturb; set hypotheses.source to 'results' "
@@ -94,7 +94,9 @@ def _name(instance: Instance, model: ObjectModel) -> str:
     return f"{model.name} (#{instance.instance_id})"
 
 
-def _why_none(ids: FrameIds, instance: Instance, instances: Sequence[Instance], files: Sequence[ResultsFile]) -> str:
+def _no_pose_reason(
+    ids: FrameIds, instance: Instance, instances: Sequence[Instance], files: Sequence[ResultsFile]
+) -> str:
     """Why no row of ``files`` is an initial pose of an instance."""
     rows = {file.method: len(file.rows.get((*ids, instance.obj_id), ())) for file in files}
     where, n = f"for object {instance.obj_id} of this frame in", sum(rows.values())

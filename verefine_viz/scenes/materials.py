@@ -17,7 +17,7 @@ from trimesh.resolvers import FilePathResolver
 from trimesh.visual import TextureVisuals
 from trimesh.visual.color import linear_to_srgb, to_float, to_rgba, uv_to_color
 
-from verefine_viz.core.errors import in_one_line
+from verefine_viz.core.errors import one_line
 from verefine_viz.core.files import first_line, read_file
 from verefine_viz.scenes.image_files import open_image
 from verefine_viz.trace import file_beside, gltf_header, lines_that_name, material_files
@@ -38,7 +38,7 @@ MATERIALS = "materials"
 """What trimesh asks for in place of the material files of an OBJ, of which it reads one only."""
 
 
-class Beside(FilePathResolver):
+class MeshFiles(FilePathResolver):
     """The files that a mesh file names (materials, textures, buffers), opened like every other input."""
 
     def __init__(self, mesh: Path) -> None:
@@ -54,7 +54,7 @@ class Beside(FilePathResolver):
 
     def fault(self, name: str, why: str) -> None:
         """Note that a file which the mesh names cannot be used."""
-        shown = in_one_line(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}…")
+        shown = one_line(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}…")
         self.faults.append(f"{shown}, which {self.mesh.name} names, cannot be used: {why}")
 
     def get(self, name: str) -> Any:
@@ -117,7 +117,7 @@ def _texture_file(content: bytes) -> bytes:
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class MeshColours:
     """The colours of a mesh."""
 
     vertices: Pixels
@@ -129,7 +129,7 @@ class Look:
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
+class _ColouredPart:
     vertices: Pixels
     """(V, 3) RGB."""
     image: Image.Image | None = None
@@ -138,7 +138,7 @@ class _Part:
     """(F, 3, 2)."""
 
 
-def look_of(parts: Sequence[tuple[trimesh.Trimesh, Any]], files: Beside) -> Look | None:
+def look_of(parts: Sequence[tuple[trimesh.Trimesh, Any]], files: MeshFiles) -> MeshColours | None:
     """The colours of the parts of a mesh together; None where it has none, or others than its files mean.
 
     Args:
@@ -160,34 +160,40 @@ def look_of(parts: Sequence[tuple[trimesh.Trimesh, Any]], files: Beside) -> Look
     vertices = np.concatenate([part.vertices for part in with_colours])
     textured = [(part.image, part.uv) for part in with_colours if part.image is not None and part.uv is not None]
     if not any(isinstance(key, int) for key in materials) and len(materials) < 2:
-        return None if materials and np.ptp(vertices[0]) == 0 else Look(vertices)  # One grey is what tools write.
+        return (
+            None if materials and np.ptp(vertices[0]) == 0 else MeshColours(vertices)
+        )  # One grey is what tools write.
     if len(materials) == 1:
-        return Look(vertices, np.asarray(_smaller(textured[0][0], 1)), np.concatenate([uv for _, uv in textured]))
+        return MeshColours(
+            vertices, np.asarray(_smaller(textured[0][0], 1)), np.concatenate([uv for _, uv in textured])
+        )
     image, places = _side_by_side(list(materials.values()))
     moved = [_moved(uv, places[id(one)], image.size) for one, uv in textured]
     if any(np.isnan(uv).any() for uv in moved):
         files.faults.append(f"a texture of {name} is repeated, and it has others beside it")
         return None
-    return Look(vertices, np.asarray(image), np.concatenate(moved))
+    return MeshColours(vertices, np.asarray(image), np.concatenate(moved))
 
 
-def _part(mesh: trimesh.Trimesh, visual: Any, files: Beside, materials: dict[object, Image.Image]) -> _Part | None:
+def _part(
+    mesh: trimesh.Trimesh, visual: Any, files: MeshFiles, materials: dict[object, Image.Image]
+) -> _ColouredPart | None:
     """The colours of one part; its image is added to ``materials``."""
     n, faces = len(mesh.vertices), np.asarray(mesh.faces)
     if not isinstance(visual, TextureVisuals):
         colors = np.asarray(visual.vertex_colors if visual.kind in ("vertex", "face") else (), dtype=np.uint8)
-        return _Part(colors[:, :3]) if len(colors) == n else None
+        return _ColouredPart(colors[:, :3]) if len(colors) == n else None
     material: Any = visual.material
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
     at_vertices = visual.vertex_attributes.get("color")
     if image is None:
         if at_vertices is not None and len(at_vertices) == n:
-            return _Part(to_rgba(at_vertices)[:, :3])
+            return _ColouredPart(to_rgba(at_vertices)[:, :3])
         colour = _one_colour(material)
         if colour is None:
             return None
         one = materials.setdefault(colour, Image.new("RGB", (1, 1), colour))
-        return _Part(np.full((n, 3), colour, np.uint8), one, np.full((len(faces), 3, 2), 0.5, np.float32))
+        return _ColouredPart(np.full((n, 3), colour, np.uint8), one, np.full((len(faces), 3, 2), 0.5, np.float32))
     if image.format is None or visual.uv is None or len(visual.uv) != n:  # Without a format: the grey of trimesh.
         return None
     if not np.isfinite(visual.uv).all():
@@ -203,7 +209,7 @@ def _part(mesh: trimesh.Trimesh, visual: Any, files: Beside, materials: dict[obj
     except Exception as error:  # Cut off, inside of the mesh's file.
         files.faults.append(f"a texture in {files.mesh.name} cannot be used: {first_line(error)}")
         return None
-    return _Part(colors[:, :3], rgb, np.asarray(visual.uv, dtype=np.float32)[faces])
+    return _ColouredPart(colors[:, :3], rgb, np.asarray(visual.uv, dtype=np.float32)[faces])
 
 
 def _one_colour(material: Any) -> tuple[int, int, int] | None:
@@ -249,7 +255,7 @@ def _moved(uv: NDArray[np.float32], place: tuple[int, int, int, int], size: tupl
     return np.stack([u, v], axis=-1).astype(np.float32)
 
 
-def check_gltf(file: BinaryIO, scene: trimesh.Scene, files: Beside) -> None:
+def check_gltf(file: BinaryIO, scene: trimesh.Scene, files: MeshFiles) -> None:
     """Note what trimesh leaves out of the textures of a glTF file without a word."""
     header = gltf_header(file)
     materials, textured = header.get("materials", []), 0

@@ -22,7 +22,7 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.files import id_of, reading
 from verefine_viz.core.model import Texture
-from verefine_viz.scenes.materials import Beside, Look, check_gltf, look_of
+from verefine_viz.scenes.materials import MeshColours, MeshFiles, check_gltf, look_of
 from verefine_viz.scenes.mesh_surface import edges, merged, turned_outward
 
 FORMATS = (".ply", ".obj", ".glb", ".gltf", ".stl")
@@ -105,7 +105,7 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
         InputError: missing, damaged, no triangles, or coordinates that are not finite.
     """
     with reading(_mesh_file(path)) as file:
-        beside = Beside(path)
+        beside = MeshFiles(path)
         vertices, faces, look = _loaded(file, path, beside)
         colors, image, uv = (None, None, None) if look is None else (look.vertices, look.image, look.uv)
         if not (np.unique(edges(faces), return_counts=True)[1] == 2).all():
@@ -199,7 +199,9 @@ def _mesh_file(path: Path) -> Path:
     return path
 
 
-def _loaded(file: BinaryIO, path: Path, beside: Beside | None = None) -> tuple[Float, NDArray[np.integer], Look | None]:
+def _loaded(
+    file: BinaryIO, path: Path, beside: MeshFiles | None = None
+) -> tuple[Float, NDArray[np.integer], MeshColours | None]:
     """Vertices, faces and, with ``beside``, colours as trimesh reads them, which checks neither that they are whole."""
     kind = path.suffix.lower()
     header = file.read(MOST_HEAD_BYTES).split(b"end_header")[0] if kind == ".ply" else b""
@@ -208,7 +210,7 @@ def _loaded(file: BinaryIO, path: Path, beside: Beside | None = None) -> tuple[F
     with warnings.catch_warnings(), np.errstate(all="ignore"):  # Its numbers are checked below.
         warnings.simplefilter("error", Image.DecompressionBombWarning)
         scene = trimesh.load_scene(
-            source, kind[1:], resolver=beside or Beside(path), process=False, skip_materials=beside is None
+            source, kind[1:], resolver=beside or MeshFiles(path), process=False, skip_materials=beside is None
         )
     parts: list[tuple[trimesh.Trimesh, Any]] = []
     for node in scene.graph.nodes_geometry:

@@ -14,20 +14,20 @@ import trimesh
 from msgspec import Meta
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, ShapeError, in_one_line, quoted, unknown
+from verefine_viz.core.errors import InputError, ShapeError, one_line, quoted, unknown
 from verefine_viz.core.files import Numbered, Numbers3, Numbers4x4, id_of, read_json
 from verefine_viz.core.geometry import as_rigid, axis_angle, check_reach, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.settings import ModelSampling
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.estimators.clouds import spread_out
-from verefine_viz.scenes.bop_files import beside
+from verefine_viz.scenes.bop_files import nearby_hint
 from verefine_viz.scenes.meshes import Mesh, mesh_files, read_mesh, unit_of_format
 
 # An object's entry in ``models_info.json``.
 
 
-class Axis(msgspec.Struct, frozen=True):
+class SymmetryAxis(msgspec.Struct, frozen=True):
     """A continuous symmetry."""
 
     axis: Numbers3
@@ -41,7 +41,7 @@ class ModelInfo(msgspec.Struct, frozen=True):
 
     diameter: Annotated[float, Meta(ge=1e-3, le=1e6)] | None = None
     symmetries_discrete: tuple[Numbers4x4, ...] = ()
-    symmetries_continuous: tuple[Axis, ...] = ()
+    symmetries_continuous: tuple[SymmetryAxis, ...] = ()
 
 
 CONTINUOUS_STEPS = 64
@@ -111,7 +111,7 @@ def combined_symmetries(discrete: Sequence[Float], continuous: Sequence[Float]) 
     return np.stack([C @ D for D in every for C in continuous] if continuous else every)
 
 
-def _rotations(symmetry: Axis, where: str, n_steps: int, unit: float) -> list[Float]:
+def _rotations(symmetry: SymmetryAxis, where: str, n_steps: int, unit: float) -> list[Float]:
     if not np.linalg.norm(symmetry.axis) > 0:
         raise ShapeError(f"{where}: 'axis' is zero, expected a direction")
     check_reach(symmetry.offset * 1e-3, f"{where}: 'offset'")
@@ -255,7 +255,7 @@ class ModelLibrary:
 
     def _read(self, obj_id: int) -> tuple[ObjectModel, tuple[str, ...]]:
         if obj_id not in self._meshes:
-            near = beside(self.folder / f"obj_{obj_id:06d}.ply")
+            near = nearby_hint(self.folder / f"obj_{obj_id:06d}.ply")
             raise InputError(f"{unknown('model', obj_id, self.ids)} in {self.folder}{near}")
         path = self._meshes[obj_id]
         where = f"{self.folder / 'models_info.json'}, object {obj_id}"
@@ -289,7 +289,7 @@ def models_beside(dataset: Path) -> str:
     """A hint at what may be meant where a data set has no folder of models; empty where nothing is like one."""
     folder = dataset / "models"
     there = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else ()
-    return f"; models/ holds {first_of(there, MOST_NAMED)}" if there else beside(folder)
+    return f"; models/ holds {first_of(there, MOST_NAMED)}" if there else nearby_hint(folder)
 
 
 def _names(dataset: Path, models: Path) -> dict[int, str]:
@@ -306,7 +306,7 @@ def _names(dataset: Path, models: Path) -> dict[int, str]:
         if obj_id in names:
             raise InputError(f"{path} names object {obj_id} twice; delete one of the names")
         # Names go into tables and files, which hold neither line breaks nor half characters (lone surrogates).
-        names[obj_id] = in_one_line(str(name))
+        names[obj_id] = one_line(str(name))
         if not 0 < len(names[obj_id]) <= LONGEST_NAME:
             raise InputError(
                 f"{path}: the name of object {obj_id} has {len(names[obj_id])} characters, expected 1 to {LONGEST_NAME}"

@@ -149,7 +149,7 @@ def frame_ids(names: Sequence[str]) -> tuple[tuple[int, int], ...]:
 # What readers share.
 
 
-def in_order(name: str) -> tuple[tuple[int, str], ...]:
+def natural_key(name: str) -> tuple[tuple[int, str], ...]:
     """A key to sort names by: numbers in them count as numbers, so that 8, 9, 10 is the order."""
     parts = re.split(r"(\d{1,18})", name)
     return tuple((int(part), "") if part.isdecimal() else (-1, part) for part in parts)
@@ -159,7 +159,7 @@ def images_in(folder: Path, pattern: str = "*") -> dict[str, Path]:
     """The files of a folder that fit a pattern such as ``*-color.png``, by what its star stands for, in order."""
     before, after = pattern.split("*")
     names = {path.name[len(before) : len(path.name) - len(after)]: path for path in folder.glob(pattern)}
-    return {name: names[name] for name in sorted(names, key=in_order)}
+    return {name: names[name] for name in sorted(names, key=natural_key)}
 
 
 def color_of(path: Path | None, shape: tuple[int, ...]) -> NDArray[np.uint8] | None:

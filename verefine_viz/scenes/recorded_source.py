@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 from msgspec import structs
@@ -22,7 +21,7 @@ from verefine_viz.scenes.hypothesis_pool import check_asked, check_covered, file
 from verefine_viz.scenes.instance_notes import instance_notes
 from verefine_viz.scenes.layouts import readers, recording_in
 from verefine_viz.scenes.meshes import Mesh, read_mesh
-from verefine_viz.scenes.models import Axis, ModelInfo, model_of_mesh, symmetry_transforms
+from verefine_viz.scenes.models import ModelInfo, SymmetryAxis, model_of_mesh, symmetry_transforms
 from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, Recording, frame_ids
 from verefine_viz.scenes.segments import Segment, draw_placed
 
@@ -86,7 +85,7 @@ class RecordedSource:
         self._names = {frame_name(one): name for one, name in zip(ids, recording.names, strict=True)}
         """The recording's name of each frame."""
         self._obj_ids = {**recording.objects}
-        self.__dict__.pop("tracks", None)  # Traces may have come since.
+        self._tracks: Mapping[int, tuple[RecordedPose, ...]] | None = None  # Traces may have come since.
 
     @property
     def is_sequence(self) -> bool:
@@ -97,16 +96,18 @@ class RecordedSource:
         if frame_name(parse_frame(frame)) not in self._names:
             raise InputError(f"{unknown('frame', frame, tuple(self._names))} ({self._scene.dataset})")
 
-    @cached_property
+    @property
     def tracks(self) -> Mapping[int, tuple[RecordedPose, ...]]:
         """By obj_id what was recorded over the frames of a sequence, in order; empty where they are none."""
         if not self.is_sequence:
             return {}
-        answers = {frame: self._recording.answers(name) for frame, name in self._names.items()}
-        return {
-            obj_id: tuple(RecordedPose(frame, *of_frame.get(name, (None, None))) for frame, of_frame in answers.items())
-            for name, obj_id in self._obj_ids.items()
-        }
+        if self._tracks is None:
+            answers = {frame: self._recording.answers(name) for frame, name in self._names.items()}
+            self._tracks = {
+                obj_id: tuple(RecordedPose(frame, *poses.get(name, (None, None))) for frame, poses in answers.items())
+                for name, obj_id in self._obj_ids.items()
+            }
+        return self._tracks
 
     def check_initial_poses(self) -> tuple[str, ...]:
         """See :class:`SceneSource`."""
@@ -219,7 +220,9 @@ class RecordedSource:
 def _turns(axis: Float, mesh: Mesh, name: str) -> Float:
     """The turns (S, 4, 4) about an axis through the middle of a mesh's box after which it looks the same."""
     middle_mm = 500.0 * (mesh.vertices_m.min(axis=0) + mesh.vertices_m.max(axis=0))
-    return symmetry_transforms(ModelInfo(symmetries_continuous=(Axis(axis, middle_mm),)), f"symmetry axis of {name}")
+    return symmetry_transforms(
+        ModelInfo(symmetries_continuous=(SymmetryAxis(axis, middle_mm),)), f"symmetry axis of {name}"
+    )
 
 
 def _mask_of(

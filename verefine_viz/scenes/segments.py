@@ -21,7 +21,7 @@ from verefine_viz.rendering.mesh import RenderMesh, render_mesh
 from verefine_viz.rendering.rasterizer import draw_frame
 from verefine_viz.scenes.annotations import GroundTruth
 from verefine_viz.scenes.bop import BopDataset
-from verefine_viz.scenes.bop_files import MaskFolder, beside
+from verefine_viz.scenes.bop_files import MaskFolder, nearby_hint
 from verefine_viz.scenes.detections import Detection, DetectionsFile
 from verefine_viz.scenes.frames import frame_name
 from verefine_viz.scenes.models import ModelLibrary
@@ -74,7 +74,7 @@ def segments_of_folder(
         raise InputError(
             f"frame {scene_id}/{im_id} of {dataset.name}/{dataset.split} has no scene_gt, so its masks have no object "
             f"ids; set scene.masks to the path of a detections JSON{hint}"
-            f"{beside(dataset.files(scene_id).json('scene_gt'))}"
+            f"{nearby_hint(dataset.files(scene_id).json('scene_gt'))}"
         )
     segments: list[Segment] = []
     notes: list[str] = []

@@ -66,7 +66,7 @@ def sense(
     z = np.asarray(depth_m, dtype=np.float64)
     measured = z > 0
     z = _with_noise(z, camera, sensor, noise_rng)
-    measured &= ~(_at_edges(np.asarray(depth_m), sensor) & (edge_rng.random(z.shape) < sensor.edge_dropout))
+    measured &= ~(_edge_mask(np.asarray(depth_m), sensor) & (edge_rng.random(z.shape) < sensor.edge_dropout))
     measured &= grazing_rng.random(z.shape) >= _grazing_dropout(normals_cam, camera, sensor)
     return np.where(measured, np.rint(z / DEPTH_UNIT_M) * DEPTH_UNIT_M, 0.0).astype(np.float32)
 
@@ -85,7 +85,7 @@ def _with_noise(z: NDArray, camera: Camera, sensor: Sensor, rng: np.random.Gener
     return np.divide(fb, disparity, out=np.zeros_like(z), where=(z > 0) & (disparity > 0))
 
 
-def _at_edges(z: NDArray, sensor: Sensor) -> Mask:
+def _edge_mask(z: NDArray, sensor: Sensor) -> Mask:
     """Pixels within one pixel of a depth jump; a slanted plane has none, however steep its depth changes."""
     # In a plane 1/z is linear in the pixel: its second difference shows jumps, not slants.
     inv = np.divide(1.0, z, out=np.zeros(z.shape), where=z > 0)

@@ -15,12 +15,12 @@ from numpy.typing import DTypeLike, NDArray
 
 from verefine_viz.core.array_cache import NPZ_READING
 from verefine_viz.core.arrays import Float, plain_array
-from verefine_viz.core.errors import InputError, ShapeError, in_one_line
+from verefine_viz.core.errors import InputError, ShapeError, one_line
 from verefine_viz.core.files import Numbers3, Numbers3x3, Numbers4x4, Real, decoded_json, first_line, reading
 from verefine_viz.core.geometry import as_rigid, check_reach
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.scenes.image_files import DEEPEST_M
-from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, frame_ids, in_order
+from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, frame_ids, natural_key
 from verefine_viz.trace import CALLS, FORMAT
 
 MOST_BYTES, MOST_OBJECTS, MOST_HYPOTHESES, MOST_STEPS = 200_000_000, 100, 1000, 20_000
@@ -73,15 +73,17 @@ def traces_in(folder: Path) -> tuple[Path, ...]:
     """The traces of a folder: itself, or those directly in it that are complete, by name with numbers as numbers."""
     if is_trace(folder):
         return (folder,)
-    return tuple(sorted(filter(_is_complete, filter(is_trace, folder.iterdir())), key=lambda path: in_order(path.name)))
+    return tuple(
+        sorted(filter(_is_complete, filter(is_trace, folder.iterdir())), key=lambda path: natural_key(path.name))
+    )
 
 
 def left_out_of(folder: Path) -> tuple[str, ...]:
     """The names of traces in a folder that are being written, or lack files."""
     inside = () if is_trace(folder) else filter(is_trace, folder.iterdir())
     return tuple(
-        in_one_line(path.name)
-        for path in sorted(inside, key=lambda path: in_order(path.name))
+        one_line(path.name)
+        for path in sorted(inside, key=lambda path: natural_key(path.name))
         if not _is_complete(path)
     )
 
@@ -120,7 +122,7 @@ def object_names(folder: Path) -> tuple[str, ...]:
     Raises:
         InputError: the trace cannot be read.
     """
-    return tuple(in_one_line(call.name) for call in _calls(folder)[0] if call.mesh is not None)
+    return tuple(one_line(call.name) for call in _calls(folder)[0] if call.mesh is not None)
 
 
 def begun_at(folder: Path) -> float:
@@ -149,7 +151,7 @@ def _poses_by_name(calls: Sequence[Call]) -> dict[str, list[tuple[Call, Float]]]
     for call in calls:
         if call.T is not None:
             poses.setdefault(call.object, []).append((call, call.T))
-    return {in_one_line(one.name): poses[one.object] for one in calls if one.mesh is not None and one.object in poses}
+    return {one_line(one.name): poses[one.object] for one in calls if one.mesh is not None and one.object in poses}
 
 
 def read_trace(folder: Path) -> RecordedFrame:
@@ -159,7 +161,7 @@ def read_trace(folder: Path) -> RecordedFrame:
         InputError: there is no trace, it is of another version, or its images are damaged or missing.
     """
     calls, notes = _calls(folder)
-    head, name = calls[0], in_one_line(folder.resolve().name)
+    head, name = calls[0], one_line(folder.resolve().name)
     if head.K is None:
         raise InputError(f"trace {folder} has no camera; record it again")
     depth = _loaded(folder / "depth.npy", np.float32)
@@ -171,14 +173,14 @@ def read_trace(folder: Path) -> RecordedFrame:
     problems = [call.problem for call in calls if call.problem is not None]
     if problems:
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-        notes.append(f"{len(problems)} not recorded: {in_one_line(problems[0])}{more}")
+        notes.append(f"{len(problems)} not recorded: {one_line(problems[0])}{more}")
     if not any(call.closed for call in calls):
         notes.append(NOT_CLOSED)
     begun = [call for call in calls if call.mesh is not None]
     if len(begun) > MOST_OBJECTS:
         raise InputError(f"trace {folder} has {len(begun)} objects, expected at most {MOST_OBJECTS}")
     own = _poses_by_name(calls)
-    objects = [_object(folder, call, own.get(in_one_line(call.name), ()), depth.shape, notes) for call in begun]
+    objects = [_object(folder, call, own.get(one_line(call.name), ()), depth.shape, notes) for call in begun]
     return RecordedFrame(name, head.K, depth, rgb, tuple(objects), head.gravity_cam, tuple(notes))
 
 
@@ -186,7 +188,7 @@ def _object(
     folder: Path, begun: Call, own: Sequence[tuple[Call, Float]], shape: tuple[int, ...], notes: list[str]
 ) -> RecordedObject:
     """An object, given the call that began it and those about its poses."""
-    name, mask = in_one_line(begun.name), None
+    name, mask = one_line(begun.name), None
     if begun.mask:
         mask = _loaded(folder / begun.mask, np.bool_)
         if mask.shape != shape:
@@ -212,8 +214,8 @@ def _object(
             notes.append(f"{name}: hypothesis {h} has no initial pose; its first step counts as one")
         elif not is_first or call.hypothesis is None:
             what = ANSWER if call.answer else "new initial pose" if call.hypothesis is not None else call.name
-            text = in_one_line(what) or "refined"
-            steps.append(RecordedStep(index[h], T, text, call.score, call.ms, in_one_line(call.note)))
+            text = one_line(what) or "refined"
+            steps.append(RecordedStep(index[h], T, text, call.score, call.ms, one_line(call.note)))
     if len(poses) > MOST_HYPOTHESES or len(steps) > MOST_STEPS:
         raise InputError(
             f"trace {folder}: {name} has {len(poses)} hypotheses and {len(steps)} steps, expected at most "
@@ -222,7 +224,7 @@ def _object(
     firsts = [first for (first, *_) in poses.values()]
     scores = tuple(call.score for call, _ in firsts)
     hypotheses = tuple(
-        Hypothesis(T, 0.0 if call.score is None else call.score, in_one_line(call.name) or f"{name} #{h}")
+        Hypothesis(T, 0.0 if call.score is None else call.score, one_line(call.name) or f"{name} #{h}")
         for h, (call, T) in zip(poses, firsts, strict=True)
     )
     T_gt = None

@@ -9,7 +9,7 @@ from __future__ import annotations
 from verefine_viz.core.problem import Problem
 from verefine_viz.studies.budgets import Budget, budget_of
 from verefine_viz.studies.disturbance import disturbed, occluded, on_true_plane, without_top
-from verefine_viz.studies.study_plan import Claim, Curve, Panel, Prepare, Study
+from verefine_viz.studies.study_plan import Claim, Panel, Prepare, Study, StudyCurve
 
 HYPOTHESES = 5
 """Hypotheses of Fig. 4, bottom."""
@@ -65,7 +65,7 @@ def ablation(quick: bool = False, refiner: str = "densefusion") -> Study:
     return Study("ablation", "Ablation (Fig. 4)", (*top, *bottom), POSES)
 
 
-def _single(budget: Budget) -> tuple[Curve, ...]:
+def _single(budget: Budget) -> tuple[StudyCurve, ...]:
     """The refiner alone, and every way to add physics."""
     alone = budget.alone(budget.name, budget.short)
     return alone, *(budget.curve(label, name) for label, name in SIMULATING)

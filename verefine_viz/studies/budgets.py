@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from verefine_viz.studies.study_plan import Curve, Settings
+from verefine_viz.studies.study_plan import Settings, StudyCurve
 
 GEOMETRY = {"colour_weight": 0.0}
 """Settings of the score: Eq. 1 of the paper has depth and normals, whatever the session weighs besides."""
@@ -51,28 +51,28 @@ class Budget:
         """Calls of the methods with several hypotheses."""
         return self.short * self.hypotheses
 
-    def curve(self, label: str, method: str, calls: int | None = None) -> Curve:
+    def curve(self, label: str, method: str, calls: int | None = None) -> StudyCurve:
         """A method with ``calls`` refiner calls per hypothesis, by default K."""
         of_method: dict[str, Any] = {"name": method, "refiner": self.refiner, "iterations": calls or self.calls}
         if method == "vf_depth" and self.vf_depth_exploration is not None:
             of_method["exploration"] = self.vf_depth_exploration
-        return Curve(label, {**self.own, "method": of_method, "physics": {"steps": self.steps}}, self.inner)
+        return StudyCurve(label, {**self.own, "method": of_method, "physics": {"steps": self.steps}}, self.inner)
 
-    def alone(self, label: str, iterations: int) -> Curve:
+    def alone(self, label: str, iterations: int) -> StudyCurve:
         """The refiner without physics, for so many iterations as the paper counts them: ICP runs them in one call."""
         if self.inner == 1:
             return self.curve(label, "refine", iterations)
         icp = {**self.own["icp"], "max_iterations": iterations}
-        return Curve(label, {**_settings(self.curve(label, "refine", 1)), "icp": icp}, iterations)
+        return StudyCurve(label, {**_settings(self.curve(label, "refine", 1)), "icp": icp}, iterations)
 
-    def search(self, label: str, calls: int, most_calls: int | None = None) -> Curve:
+    def search(self, label: str, calls: int, most_calls: int | None = None) -> StudyCurve:
         """PHYSIM-MCTS with so many expansions per object, or so many refiner calls; time is no limit."""
         mcts = {"expansions": calls, "seconds": None}
         settings = {**_settings(self.curve(label, "physim_mcts")), "mcts": mcts}
-        return Curve(label, settings, self.inner, most_calls)
+        return StudyCurve(label, settings, self.inner, most_calls)
 
 
-def _settings(curve: Curve) -> Settings:
+def _settings(curve: StudyCurve) -> Settings:
     return curve.settings or {}
 
 

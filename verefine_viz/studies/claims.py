@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.evaluation.bootstrap import FEWEST_SCENES, Cells, Draws, Spread, draws
-from verefine_viz.studies.solve_unit import Outcome
+from verefine_viz.evaluation.bootstrap import FEWEST_SCENES, CellSums, Draws, Spread, draws
+from verefine_viz.studies.solve_unit import UnitAnswer
 from verefine_viz.studies.study_plan import Claim, Metric, Panel, Study
 
 FEWEST = 6
@@ -22,12 +22,12 @@ of them would then be sure."""
 MOST_DIGITS = 4
 """Decimals of a difference in points of AR."""
 
-Points = Mapping[tuple[str, str, float], Sequence[Outcome]]
+Points = Mapping[tuple[str, str, float], Sequence[UnitAnswer]]
 """Outcomes by panel, curve and x."""
 
 
 @dataclass(frozen=True)
-class Line:
+class PanelLine:
     """One curve of a panel."""
 
     label: str
@@ -40,7 +40,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class ClaimVerdict:
     """Whether a claim holds on these data."""
 
     claim: Claim
@@ -83,16 +83,16 @@ class Verdict:
         return f"{self.about}: {self.word}, {self.numbers} points, {self.n_objects} objects"
 
 
-def points_of(outcomes: Iterable[Outcome]) -> Points:
+def points_of(outcomes: Iterable[UnitAnswer]) -> Points:
     """The outcomes sorted into the points of the curves, in the order they come in; without missing ones."""
-    points: dict[tuple[str, str, float], list[Outcome]] = {}
+    points: dict[tuple[str, str, float], list[UnitAnswer]] = {}
     for o in outcomes:
         if not o.missing:
             points.setdefault((o.panel, o.curve, o.x), []).append(o)
     return points
 
 
-def missing_curves(outcomes: Iterable[Outcome]) -> dict[tuple[str, str], str]:
+def missing_curves(outcomes: Iterable[UnitAnswer]) -> dict[tuple[str, str], str]:
     """Why a curve of a panel has no answer in at least one frame, by panel and curve."""
     return {(o.panel, o.curve): o.missing for o in outcomes if o.missing}
 
@@ -110,7 +110,7 @@ class _Objects:
         self._shape = max(len(self._units), 1), max(len(self._models), 1)
         self.draws: Draws = draws(*self._shape)
 
-    def cells(self, outcomes: Collection[Outcome], value: Callable[[Outcome], float]) -> Cells:
+    def cells(self, outcomes: Collection[UnitAnswer], value: Callable[[UnitAnswer], float]) -> CellSums:
         """Sums of ``value`` by frame and model."""
         total, n = np.zeros((2, *self._shape))
         for o in outcomes:
@@ -118,20 +118,20 @@ class _Objects:
             at = self._units.index(unit), self._models.index((o.obj_id, o.name))
             total[at] += value(o)
             n[at] += 1
-        return Cells(total, n)
+        return CellSums(total, n)
 
     @staticmethod
-    def _scene(o: Outcome) -> tuple[str, str]:
+    def _scene(o: UnitAnswer) -> tuple[str, str]:
         return o.scene, o.frame.partition("/")[0]
 
 
-def lines(panel: Panel, points: Points) -> list[Line]:
+def lines(panel: Panel, points: Points) -> list[PanelLine]:
     """The curves of a panel, in its order."""
     objects = _Objects(panel, points)
     return [_line(panel, curve.label, points, objects) for curve in panel.curves]
 
 
-def _line(panel: Panel, label: str, points: Points, objects: _Objects) -> Line:
+def _line(panel: Panel, label: str, points: Points, objects: _Objects) -> PanelLine:
     ends: list[tuple[float, float, float]] = []
     for x in panel.xs:
         s = objects.draws.mean(objects.cells(points.get((panel.name, label, x), ()), lambda o: o.quality.ar))
@@ -139,29 +139,31 @@ def _line(panel: Panel, label: str, points: Points, objects: _Objects) -> Line:
         # Of a single object there is no interval.
         ends.append((value, value, value) if s is None or s.low is None or s.high is None else (value, s.low, s.high))
     means, low, high = np.array(ends).T
-    return Line(label, np.array(panel.xs), means, low, high)
+    return PanelLine(label, np.array(panel.xs), means, low, high)
 
 
-def verdicts(panel: Panel, points: Points) -> list[Verdict]:
+def verdicts(panel: Panel, points: Points) -> list[ClaimVerdict]:
     """The paper's claims about the panel's curves, tested on pairs of the same object, frame, x and seed."""
     objects = _Objects(panel, points)
-    tested: list[Verdict] = []
+    tested: list[ClaimVerdict] = []
     for claim in panel.claims:
         better, worse = (_by_case(panel, label, claim, points) for label in (claim.better, claim.worse))
         cases = better.keys() & worse.keys()
 
-        def value(o: Outcome, metric: Metric = claim.metric) -> float:
+        def value(o: UnitAnswer, metric: Metric = claim.metric) -> float:
             return float(getattr(o.quality, metric))
 
         a, b = (objects.cells([of[case] for case in sorted(cases)], value) for of in (better, worse))
         spread = objects.draws.difference(a, b)
         if spread is not None:
             seen = {(o.scene, o.frame, o.instance_id) for o in (better[case] for case in cases)}
-            tested.append(Verdict(claim, spread, len(seen)))
+            tested.append(ClaimVerdict(claim, spread, len(seen)))
     return tested
 
 
-def _by_case(panel: Panel, label: str, claim: Claim, points: Points) -> dict[tuple[float, str, str, int, int], Outcome]:
+def _by_case(
+    panel: Panel, label: str, claim: Claim, points: Points
+) -> dict[tuple[float, str, str, int, int], UnitAnswer]:
     xs = [x for x in panel.xs if claim.from_x <= x <= claim.to_x]
     outcomes = (o for x in xs for o in points.get((panel.name, label, x), ()))
     return {(o.x, o.scene, o.frame, o.instance_id, o.seed): o for o in outcomes}
@@ -186,7 +188,7 @@ def rows(study: Study, points: Points) -> Iterator[dict[str, str | float]]:
                     }
 
 
-def _numbers(mine: Sequence[Outcome]) -> dict[str, float]:
+def _numbers(mine: Sequence[UnitAnswer]) -> dict[str, float]:
     add, turn, shift = (
         np.array([v for o in mine if (v := getattr(o.quality, name)) is not None] or [np.nan])
         for name in ("add_s_mm", "rotation_deg", "translation_mm")

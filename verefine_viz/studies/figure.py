@@ -15,7 +15,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 
 from verefine_viz.core.writing import atomic
-from verefine_viz.studies.claims import Line
+from verefine_viz.studies.claims import PanelLine
 from verefine_viz.studies.printed_table import PrintedTable, with_formulas
 
 WIDTH_IN = 3.45
@@ -58,7 +58,7 @@ class Diagram:
     title: str
     x_label: str
     y_label: str
-    lines: Sequence[Line]
+    lines: Sequence[PanelLine]
     main: str = ""
     """Label of the line that sums up the others: black and thick."""
 
@@ -97,7 +97,7 @@ def _method(label: str) -> str:
     return label.split(",")[0]
 
 
-def _lowest(lines: Sequence[Line]) -> float:
+def _lowest(lines: Sequence[PanelLine]) -> float:
     low = min(float(np.nanmin(100 * line.low)) for line in lines)
     return max(0.0, 10 * np.floor((low - 2) / 10))
 

@@ -13,11 +13,11 @@ from rich.markup import escape
 from scipy.stats import binomtest
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.studies.claims import Line
+from verefine_viz.studies.claims import PanelLine
 from verefine_viz.studies.figure import Diagram, draw_curves, draw_tables, save
 from verefine_viz.studies.grasping_study import TABLE
 from verefine_viz.studies.printed_table import PrintedTable
-from verefine_viz.studies.solve_unit import Outcome
+from verefine_viz.studies.solve_unit import UnitAnswer
 from verefine_viz.studies.study_plan import Claim, Panel, Study
 from verefine_viz.studies.study_report import About, names_of, printing_console, write_rows, write_text
 
@@ -63,7 +63,7 @@ class GraspOrder:
         )
 
 
-def grasp_order(panel: Panel, outcomes: Sequence[Outcome]) -> list[GraspOrder]:
+def grasp_order(panel: Panel, outcomes: Sequence[UnitAnswer]) -> list[GraspOrder]:
     """The paper's order of the table's rows, tested on pairs of the same trial."""
     by_curve: dict[str, dict[tuple[str, str, int, int], bool]] = {}
     for o in outcomes:
@@ -87,7 +87,7 @@ def band(values: Float) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def grasp_rows(study: Study, outcomes: Sequence[Outcome]) -> list[dict[str, str | float]]:
+def grasp_rows(study: Study, outcomes: Sequence[UnitAnswer]) -> list[dict[str, str | float]]:
     """A row per panel, curve, x and object, and one of all objects."""
     rows: list[dict[str, str | float]] = []
     for panel in study.panels:
@@ -101,7 +101,7 @@ def grasp_rows(study: Study, outcomes: Sequence[Outcome]) -> list[dict[str, str 
     return rows
 
 
-def _row(panel: str, curve: str, x: float, name: str, some: Sequence[Outcome]) -> dict[str, str | float]:
+def _row(panel: str, curve: str, x: float, name: str, some: Sequence[UnitAnswer]) -> dict[str, str | float]:
     success = np.array([float(o.grasp == "success") for o in some])
     low, high = band(success)
     return {
@@ -122,7 +122,7 @@ def _row(panel: str, curve: str, x: float, name: str, some: Sequence[Outcome]) -
     }
 
 
-def report_grasps(study: Study, outcomes: Sequence[Outcome], out: Path, about: About) -> None:
+def report_grasps(study: Study, outcomes: Sequence[UnitAnswer], out: Path, about: About) -> None:
     """Writes numbers, the table, the curves and what differs from the paper into a folder, and prints the table.
 
     Raises:
@@ -183,11 +183,11 @@ def _diagrams(study: Study, rows: Sequence[dict[str, str | float]]) -> list[Diag
     diagrams: list[Diagram] = []
     for panel in study.panels:
         mine = [r for r in rows if r["panel"] == panel.name]
-        lines: list[Line] = []
+        lines: list[PanelLine] = []
         for name in dict.fromkeys(str(r["object"]) for r in mine):
             ends = ("success_low", "success_high") if name == ALL else ("success", "success")
             of_name = [r for r in mine if r["object"] == name]
-            lines.append(Line(name, *(np.array([float(r[c]) for r in of_name]) for c in ("x", "success", *ends))))
+            lines.append(PanelLine(name, *(np.array([float(r[c]) for r in of_name]) for c in ("x", "success", *ends))))
         if panel.name != TABLE:
             diagrams.append(Diagram(panel.name, panel.x_label, "success [%]", lines, ALL))
     return diagrams

@@ -13,7 +13,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.studies.budgets import budget_of
 from verefine_viz.studies.disturbance import disturbed, first_poses, with_ground_truth
 from verefine_viz.studies.paper_tables import MCTS, POOL, ROTATION_DEG, TRANSLATION_MM
-from verefine_viz.studies.study_plan import Claim, Curve, Panel, Prepare, Study
+from verefine_viz.studies.study_plan import Claim, Panel, Prepare, Study, StudyCurve
 
 TABLE = "table"
 """The panel of Table IV; the others are curves over the error."""
@@ -47,16 +47,16 @@ def grasping(quick: bool = False, own_initial_poses: bool = False, refiner: str 
         rows += [("+ VF_b", "vf_breadth", LONG, HYPOTHESES), ("+ VF_d", "vf_depth", LONG, HYPOTHESES)]
     # The table counts refiner calls per object: those with several hypotheses share them out.
     curves = [
-        Curve(
+        StudyCurve(
             f"{name} {suffix}, {calls}", {"method": {"name": method, "refiner": refiner, "iterations": calls // arms}}
         )
         for suffix, method, calls, arms in rows
     ]
     mcts = {"method": {"name": "physim_mcts", "refiner": refiner}, "mcts": {"expansions": LONG, "seconds": None}}
-    curves.insert(3, Curve(f"{MCTS}, {LONG}", mcts, most_calls=LONG))
+    curves.insert(3, StudyCurve(f"{MCTS}, {LONG}", mcts, most_calls=LONG))
     claims = tuple(Claim(_ending(curves, better), _ending(curves, worse)) for better, worse in ORDER)
-    prepare = _as_it_is if own_initial_poses else _far
-    given = (Curve(GIVEN, None),)
+    prepare = _unchanged if own_initial_poses else _far
+    given = (StudyCurve(GIVEN, None),)
     every = 2 if quick else 1
     return Study(
         "grasping",
@@ -70,11 +70,11 @@ def grasping(quick: bool = False, own_initial_poses: bool = False, refiner: str 
     )
 
 
-def _ending(curves: Sequence[Curve], end: str) -> str:
+def _ending(curves: Sequence[StudyCurve], end: str) -> str:
     return next(curve.label for curve in curves if curve.label.endswith(end))
 
 
-def _as_it_is(problem: Problem, x: float, seed: int) -> Problem:
+def _unchanged(problem: Problem, x: float, seed: int) -> Problem:
     return first_poses(with_ground_truth(problem), HYPOTHESES)
 
 

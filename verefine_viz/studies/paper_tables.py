@@ -14,7 +14,7 @@ from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import Session
 from verefine_viz.studies.budgets import BUDGETS, Budget, budget_of
 from verefine_viz.studies.disturbance import disturbed, first_poses, with_ground_truth
-from verefine_viz.studies.study_plan import Claim, Curve, Panel, Prepare, Study
+from verefine_viz.studies.study_plan import Claim, Panel, Prepare, Study, StudyCurve
 
 ROTATION_DEG, TRANSLATION_MM = 30.0, 30.0
 """Initial poses where the session brings none."""
@@ -45,7 +45,7 @@ def _panel(budget: Budget, own_initial_poses: bool) -> Panel:
     has_tree = budget.refiner == "trimmed_icp"
     short, long = budget.short, budget.long
     # Disturbed ground truth is off by as much in every pose; an estimator's poses are a row of the table.
-    curves = [Curve(FIRST, None)] if own_initial_poses else []
+    curves = [StudyCurve(FIRST, None)] if own_initial_poses else []
     if has_tree:
         curves += [budget.search(MCTS, long), budget.search(f"{MCTS}, {long}", long, long)]
     else:
@@ -56,8 +56,8 @@ def _panel(budget: Budget, own_initial_poses: bool) -> Panel:
             budget.alone(f"{budget.name}, {long}", long),
         ]
     curves += [budget.curve(f"{name}, {long}", method) for name, method in SEVERAL]
-    claims = _of_search(long) if has_tree else _of_refiner(budget)
-    prepare = _as_it_is(budget.hypotheses) if own_initial_poses else _far(budget.hypotheses)
+    claims = _search_table(long) if has_tree else _refiner_tables(budget)
+    prepare = _own_poses(budget.hypotheses) if own_initial_poses else _far(budget.hypotheses)
     return Panel(
         budget.name,
         "",
@@ -70,7 +70,7 @@ def _panel(budget: Budget, own_initial_poses: bool) -> Panel:
     )
 
 
-def _of_refiner(budget: Budget) -> tuple[Claim, ...]:
+def _refiner_tables(budget: Budget) -> tuple[Claim, ...]:
     """Tables I and III."""
     short, long, name = budget.short, budget.long, budget.name
     pir, sir, rir = f"PIR, {short}", f"SIR, {short}", f"RIR, {long}"
@@ -85,7 +85,7 @@ def _of_refiner(budget: Budget) -> tuple[Claim, ...]:
     return first, *more, *((worse,) if name == "DF-R" else ()), *vf
 
 
-def _of_search(long: int) -> tuple[Claim, ...]:
+def _search_table(long: int) -> tuple[Claim, ...]:
     """Table II."""
     rir, vf_b, vf_d = (f"{name}, {long}" for name, _ in SEVERAL)
     return (
@@ -99,7 +99,7 @@ def _of_search(long: int) -> tuple[Claim, ...]:
     )
 
 
-def _as_it_is(n: int) -> Prepare:
+def _own_poses(n: int) -> Prepare:
     def prepare(problem: Problem, x: float, seed: int) -> Problem:
         return first_poses(with_ground_truth(problem), n)
 

@@ -24,7 +24,7 @@ from verefine_viz.core.writing import atomic, check_folder, clear_parts, try_loc
 from verefine_viz.studies.ablation import ablation, robustness
 from verefine_viz.studies.grasping_study import grasping
 from verefine_viz.studies.paper_tables import tables
-from verefine_viz.studies.solve_unit import Outcome, Solver
+from verefine_viz.studies.solve_unit import Solver, UnitAnswer
 from verefine_viz.studies.study_plan import Study, Unit
 
 STUDIES = ("ablation", "robustness", "tables", "grasping")
@@ -63,7 +63,7 @@ class UnitResult(msgspec.Struct, frozen=True):
     """An entry of a study's journal."""
 
     unit: Unit
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[UnitAnswer, ...]
 
 
 class StudyJournal:
@@ -95,7 +95,7 @@ class StudyJournal:
             self.close()
             raise
 
-    def read(self, unit: Unit) -> tuple[Outcome, ...] | None:
+    def read(self, unit: Unit) -> tuple[UnitAnswer, ...] | None:
         """What a unit came to; None where it is not finished, or its entry is damaged."""
         file = self._file(unit)
         with suppress(InputError):
@@ -104,7 +104,7 @@ class StudyJournal:
                 return entry.outcomes
         return None
 
-    def save(self, unit: Unit, outcomes: Sequence[Outcome]) -> None:
+    def save(self, unit: Unit, outcomes: Sequence[UnitAnswer]) -> None:
         """Notes a finished unit; from now on a restart does not repeat it.
 
         Raises:
@@ -161,7 +161,7 @@ def run_study(
     workers: int,
     journal_folder: Path,
     report: Callable[[int, int], None],
-) -> list[Outcome]:
+) -> list[UnitAnswer]:
     """All outcomes, in the same order whatever the number of workers.
 
     Args:
@@ -189,7 +189,7 @@ def run_study(
 
 def saved_outcomes(
     request: StudyRequest, sessions: Mapping[str, Session], seeds: int, journal_folder: Path
-) -> list[Outcome]:
+) -> list[UnitAnswer]:
     """The outcomes that :func:`run_study` has saved, in the same order, where it was stopped.
 
     Raises:
@@ -212,7 +212,7 @@ def _about(request: StudyRequest, sessions: Mapping[str, Session]) -> Mapping[st
 
 def _solved(
     request: StudyRequest, sessions: Mapping[str, Session], units: Sequence[Unit], workers: int
-) -> Generator[tuple[Unit, tuple[Outcome, ...]]]:
+) -> Generator[tuple[Unit, tuple[UnitAnswer, ...]]]:
     """The units as they are done; closing it in the middle ends the worker processes."""
     if workers == 1 or not units:
         solver = Solver(sessions, request.study().panels)
@@ -224,7 +224,9 @@ def _solved(
     with ProcessPoolExecutor(min(workers, len(units)), context, _start, (dict(sessions), request)) as pool:
         try:
             with interrupts_ignored():
-                unit_of: dict[Future[tuple[Outcome, ...]], Unit] = {pool.submit(_solve, unit): unit for unit in units}
+                unit_of: dict[Future[tuple[UnitAnswer, ...]], Unit] = {
+                    pool.submit(_solve, unit): unit for unit in units
+                }
             for future in as_completed(unit_of):
                 yield unit_of[future], future.result()
         except BrokenProcessPool:
@@ -245,5 +247,5 @@ def _start(sessions: Mapping[str, Session], request: StudyRequest) -> None:
     _solver.append(Solver(sessions, request.study().panels))
 
 
-def _solve(unit: Unit) -> tuple[Outcome, ...]:
+def _solve(unit: Unit) -> tuple[UnitAnswer, ...]:
     return _solver[0].solve(unit)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict
 from functools import lru_cache
 from time import perf_counter
 
@@ -22,14 +22,13 @@ from verefine_viz.core.settings import Session
 from verefine_viz.evaluation.averages import average_recalls
 from verefine_viz.evaluation.bop_model import EvalModel, eval_model
 from verefine_viz.evaluation.ground_truth import GtImage, GtInstance
-from verefine_viz.evaluation.pair_errors import Drawn, pair_errors
+from verefine_viz.evaluation.pair_errors import DrawnTruth, pair_errors
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.evaluation.vsd import DELTA_MM
 from verefine_viz.grasping.grasp_answer import GraspScene
-from verefine_viz.methods.physim_mcts import PhysimMcts
 from verefine_viz.run.kernel_compilation import compiling_reported
 from verefine_viz.run.toolbox import Toolbox
-from verefine_viz.studies.study_plan import Curve, Panel, Unit
+from verefine_viz.studies.study_plan import Panel, StudyCurve, Unit
 
 
 class Quality(Struct, frozen=True):
@@ -63,7 +62,7 @@ def quality(target: Target, T_est: Float | None, problem: Problem) -> Quality:
     gt = GtInstance(instance.instance_id, instance.obj_id, T_gt[:3, :3], T_gt[:3, 3] * 1e3, 1.0)
     image = GtImage(observation.camera.K, observation.camera.width, observation.depth_m * np.float32(1e3), (gt,))
     estimate = T_est[:3, :3], T_est[:3, 3] * 1e3
-    pair = pair_errors(Drawn(image), _model(target.model), [estimate], [gt], DELTA_MM)
+    pair = pair_errors(DrawnTruth(image), _model(target.model), [estimate], [gt], DELTA_MM)
     recalls = average_recalls(pair.kinds[:, 0])
     errors = pose_errors(target.model, T_est, T_gt)
     return Quality(
@@ -82,7 +81,7 @@ def _model(model: ObjectModel) -> EvalModel:
     return eval_model(model)
 
 
-class Outcome(Struct, frozen=True, kw_only=True):
+class UnitAnswer(Struct, frozen=True, kw_only=True):
     """The answer of one curve for one object."""
 
     panel: str
@@ -116,7 +115,7 @@ class Solver:
         self._grasp_scene: tuple[Problem, GraspScene] | None = None
         self._last: tuple[tuple[str, str], Problem] | None = None
 
-    def solve(self, unit: Unit) -> tuple[Outcome, ...]:
+    def solve(self, unit: Unit) -> tuple[UnitAnswer, ...]:
         """A row per curve and object.
 
         Raises:
@@ -125,7 +124,7 @@ class Solver:
         panel, toolbox = self._panels[unit.panel], self._toolboxes[unit.scene]
         frame = self._frame(unit.scene, unit.frame)
         problem = panel.prepare(frame, unit.x, unit.seed)
-        outcomes: list[Outcome] = []
+        outcomes: list[UnitAnswer] = []
         grasping = self._grasping(unit, frame) if panel.is_grasped else None
         for curve in panel.curves:
             if curve.settings is None:
@@ -184,20 +183,16 @@ class Solver:
 
 def _outcomes(
     unit: Unit,
-    curve: Curve,
+    curve: StudyCurve,
     toolbox: Toolbox,
     refiner: Refiner,
     problem: Problem,
     frame: Problem,
     grasping: GraspScene | None,
-) -> list[Outcome]:
+) -> list[UnitAnswer]:
     """One for each object; ``frame`` is ``problem`` before it was disturbed."""
     counted = _Counted(refiner)
-    toolbox.__dict__["refiner"] = counted
-    if isinstance(toolbox.method, PhysimMcts):
-        # It has the refiner of the rows beside it.
-        search = toolbox.method
-        toolbox.__dict__["method"] = replace(search, scene=replace(search.scene, refiner=counted))
+    toolbox = toolbox.refined_by(counted)
     began, compiled_s = perf_counter(), 0.0
 
     @contextmanager
@@ -212,8 +207,8 @@ def _outcomes(
     ms = 1e3 * (perf_counter() - began - compiled_s)
     n = max(len(problem.targets), 1)
     return [
-        Outcome(
-            **unit.__dict__,
+        UnitAnswer(
+            **asdict(unit),
             curve=curve.label,
             instance_id=target.instance.instance_id,
             obj_id=target.instance.obj_id,
@@ -249,11 +244,11 @@ def _answers(toolbox: Toolbox, problem: Problem, counted: _Counted, most_calls: 
     return best
 
 
-def _missing(unit: Unit, curve: Curve, problem: Problem, why: str) -> list[Outcome]:
+def _missing(unit: Unit, curve: StudyCurve, problem: Problem, why: str) -> list[UnitAnswer]:
     """One for each object, all without an answer."""
     return [
-        Outcome(
-            **unit.__dict__,
+        UnitAnswer(
+            **asdict(unit),
             curve=curve.label,
             instance_id=target.instance.instance_id,
             obj_id=target.instance.obj_id,
@@ -268,12 +263,12 @@ def _missing(unit: Unit, curve: Curve, problem: Problem, why: str) -> list[Outco
 
 
 def _unrefined(
-    unit: Unit, curve: Curve, problem: Problem, frame: Problem, grasping: GraspScene | None
-) -> list[Outcome]:
+    unit: Unit, curve: StudyCurve, problem: Problem, frame: Problem, grasping: GraspScene | None
+) -> list[UnitAnswer]:
     """One for each object, whose first initial pose is taken as it is."""
     return [
-        Outcome(
-            **unit.__dict__,
+        UnitAnswer(
+            **asdict(unit),
             curve=curve.label,
             instance_id=target.instance.instance_id,
             obj_id=target.instance.obj_id,

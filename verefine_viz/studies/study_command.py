@@ -18,7 +18,7 @@ from verefine_viz.run.session_file import load_session
 from verefine_viz.studies.grasp_table import report_grasps
 from verefine_viz.studies.paper_tables import MOST_HYPOTHESES
 from verefine_viz.studies.run_study import StudyRequest, run_study, saved_outcomes
-from verefine_viz.studies.solve_unit import Outcome
+from verefine_viz.studies.solve_unit import UnitAnswer
 from verefine_viz.studies.study_plan import Study
 from verefine_viz.studies.study_report import About, report_curves, report_tables, write_rows
 
@@ -92,7 +92,7 @@ def _write_results(
     request: StudyRequest,
     sessions: Mapping[str, Session],
     seeds: int,
-    outcomes: Sequence[Outcome],
+    outcomes: Sequence[UnitAnswer],
     out: Path,
     part: str = "",
 ) -> None:
@@ -151,17 +151,17 @@ def _with_turned(name: str, session: Session) -> dict[str, Session]:
     return {name: session, f"{name} {TURNED}": structs.replace(session, scene=scene)}
 
 
-def write_objects(outcomes: Sequence[Outcome], path: Path) -> None:
+def write_objects(outcomes: Sequence[UnitAnswer], path: Path) -> None:
     """Everything: a row per curve, x, seed, frame and object."""
     write_rows(path, [_row(outcome) for outcome in outcomes])
 
 
-def _row(outcome: Outcome) -> dict[str, object]:
+def _row(outcome: UnitAnswer) -> dict[str, object]:
     row = msgspec.to_builtins(outcome)
     return {**row, **row.pop("quality"), "ar": outcome.quality.ar}
 
 
-def _about(sessions: Mapping[str, Session], outcomes: Sequence[Outcome], seeds: int) -> str:
+def _about(sessions: Mapping[str, Session], outcomes: Sequence[UnitAnswer], seeds: int) -> str:
     frames = {(o.scene, o.frame) for o in outcomes}
     objects = {(o.scene, o.frame, o.instance_id) for o in outcomes}
     counts = {"frame": len(frames), "object": len(objects), "seed": seeds}

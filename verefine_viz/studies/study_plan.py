@@ -16,7 +16,7 @@ Prepare = Callable[[Problem, float, int], Problem]
 
 
 @dataclass(frozen=True)
-class Curve:
+class StudyCurve:
     """One method with its budget."""
 
     label: str
@@ -53,7 +53,7 @@ class Panel:
     name: str
     x_label: str
     xs: tuple[float, ...]
-    curves: tuple[Curve, ...]
+    curves: tuple[StudyCurve, ...]
     prepare: Prepare = field(repr=False)
     claims: tuple[Claim, ...] = ()
     budget: str = ""

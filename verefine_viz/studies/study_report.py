@@ -12,11 +12,11 @@ from rich.markup import escape
 from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import atomic
-from verefine_viz.studies.claims import Points, Verdict, lines, missing_curves, points_of, rows, verdicts
+from verefine_viz.studies.claims import ClaimVerdict, Points, lines, missing_curves, points_of, rows, verdicts
 from verefine_viz.studies.figure import Diagram, draw_curves, draw_tables, save
 from verefine_viz.studies.paper_tables import MCTS, PAPER, PaperTable, missing_rows, paper_table
 from verefine_viz.studies.printed_table import PrintedTable
-from verefine_viz.studies.solve_unit import Outcome
+from verefine_viz.studies.solve_unit import UnitAnswer
 from verefine_viz.studies.study_plan import Panel, Study
 
 FILE_COLUMNS = 200
@@ -45,7 +45,7 @@ class About:
     """Why this is not the whole study: a quick one, or a part; "" where it is."""
 
 
-def report_curves(study: Study, outcomes: Sequence[Outcome], out: Path, about: About) -> None:
+def report_curves(study: Study, outcomes: Sequence[UnitAnswer], out: Path, about: About) -> None:
     """Writes numbers, figure and claims of a study of curves into a folder, and prints the claims.
 
     Raises:
@@ -64,7 +64,7 @@ def report_curves(study: Study, outcomes: Sequence[Outcome], out: Path, about: A
 
 
 def report_tables(
-    study: Study, outcomes: Sequence[Outcome], sessions: Collection[Session], out: Path, about: About
+    study: Study, outcomes: Sequence[UnitAnswer], sessions: Collection[Session], out: Path, about: About
 ) -> None:
     """Writes the tables as CSV, Markdown, LaTeX and figure into a folder, and prints them.
 
@@ -84,7 +84,7 @@ def report_tables(
     text = [f"# {study.title}", "", *_head(about, ""), TABLE_NOTE, "", *(f"{t.markdown()}\n" for t in tables)]
     text += [*_listed("Rows without numbers", reasons), "## The paper's claims on these data", ""]
     text += [*_claims(study, points), *_listed("Tables of the paper that these data do not make", others)]
-    text += [f"{of_paper(table).markdown()}\n" for table in PAPER]
+    text += [f"{printed_paper_table(table).markdown()}\n" for table in PAPER]
     write_text(out / "tables.md", text)
     console = printing_console()
     for table in tables:
@@ -162,7 +162,7 @@ def _papers(panel: Panel, label: str, row: Mapping[str, str | float] | None, pap
     return f"{of_label.ar:.1f}" if is_same else "other budget"
 
 
-def of_paper(table: PaperTable) -> PrintedTable:
+def printed_paper_table(table: PaperTable) -> PrintedTable:
     """A table as it is in the paper."""
     has_errors = any(r.rotation_deg is not None for r in table.rows)
     cells = [
@@ -210,7 +210,7 @@ def _claims(study: Study, points: Points) -> list[str]:
     return text
 
 
-def _claimed(verdict: Verdict) -> str:
+def _claimed(verdict: ClaimVerdict) -> str:
     return f"{verdict.about} ({verdict.claim.reading})" if verdict.claim.reading else verdict.about
 
 

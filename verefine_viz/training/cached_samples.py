@@ -52,7 +52,7 @@ class CachedSample:
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
+class SampleBatch:
     """Samples as the networks take them."""
 
     points: Tensor
@@ -129,12 +129,12 @@ def cached(pose: PoseNet, sample: Sample) -> CachedSample:
     return CachedSample(sample, colours[0].numpy(), T.astype(np.float32))
 
 
-def from_camera(samples: list[CachedSample], rng: np.random.Generator) -> Batch:
+def from_camera(samples: list[CachedSample], rng: np.random.Generator) -> SampleBatch:
     """For PoseNet."""
     return _batch(samples, [np.eye(4, dtype=np.float32)] * len(samples), rng)
 
 
-def from_starts(samples: list[CachedSample], rng: np.random.Generator) -> Batch:
+def from_starts(samples: list[CachedSample], rng: np.random.Generator) -> SampleBatch:
     """For PoseRefineNet."""
     return _batch(samples, [_start(sample, rng) for sample in samples], rng)
 
@@ -148,7 +148,7 @@ def _start(sample: CachedSample, rng: np.random.Generator) -> NDArray[np.float32
     return (sample.sample.T_cam_obj @ transform(turn, away)).astype(np.float32)
 
 
-def _batch(samples: list[CachedSample], seen_from: list[NDArray[np.float32]], rng: np.random.Generator) -> Batch:
+def _batch(samples: list[CachedSample], seen_from: list[NDArray[np.float32]], rng: np.random.Generator) -> SampleBatch:
     """Some points of the samples as seen from poses (4, 4)."""
     points, colours, models, wanted = [], [], [], []
     for one, T in zip(samples, seen_from, strict=True):
@@ -161,4 +161,4 @@ def _batch(samples: list[CachedSample], seen_from: list[NDArray[np.float32]], rn
     arrays = [torch.from_numpy(np.stack(part)) for part in (points, colours, models, wanted)]
     index = torch.tensor([one.sample.index for one in samples])
     is_symmetric = torch.tensor([one.sample.is_symmetric for one in samples])
-    return Batch(arrays[0], arrays[1], index, arrays[2], arrays[3], is_symmetric)
+    return SampleBatch(arrays[0], arrays[1], index, arrays[2], arrays[3], is_symmetric)

@@ -16,7 +16,7 @@ import torch
 import verefine_viz
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.writing import atomic
-from verefine_viz.training.progress_bar import Progress
+from verefine_viz.training.progress_bar import TrainingProgress
 
 CHECKPOINT_FORMAT = 1
 SAVED_EVERY_S = 60.0
@@ -40,7 +40,7 @@ class Course:
     """The steps that are timed for that: after the first of them until after the second."""
     reported_every: int
     """Steps between two reports."""
-    report: Callable[[Progress], None]
+    report: Callable[[TrainingProgress], None]
     step: int = 0
     losses: list[tuple[int, float, float]] = field(default_factory=list)
     """(step, loss, error), means between reports."""
@@ -90,7 +90,7 @@ class Course:
         self._recent.clear()
         pace = (perf_counter() - self._began) / (self.step - self._first_step)
         left = None if self.n_steps is None else (self.n_steps - self.step) * pace / 60
-        self.report(Progress(self.step, self.n_steps, loss, error, left))
+        self.report(TrainingProgress(self.step, self.n_steps, loss, error, left))
         if self.n_steps is not None and (perf_counter() - self._saved_at > SAVED_EVERY_S or self.is_over):
             course = {"losses": self.losses, "n_steps": self.n_steps, "step": self.step}
             write_checkpoint(self.checkpoint, self.made_with, {**state(), **course})

@@ -31,7 +31,7 @@ from verefine_viz.networks.densefusion_networks import (
 from verefine_viz.networks.onnx_export import onnx_bytes, with_card, write_network
 from verefine_viz.training.coloured_scenes import ColouredScenes, coloured_scenes
 from verefine_viz.training.course import losses_on_card, versions
-from verefine_viz.training.progress_bar import Progress, shown_progress
+from verefine_viz.training.progress_bar import TrainingProgress, shown_progress
 from verefine_viz.training.train_densefusion import SHARES, TrainedDenseFusion, train_densefusion
 
 HELD_OUT_PICTURES = 40
@@ -59,7 +59,7 @@ def train_both(
     checkpoint = out.with_name(f"{out.name}.checkpoint")
     size = SLIM if slim else OFFICIAL
     scenes = coloured_scenes(dataset, split, seed, size.is_halved)
-    with shown_progress(console, "densefusion", n_steps, in_words) as report:
+    with shown_progress(console, "densefusion", n_steps, describe) as report:
         trained = train_densefusion(scenes, size, n_points, seed, n_steps, minutes, checkpoint, report)
     files = {POSE_NET: out, REFINE_NET: out.with_name(f"{out.stem}_refine.onnx")}
     models = {POSE_NET: trained.pose, REFINE_NET: trained.refine}
@@ -96,7 +96,7 @@ def train_both(
     return 0
 
 
-def in_words(now: Progress) -> str:
+def describe(now: TrainingProgress) -> str:
     """``loss 0.0312, ADD(-S) 12.3 mm``."""
     return f"loss {now.loss:.4f}, ADD(-S) {1000 * now.error:.1f} mm"
 

@@ -17,7 +17,7 @@ from verefine_viz.refiners.depth_net import NETWORK
 from verefine_viz.training.course import losses_on_card, versions
 from verefine_viz.training.depth_net_samples import LARGEST_DEG, LARGEST_SHIFT
 from verefine_viz.training.held_out import measured
-from verefine_viz.training.progress_bar import Progress, shown_progress
+from verefine_viz.training.progress_bar import TrainingProgress, shown_progress
 from verefine_viz.training.synthetic_views import DISTANCE_M, FOCAL_PX, LEAST_VISIBLE, OBJECT_PX, OFF_AXIS_DEG
 from verefine_viz.training.train_depth_net import BATCH_SIZE, Trained, train
 from verefine_viz.training.training_shapes import DIAMETER_M, N_HELD_OUT, N_RANDOM
@@ -31,7 +31,7 @@ def train_depth_net(out: Path, seed: int, n_steps: int | None, minutes: float) -
     """
     console = Terminal(stderr=True, highlight=False, soft_wrap=True)
     checkpoint = out.with_name(f"{out.name}.checkpoint")
-    with shown_progress(console, NETWORK, n_steps, in_words) as report:
+    with shown_progress(console, NETWORK, n_steps, describe) as report:
         trained = train(seed, n_steps, minutes, checkpoint, report)
     console.print("Measuring it on shapes that it has not seen.")
     card = card_of(trained, seed, out.name)
@@ -51,7 +51,7 @@ def train_depth_net(out: Path, seed: int, n_steps: int | None, minutes: float) -
     return 0
 
 
-def in_words(now: Progress) -> str:
+def describe(now: TrainingProgress) -> str:
     """``loss 0.312, 4.5 % of the diameter left after a step``."""
     return f"loss {now.loss:.3f}, {50 * now.error:.1f} % of the diameter left after a step"
 

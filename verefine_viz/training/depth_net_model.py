@@ -20,7 +20,7 @@ CERTAINTY_WEIGHT = 0.05
 """Weight of the predicted error's own loss."""
 
 
-class _Block(nn.Module):
+class _ResidualBlock(nn.Module):
     """Two convolutions of 3 × 3 beside a shortcut."""
 
     def __init__(self, n_in: int, n_out: int, stride: int) -> None:
@@ -46,9 +46,11 @@ class DepthNetModel(nn.Module):
         super().__init__()
         a, b, c = WIDTHS
         self.stem = nn.Sequential(
-            nn.Conv2d(len(CHANNELS), a, 5, 2, 2, bias=False), nn.BatchNorm2d(a), nn.ReLU(), _Block(a, a, 1)
+            nn.Conv2d(len(CHANNELS), a, 5, 2, 2, bias=False), nn.BatchNorm2d(a), nn.ReLU(), _ResidualBlock(a, a, 1)
         )
-        self.trunk = nn.Sequential(_Block(a, b, 2), _Block(b, b, 1), _Block(b, c, 2), _Block(c, c, 1))
+        self.trunk = nn.Sequential(
+            _ResidualBlock(a, b, 2), _ResidualBlock(b, b, 1), _ResidualBlock(b, c, 2), _ResidualBlock(c, c, 1)
+        )
         side = SIDE_PX // 8
         # Without this norm the head dies at the learning rate that the trunk needs, and learns shifts but no turns.
         hidden = nn.Linear(c * side * side, HIDDEN, bias=False), nn.BatchNorm1d(HIDDEN), nn.ReLU()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle, random_unit_vector, transform
 from verefine_viz.learned.depth_crops import Extent, crops_at
-from verefine_viz.training.synthetic_views import View, draw_view
+from verefine_viz.training.synthetic_views import SyntheticView, draw_view
 from verefine_viz.training.training_shapes import LOSS_POINTS
 
 LARGEST_DEG, LARGEST_SHIFT = 60.0, 0.8
@@ -27,7 +27,7 @@ VIEWS, STARTS, HELD_OUT = 0, 1, 2
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
+class CropBatch:
     """B crops with what the network should answer."""
 
     crops: NDArray[np.float32]
@@ -46,7 +46,7 @@ class TrainingBatches:
         first = first_step * NEW_VIEWS
         self._views = deque((self._view(k) for k in range(first, first + VIEWS_HELD)), maxlen=VIEWS_HELD)
 
-    def next(self) -> Batch:
+    def next(self) -> CropBatch:
         """The batch of the current step; the next call gives the next step's."""
         rng = np.random.default_rng((self._seed, STARTS, self._step))
         batch = batch_of([self._views[int(k)] for k in rng.integers(VIEWS_HELD, size=self._size)], rng)
@@ -55,16 +55,16 @@ class TrainingBatches:
         self._step += 1
         return batch
 
-    def _view(self, index: int) -> View:
+    def _view(self, index: int) -> SyntheticView:
         return draw_view((self._seed, VIEWS, index))
 
 
-def held_out_views(n: int) -> list[View]:
+def held_out_views(n: int) -> list[SyntheticView]:
     """Views of shapes and scenes that no training sees."""
     return [draw_view((0, HELD_OUT, k), held_out=True) for k in range(n)]
 
 
-def batch_of(views: list[View], rng: np.random.Generator) -> Batch:
+def batch_of(views: list[SyntheticView], rng: np.random.Generator) -> CropBatch:
     """A batch with one pose of each view."""
     crops, points, wanted = [], [], []
     for view in views:
@@ -78,15 +78,15 @@ def batch_of(views: list[View], rng: np.random.Generator) -> Batch:
         points.append(at_pose @ R_crop.T / radius_m)
         wanted.append(at_truth @ R_crop.T / radius_m)
     shape = (len(views), LOSS_POINTS, 3)
-    return Batch(np.stack(crops), *(np.array(p, np.float32).reshape(shape) for p in (points, wanted)))
+    return CropBatch(np.stack(crops), *(np.array(p, np.float32).reshape(shape) for p in (points, wanted)))
 
 
-def extent(view: View) -> Extent:
+def extent(view: SyntheticView) -> Extent:
     """Extent of the view's shape."""
     return Extent(np.zeros(3), view.shape.radius_m)
 
 
-def start_near(view: View, rng: np.random.Generator) -> Float:
+def start_near(view: SyntheticView, rng: np.random.Generator) -> Float:
     """A pose (4, 4) around the ground truth; every angle and every length of the shift is as likely as another."""
     reach = NEAR_REACH if rng.random() < NEAR else 1.0
     turn = axis_angle(random_unit_vector(rng), np.deg2rad(LARGEST_DEG) * reach * rng.random())
@@ -94,7 +94,7 @@ def start_near(view: View, rng: np.random.Generator) -> Float:
     return transform(turn @ view.T_cam_obj[:3, :3], view.T_cam_obj[:3, 3] + shift)
 
 
-def nearest_equivalent(view: View, T: Float) -> Float:
+def nearest_equivalent(view: SyntheticView, T: Float) -> Float:
     """The pose (4, 4), of those that look like the ground truth, whose rotation is nearest to that of ``T``."""
     Rs = view.T_cam_obj[:3, :3] @ view.shape.symmetries
     alike = np.einsum("ij,sij->s", T[:3, :3], Rs)

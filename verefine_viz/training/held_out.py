@@ -12,7 +12,7 @@ from verefine_viz.learned.depth_crops import crops_at
 from verefine_viz.learned.onnx_network import OnnxNetwork
 from verefine_viz.refiners.depth_net import step_from
 from verefine_viz.training.depth_net_samples import extent, held_out_views, nearest_equivalent
-from verefine_viz.training.synthetic_views import View
+from verefine_viz.training.synthetic_views import SyntheticView
 
 N_VIEWS = 150
 STARTS = ((10.0, 0.1), (20.0, 0.2), (30.0, 0.3), (45.0, 0.4))
@@ -43,14 +43,14 @@ def measured(network: OnnxNetwork) -> list[dict[str, Any]]:
     return rows
 
 
-def start_at(view: View, turn_deg: float, shift: float, rng: np.random.Generator) -> Float:
+def start_at(view: SyntheticView, turn_deg: float, shift: float, rng: np.random.Generator) -> Float:
     """The ground truth (4, 4), turned [deg] and shifted [radii] in random directions."""
     turn = axis_angle(random_unit_vector(rng), np.deg2rad(turn_deg))
     moved = random_unit_vector(rng) * shift * view.shape.radius_m
     return transform(turn @ view.T_cam_obj[:3, :3], view.T_cam_obj[:3, 3] + moved)
 
 
-def _errors(view: View, T: Float, network: OnnxNetwork) -> tuple[float, float]:
+def _errors(view: SyntheticView, T: Float, network: OnnxNetwork) -> tuple[float, float]:
     """Error of a pose and of what the network makes of it, as shares of the diameter."""
     Ts = T[None]
     for _ in range(STEPS):
@@ -59,7 +59,7 @@ def _errors(view: View, T: Float, network: OnnxNetwork) -> tuple[float, float]:
     return share_of_diameter(view, T), share_of_diameter(view, Ts[0])
 
 
-def share_of_diameter(view: View, T: Float) -> float:
+def share_of_diameter(view: SyntheticView, T: Float) -> float:
     """Mean distance of the shape's points at a pose to where they belong, as a share of the diameter."""
     wanted = nearest_equivalent(view, T)
     difference = view.shape.points @ (T[:3, :3] - wanted[:3, :3]).T + T[:3, 3] - wanted[:3, 3]

@@ -16,7 +16,7 @@ EVERY_S = 30.0
 
 
 @dataclass(frozen=True)
-class Progress:
+class TrainingProgress:
     """How far a training is."""
 
     step: int
@@ -31,24 +31,24 @@ class Progress:
 
 @contextmanager
 def shown_progress(
-    console: Console, name: str, n_steps: int | None, in_words: Callable[[Progress], str]
-) -> Iterator[Callable[[Progress], None]]:
+    console: Console, name: str, n_steps: int | None, describe: Callable[[TrainingProgress], str]
+) -> Iterator[Callable[[TrainingProgress], None]]:
     """Shows what the function that it gives is called with.
 
     Args:
         console: where.
         name: of the network.
         n_steps: of the training, if it is known.
-        in_words: loss and error in words.
+        describe: loss and error in words.
     """
     columns = TextColumn(name), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[note]}")
     printed_at = perf_counter()
     with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         row = bar.add_task(name, total=n_steps, note="drawing views")
 
-        def report(now: Progress) -> None:
+        def report(now: TrainingProgress) -> None:
             nonlocal printed_at
-            note = in_words(now) + ("" if now.minutes_left is None else f", {now.minutes_left:.0f} min to go")
+            note = describe(now) + ("" if now.minutes_left is None else f", {now.minutes_left:.0f} min to go")
             bar.update(row, completed=now.step, total=now.n_steps, note=note)
             if not console.is_terminal and perf_counter() - printed_at > EVERY_S:
                 printed_at = perf_counter()

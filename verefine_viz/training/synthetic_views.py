@@ -37,7 +37,7 @@ NO_TABLE, STANDS, IS_HIDDEN, HAS_HOLES = 0.15, 0.6, 0.25, 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class SyntheticView:
     """One object in one small depth image."""
 
     shape: TrainingShape
@@ -50,7 +50,7 @@ class View:
     """(4, 4) ground truth [m]."""
 
 
-def draw_view(seed: tuple[int, ...], held_out: bool = False) -> View:
+def draw_view(seed: tuple[int, ...], held_out: bool = False) -> SyntheticView:
     """The view of a seed."""
     rng = np.random.default_rng(seed)
     while True:
@@ -59,7 +59,7 @@ def draw_view(seed: tuple[int, ...], held_out: bool = False) -> View:
             return view
 
 
-def _attempt(rng: np.random.Generator, held_out: bool) -> View | None:
+def _attempt(rng: np.random.Generator, held_out: bool) -> SyntheticView | None:
     shape = draw_shape(rng, held_out)
     camera, centre_cam = _camera(rng, shape.radius_m)
     has_table = rng.random() >= NO_TABLE
@@ -93,7 +93,7 @@ def _attempt(rng: np.random.Generator, held_out: bool) -> View | None:
     mask = _detected(rng, visible, labels)
     if (mask & visible & (seen_m > 0)).sum() < LEAST_PX / 2:
         return None
-    return View(shape, camera, seen_m, mask, scene[0][1])
+    return SyntheticView(shape, camera, seen_m, mask, scene[0][1])
 
 
 def _camera(rng: np.random.Generator, radius_m: float) -> tuple[Camera, Float]:

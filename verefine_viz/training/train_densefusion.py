@@ -16,12 +16,12 @@ import torch
 from torch import Tensor, nn
 
 from verefine_viz.networks.densefusion_networks import PoseNet, PoseRefineNet, Size
-from verefine_viz.training.cached_samples import Batch, CachedSamples, from_camera, from_starts
+from verefine_viz.training.cached_samples import CachedSamples, SampleBatch, from_camera, from_starts
 from verefine_viz.training.coloured_scenes import ColouredScenes
 from verefine_viz.training.course import Course
 from verefine_viz.training.densefusion_loss import pose_loss, refine_loss, rotations
 from verefine_viz.training.densefusion_samples import Sample, TrainingSamples
-from verefine_viz.training.progress_bar import Progress
+from verefine_viz.training.progress_bar import TrainingProgress
 
 BATCH_SIZE = 8
 """Samples of a step of the whole; their crops differ in size, so they go through the network one by one."""
@@ -60,7 +60,7 @@ def train_densefusion(
     n_steps: int | None,
     minutes: float,
     checkpoint: Path,
-    report: Callable[[Progress], None],
+    report: Callable[[TrainingProgress], None],
     batch_size: int = BATCH_SIZE,
 ) -> TrainedDenseFusion:
     """Trains from the checkpoint, if there is one, or from the start.
@@ -158,13 +158,13 @@ def whole_loss(pose: PoseNet, sample: Sample) -> tuple[Tensor, Tensor]:
     return pose_loss(quats[None], offsets[None], confidences[None], points, model, wanted, is_symmetric)
 
 
-def heads_loss(pose: PoseNet, batch: Batch) -> tuple[Tensor, Tensor]:
+def heads_loss(pose: PoseNet, batch: SampleBatch) -> tuple[Tensor, Tensor]:
     """PoseNet's loss on a batch whose colours are described, and the mean ADD(-S) of its most confident poses [m]."""
     answers = pose.poses(batch.points, batch.colours, batch.index)
     return pose_loss(*answers, batch.points, batch.models, batch.wanted, batch.is_symmetric)
 
 
-def refiner_loss(refine: PoseRefineNet, batch: Batch) -> tuple[Tensor, Tensor]:
+def refiner_loss(refine: PoseRefineNet, batch: SampleBatch) -> tuple[Tensor, Tensor]:
     """PoseRefineNet's loss on a batch, summed over its steps, and the mean ADD(-S) after the last [m]."""
     points, wanted = batch.points, batch.wanted
     total, left = torch.zeros(()), torch.zeros(())

@@ -16,7 +16,7 @@ from torch.optim.swa_utils import AveragedModel
 from verefine_viz.training.course import Course
 from verefine_viz.training.depth_net_model import DepthNetModel, loss_of
 from verefine_viz.training.depth_net_samples import TrainingBatches
-from verefine_viz.training.progress_bar import Progress
+from verefine_viz.training.progress_bar import TrainingProgress
 
 BATCH_SIZE = 128
 PEAK_RATE = 2e-3
@@ -46,7 +46,7 @@ def train(
     n_steps: int | None,
     minutes: float,
     checkpoint: Path,
-    report: Callable[[Progress], None],
+    report: Callable[[TrainingProgress], None],
     batch_size: int = BATCH_SIZE,
 ) -> Trained:
     """Trains from the checkpoint, if there is one, or from the start.

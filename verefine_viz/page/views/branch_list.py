@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from verefine_viz.core.settings import Change, Edit
-from verefine_viz.page.branch import Branch, in_order
+from verefine_viz.page.branch import Branch, sorted_changes
 from verefine_viz.page.saved_session import edits_made
 from verefine_viz.page.words import moved_by_mm, turned_by
 from verefine_viz.page.workspace import Workspace
@@ -42,7 +42,9 @@ def _branch(space: Workspace, branch: Branch) -> Json:
         "over": run.is_done,
         "method": branch.settings.method.name,
         "settings": {name: value for name, _, value in settings_between(first, branch.settings)},
-        "changes": [{"k": change.after_iteration, "settings": _dotted(change)} for change in in_order(branch.changes)],
+        "changes": [
+            {"k": change.after_iteration, "settings": _dotted(change)} for change in sorted_changes(branch.changes)
+        ],
         "edits": [_edit(branch, edit) for edit in edits],
         "elsewhere": _elsewhere(space, branch, edits),
     }

@@ -16,10 +16,10 @@ from verefine_viz.page.branch import Branch
 from verefine_viz.page.evaluator import together
 from verefine_viz.page.workspace import Workspace
 from verefine_viz.run.compare import (
+    ComparedObject,
     Departure,
     Departures,
     Effort,
-    Outcome,
     ScoredBest,
     aligned,
     departures,
@@ -31,7 +31,7 @@ from verefine_viz.run.variants import scores_alike, settings_between
 Json = dict[str, Any]
 
 
-def comparison(space: Workspace, want: p.Comparison, blobs: Blobs) -> Json:
+def comparison(space: Workspace, want: p.ComparisonWanted, blobs: Blobs) -> Json:
     """Return how two branches compare, as far as both are computed."""
     a, b = space.branch(want.a), space.branch(want.b)
     pairs = aligned(a.run.iterations, b.run.iterations)
@@ -113,7 +113,7 @@ def _departure(departure: Departure) -> Json:
     }
 
 
-def _outcome(o: Outcome, alike: bool) -> Json:
+def _outcome(o: ComparedObject, alike: bool) -> Json:
     """Return one object's answers in both runs; who is nearer only where that is known."""
     is_known = o.a is not None and o.b is not None and o.a.errors is not None and o.b.errors is not None
     return {
@@ -140,7 +140,7 @@ def _side(answer: ScoredBest | None) -> Json | None:
     }
 
 
-def _frame_scores(a: Branch, b: Branch, answers: Sequence[Outcome]) -> list[float] | None:
+def _frame_scores(a: Branch, b: Branch, answers: Sequence[ComparedObject]) -> list[float] | None:
     """Return how well all answers of A, and of B, explain the frame together; None for one object.
 
     By the settings of A, or where B scores by others, B's by its own.

@@ -15,7 +15,7 @@ from verefine_viz.page.words import refiner_name
 from verefine_viz.page.workspace import Workspace
 
 
-def crops(space: Workspace, want: p.Crops, blobs: Blobs) -> dict[str, Any]:
+def crops(space: Workspace, want: p.CropsWanted, blobs: Blobs) -> dict[str, Any]:
     """Return the refiner's steps in the latest iteration up to k that worked on the object: a picture and words each.
 
     Of a finished run's answer it is the iteration that made it. ``why_none`` says why there are no steps.

@@ -6,7 +6,7 @@ from typing import Any
 
 from verefine_viz.batch.index import ORDERS, Order, sort_key
 from verefine_viz.diagnosis.causes import cause_title
-from verefine_viz.page.gallery import Entry, Gallery
+from verefine_viz.page.gallery import Gallery, GalleryEntry
 
 Json = dict[str, Any]
 
@@ -22,18 +22,18 @@ def answers_message(gallery: Gallery) -> Json:
         "unfinished": gallery.n_unfinished,
         "faults": list(gallery.tag_faults.values()),
         "first": gallery.first_filter,
-        "orders": [{"id": order, "words": ORDERS[order], "keys": _in_order(gallery, order)} for order in ORDERS],
+        "orders": [{"id": order, "words": ORDERS[order], "keys": _sorted_keys(gallery, order)} for order in ORDERS],
         "rows": [_row(gallery, key, entry) for key, entry in enumerate(gallery.entries)],
     }
 
 
-def _in_order(gallery: Gallery, order: Order) -> list[int]:
+def _sorted_keys(gallery: Gallery, order: Order) -> list[int]:
     """Return the keys of all answers in an order."""
     place, entries = sort_key(order), gallery.entries
     return sorted(range(len(entries)), key=lambda key: place(entries[key].row))
 
 
-def _row(gallery: Gallery, key: int, entry: Entry) -> Json:
+def _row(gallery: Gallery, key: int, entry: GalleryEntry) -> Json:
     row = entry.row
     tone = "waiting" if entry.is_waiting else "none" if row.status != "ok" else (
         "unknown" if row.is_correct is None else "right" if row.is_correct else "wrong"

@@ -28,7 +28,7 @@ from verefine_viz.scenes.recorded_source import RecordedSource
 Json = dict[str, Any]
 
 
-def track(space: Workspace, want: p.Track, blobs: Blobs) -> Json:
+def track(space: Workspace, want: p.TrackWanted, blobs: Blobs) -> Json:
     """Return the frames of the open frame's scene; none where they are no sequence.
 
     From motion.csv of the batch that is open, else from what another program recorded, else from the frames that were
@@ -38,12 +38,12 @@ def track(space: Workspace, want: p.Track, blobs: Blobs) -> Json:
     if want.obj not in targets:
         raise InputError(unknown("object", want.obj, [*targets]))
     target = targets[want.obj]
-    rows = _of_batch(space.batch, target, space.frame) or _recorded(space, target) or _solved(space, target)
+    rows = _batch_rows(space.batch, target, space.frame) or _recorded(space, target) or _solved(space, target)
     if len(rows) < 2:
         return {"frames": [], "words": "", "jump_mm": JUMP_MM, "jump_deg": JUMP_DEG, "reference": ""}
     return {
         "frames": [row for _, row in rows],
-        "words": counted([motion for motion, _ in rows]).in_words,
+        "words": counted([motion for motion, _ in rows]).text,
         "jump_mm": JUMP_MM,
         "jump_deg": JUMP_DEG,
         "reference": "world" if all(motion.reference == "world" for motion, _ in rows) else "camera",
@@ -74,7 +74,7 @@ def _row(motion: Motion, **known: Any) -> tuple[Motion, Json]:
     }
 
 
-def _of_batch(batch: Path | None, target: Target, frame: str) -> Rows:
+def _batch_rows(batch: Path | None, target: Target, frame: str) -> Rows:
     """Return the track that holds the object in the open frame, from a batch's table."""
     if batch is None:
         return []

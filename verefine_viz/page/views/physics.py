@@ -34,14 +34,14 @@ OUTLINE_POINTS = 4000
 """Model points from which an outline seen from above is made."""
 
 
-def physics(space: Workspace, want: p.Physics, blobs: Blobs) -> Json:
+def physics(space: Workspace, want: p.PhysicsWanted, blobs: Blobs) -> Json:
     """Return what physics says about every object where it stands, and about the focus before and after."""
     branch = space.branch(want.branch)
     look = p.Look(branch=want.branch, k=want.k, obj=want.obj, answer=want.answer, edited=want.edited)
     moment = moment_of(branch, look)
     support = moment.problem.observation.support
     answer: Json = {
-        "why_none": _why_none(branch),
+        "why_none": _off_reason(branch),
         "doubts": doubts_of(branch, support),
         "surroundings": None if support is None else _surroundings(support),
         "objects": [],
@@ -222,7 +222,7 @@ def _path_words(moment: Moment, path: SimulatedPath) -> str:
 # The frame: why there is no physics, what is doubtful, what stands around.
 
 
-def _why_none(branch: Branch) -> str:
+def _off_reason(branch: Branch) -> str:
     """Say why nothing is simulated; "" where it is."""
     observation, session = branch.run.problem.observation, branch.settings
     if observation.support is None:

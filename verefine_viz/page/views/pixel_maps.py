@@ -15,7 +15,7 @@ from verefine_viz.page.moment import pose_matrix
 
 if TYPE_CHECKING:
     from verefine_viz.page.blobs import Blobs
-    from verefine_viz.page.protocol import Maps
+    from verefine_viz.page.protocol import MapsWanted
     from verefine_viz.page.workspace import Workspace
 
 MARGIN_PX = 12
@@ -26,7 +26,7 @@ LEAST_DEPTH_M = 0.05
 """Half the range of the depth scale at least."""
 
 
-def maps(space: Workspace, want: Maps, blobs: Blobs) -> dict[str, Any]:
+def maps(space: Workspace, want: MapsWanted, blobs: Blobs) -> dict[str, Any]:
     """The answer to a want of maps, as docs/page.md describes it.
 
     Raises:

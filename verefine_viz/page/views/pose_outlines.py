@@ -21,7 +21,7 @@ from verefine_viz.rendering.simplify import scoring_mesh
 
 if TYPE_CHECKING:
     from verefine_viz.page.blobs import Blobs
-    from verefine_viz.page.protocol import Outlines
+    from verefine_viz.page.protocol import OutlinesWanted
     from verefine_viz.page.workspace import Workspace
 
 FINER = 2
@@ -34,7 +34,7 @@ SMOOTHED = 5
 """Points of a pixel's staircase that are averaged."""
 
 
-def outlines(space: Workspace, want: Outlines, _blobs: Blobs) -> dict[str, Any]:
+def outlines(space: Workspace, want: OutlinesWanted, _blobs: Blobs) -> dict[str, Any]:
     """The answer to a want of outlines: for each pose its polygons [u, v, u, v, …] in pixels; pixel centres are whole.
 
     Raises:

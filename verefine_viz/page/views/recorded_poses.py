@@ -19,7 +19,7 @@ FEWEST = 4
 """Poses below which a correlation has no meaning."""
 
 
-def recorded(space: Workspace, want: p.Recorded, blobs: Blobs) -> Json:
+def recorded(space: Workspace, want: p.RecordedWanted, blobs: Blobs) -> Json:
     """Return the recorded poses of an object as far as the run has repeated them, and whether the scores agree.
 
     ``theirs`` and ``ours`` are the program's score and ours; k = 0 is an initial pose.

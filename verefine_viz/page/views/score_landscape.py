@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.diagnosis.ambiguity import in_words
+from verefine_viz.diagnosis.ambiguity import describe
 from verefine_viz.evaluation.landscape import CANNOT_TELL, N_AXES, Curve, Landscape
 from verefine_viz.evaluation.near_symmetry import NearSymmetry
 from verefine_viz.page import protocol as p
@@ -20,7 +20,7 @@ SAME_AXIS = 0.99
 """Cosine of the angle up to which two axes of near symmetries count as one."""
 
 
-def landscape(space: Workspace, want: p.Landscape, blobs: Blobs) -> Json:
+def landscape(space: Workspace, want: p.LandscapeWanted, blobs: Blobs) -> Json:
     """Return one part of the landscape of an object's best pose after iteration k.
 
     Raises:
@@ -39,7 +39,7 @@ def landscape(space: Workspace, want: p.Landscape, blobs: Blobs) -> Json:
             "T": pose_list(T_cam_obj),
             "score": around.score,
             "curves": [_curve(around, k, curve) for k, curve in enumerate(around.curves)],
-            "undetermined": around.least_certain.in_words(),
+            "undetermined": around.least_certain.describe(),
             "undetermined_mm": around.undetermined_mm,
             "undetermined_deg": around.undetermined_deg,
         }
@@ -57,7 +57,7 @@ def landscape(space: Workspace, want: p.Landscape, blobs: Blobs) -> Json:
             "score_of_answer": other.score_of_answer,
             "noise": other.noise,
             "apart_mm": other.apart_mm,
-            "words": in_words(name, around, other),
+            "words": describe(name, around, other),
         },
         "near": turns_in_words(evaluator.near_symmetries(target.model)),
     }

@@ -18,7 +18,7 @@ from verefine_viz.rendering.rendered_scene import render_scene
 
 if TYPE_CHECKING:
     from verefine_viz.page.blobs import Blobs
-    from verefine_viz.page.protocol import Shaded
+    from verefine_viz.page.protocol import ShadedWanted
     from verefine_viz.page.workspace import Workspace
 
 FINER = 2
@@ -27,7 +27,7 @@ MOST_PX = 480
 """Width and height of a picture at most, unless the model is larger in the camera's own pixels."""
 
 
-def shaded(space: Workspace, want: Shaded, blobs: Blobs) -> dict[str, Any]:
+def shaded(space: Workspace, want: ShadedWanted, blobs: Blobs) -> dict[str, Any]:
     """The answer to a want of a shaded model: a PNG with transparency over a region; no url where nothing shows.
 
     Raises:

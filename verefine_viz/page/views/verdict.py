@@ -129,7 +129,7 @@ def _object(branch: Branch, o: FinishedObject, batch: Any | None) -> Json:
         for finding in same:  # The gallery opens that iteration.
             finding["k"] = batch.worst_iteration if batch.worst_iteration is not None else finding["k"]
         if not same:
-            findings.insert(0, _of_batch(batch))
+            findings.insert(0, _doubt_of_batch(batch))
     also = _also_fits(o)
     tone, words = _words(branch, o, named, also is not None)
     if batch is not None and batch.cause and o.is_wrong and not branch.doubts():
@@ -165,7 +165,7 @@ def _object(branch: Branch, o: FinishedObject, batch: Any | None) -> Json:
 def _turning(target: Target, T_cam_obj: Float) -> str | None:
     """Describe an error of rotation: how much of it is tilt against the table, and how much turn on it."""
     way = turning_on(target, T_cam_obj)
-    return None if way is None else way.in_words()
+    return None if way is None else way.describe()
 
 
 def _words(branch: Branch, o: FinishedObject, named: Sequence[Finding], also_fits: bool) -> tuple[str, str]:
@@ -179,7 +179,7 @@ def _words(branch: Branch, o: FinishedObject, named: Sequence[Finding], also_fit
         if method_of(branch.settings.method.name).repeats and steps and all(s.name != ANSWER for s in steps):
             reason = UNANSWERED  # As of a program that was killed.
         return "wrong", reason or (tie if also_fits else "no cause in sight")
-    lead = o.runner_up.in_words() if o.runner_up is not None else ""
+    lead = o.runner_up.describe() if o.runner_up is not None else ""
     if o.errors is not None and o.answer is not None:
         add = add_where_add_s_is_below(o.target, o.answer.T_cam_obj, CORRECT)
         if add is not None:
@@ -222,7 +222,7 @@ def _finding(finding: Finding, branch: Branch) -> Json:
     }
 
 
-def _of_batch(row: Any) -> Json:
+def _doubt_of_batch(row: Any) -> Json:
     return {
         "cause": row.cause,
         "title": TITLES[Cause(row.cause)],

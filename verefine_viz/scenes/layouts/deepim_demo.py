@@ -33,7 +33,7 @@ COLOR, DEPTH = "-color.png", "-depth.png"
 MODELS = ("models", "../models", "../YCB_Video/models", "../YCB_Object/models")
 
 
-class Camera(msgspec.Struct, frozen=True):
+class CameraFile(msgspec.Struct, frozen=True):
     """The camera of all images."""
 
     INTRINSICS: Numbers3x3
@@ -53,7 +53,7 @@ class Reader:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._K = read_yaml(folder / META, Camera).INTRINSICS
+        self._K = read_yaml(folder / META, CameraFile).INTRINSICS
         self.names: tuple[str, ...] = tuple(images_in(folder, f"*{DEPTH}"))
         if not self.names:
             raise InputError(f"{folder} has no depth; expected 000000{DEPTH} [mm] beside 000000{COLOR}")

@@ -46,7 +46,7 @@ Numbers7 = np.ndarray[tuple[Literal[7]], np.dtype[np.float64]]
 Order = tuple[tuple[int, ...], ...]
 
 
-class Camera(msgspec.Struct, frozen=True):
+class SceneCamera(msgspec.Struct, frozen=True):
     """The camera of a scene."""
 
     camera_pose: Numbers7
@@ -63,7 +63,7 @@ class ObjectEntry(msgspec.Struct, frozen=True):
 class Info(msgspec.Struct, frozen=True):
     """A scene: ``scene`` has ``object_1``, …, and ``dependency_order``, numbers of objects, cluster by cluster."""
 
-    camera: Camera
+    camera: SceneCamera
     scene: dict[str, ObjectEntry | Order | int | float | str | None]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, ShapeError, in_one_line
+from verefine_viz.core.errors import InputError, ShapeError, one_line
 from verefine_viz.core.files import id_of
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.scenes.image_files import SUFFIXES, find_image, read_mask, read_steps
@@ -25,9 +25,9 @@ from verefine_viz.scenes.recorded_frame import (
     RecordedObject,
     color_of,
     image_of,
-    in_order,
     matrix_in,
     meshes_in,
+    natural_key,
     pose_in,
 )
 
@@ -55,8 +55,8 @@ class Reader:
         stems = {path.stem for path in (folder / DEPTH).iterdir() if path.suffix.lower() in SUFFIXES}
         if not stems:
             raise InputError(f"{folder / DEPTH} holds no image; expected {', '.join(SUFFIXES)}")
-        self.names: tuple[str, ...] = tuple(sorted(stems, key=in_order))
-        self.objects: Mapping[str, int] = {in_one_line(folder.resolve().name): 1}
+        self.names: tuple[str, ...] = tuple(sorted(stems, key=natural_key))
+        self.objects: Mapping[str, int] = {one_line(folder.resolve().name): 1}
         poses, of_poses = self._pose_files(POSES)
         truths, of_truths = self._pose_files(GROUND_TRUTH)
         self._poses, self._truths, self.notes = poses, truths, of_poses + of_truths
@@ -103,7 +103,7 @@ class Reader:
         if len(files) != len(self.names):
             what = f"{kind}/ has {len(files)} poses of other names than the {len(self.names)} frames"
             return {}, (f"{what}; they are left out",)
-        in_turn = sorted(files, key=lambda path: in_order(path.name))
+        in_turn = sorted(files, key=lambda path: natural_key(path.name))
         note = f"the poses of {kind}/ are named otherwise than the frames; they are paired in order"
         return dict(zip(self.names, in_turn, strict=True)), (note,)
 

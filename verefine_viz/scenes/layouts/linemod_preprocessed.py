@@ -30,7 +30,7 @@ CAMERAS, GROUND_TRUTH = "info.yml", "gt.yml"
 T = TypeVar("T")
 
 
-class Entry(msgspec.Struct, frozen=True):
+class TruthEntry(msgspec.Struct, frozen=True):
     """An object's entry in gt.yml."""
 
     obj_id: Id
@@ -50,7 +50,7 @@ class Reader:
 
     def __init__(self, folder: Path) -> None:
         scenes = [folder] if _is_scene(folder) else sorted(filter(_is_scene, (folder / "data").iterdir()))
-        self._scenes = {scene.resolve().name: _Scene(scene) for scene in scenes}
+        self._scenes = {scene.resolve().name: _Folder(scene) for scene in scenes}
         self._models = scenes[0].resolve().parents[1] / "models"
         self.names: tuple[str, ...] = tuple(
             f"{name}/{image}" for name, scene in self._scenes.items() for image in scene.images
@@ -95,7 +95,7 @@ class Reader:
         return {}
 
 
-class _Scene:
+class _Folder:
     """One folder; its files are read once, when a frame of it is asked for."""
 
     def __init__(self, folder: Path) -> None:
@@ -107,8 +107,8 @@ class _Scene:
         return read_yaml(self.folder / CAMERAS, dict[int, CameraEntry])
 
     @cached_property
-    def truths(self) -> Mapping[int, tuple[Entry, ...]]:
-        return read_yaml(self.folder / GROUND_TRUTH, dict[int, tuple[Entry, ...]])
+    def truths(self) -> Mapping[int, tuple[TruthEntry, ...]]:
+        return read_yaml(self.folder / GROUND_TRUTH, dict[int, tuple[TruthEntry, ...]])
 
     @cached_property
     def are_counted_otherwise(self) -> bool:

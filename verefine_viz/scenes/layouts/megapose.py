@@ -14,7 +14,7 @@ import numpy as np
 from msgspec import Meta
 
 from verefine_viz.core.arrays import Float, Mask
-from verefine_viz.core.errors import InputError, ShapeError, in_one_line
+from verefine_viz.core.errors import InputError, ShapeError, one_line
 from verefine_viz.core.files import Numbers3x3, Real, read_json
 from verefine_viz.core.geometry import inverse
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
@@ -63,7 +63,7 @@ class Reader:
         self._answered = answered or given
         if not self._answered:
             raise InputError(f"{folder} names no object; expected inputs/{OBJECTS} or outputs/{OBJECTS}")
-        labels = sorted({in_one_line(one.label) for one in (*given, *answered)})
+        labels = sorted({one_line(one.label) for one in (*given, *answered)})
         self.objects: Mapping[str, int] = {label: k for k, label in enumerate(labels, 1)}
         self.has_poses = any(one.TWO is not None for one in answered)
 
@@ -87,7 +87,7 @@ class Reader:
         notes: list[str] = []
         objects: list[RecordedObject] = []
         for one in self._answered:
-            called = in_one_line(one.label)
+            called = one_line(one.label)
             meshes = meshes_in(self._folder / "meshes" / one.label)
             pose = None
             try:

@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, in_one_line
+from verefine_viz.core.errors import InputError, one_line
 from verefine_viz.core.files import Numbers3, Numbers3x3, Real, read_json, reading
 from verefine_viz.core.geometry import as_rigid, transform
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
@@ -25,7 +25,7 @@ MOST_POSES = 20
 """Poses of the highest scores that count as hypotheses."""
 
 
-class Detection(msgspec.Struct, frozen=True):
+class Sam6dDetection(msgspec.Struct, frozen=True):
     """A detection of the object, and its pose where it was estimated."""
 
     segmentation: RunLengths
@@ -56,7 +56,7 @@ class Reader:
         self._mesh = meshes[0]
         more = f"the folder holds {len(meshes)} models; {self._mesh.name} is used"
         self.notes: tuple[str, ...] = (more,) * (len(meshes) > 1)
-        self.objects: Mapping[str, int] = {in_one_line(self._mesh.stem): 1}
+        self.objects: Mapping[str, int] = {one_line(self._mesh.stem): 1}
         self._results = self._file(POSES) or self._file(DETECTIONS)
         self.has_poses = self._results is not None and self._results.name == POSES
 
@@ -70,7 +70,7 @@ class Reader:
         camera, where = read_json(self._folder / CAMERA, CameraEntry), str(self._folder / CAMERA)
         depth_m = read_depth(image_of(self._folder, "depth"), depth_scale_of(camera, where))
         rgb = color_of(find_image(self._folder, "rgb"), depth_m.shape)
-        detections = [] if self._results is None else [*read_json(self._results, tuple[Detection, ...])]
+        detections = [] if self._results is None else [*read_json(self._results, tuple[Sam6dDetection, ...])]
         detections.sort(key=lambda one: -one.score)
         mask = None
         if detections and self._results is not None:
@@ -95,7 +95,7 @@ class Reader:
         return next((path for path in (*(place / name for place in places), *others) if path.is_file()), None)
 
 
-def _pose(one: Detection) -> Float:
+def _pose(one: Sam6dDetection) -> Float:
     if one.R is None or one.t is None:
         raise InputError(f"a detection in {POSES} has no 'R' or no 't'")
     return as_rigid(transform(one.R, one.t * 1e-3), f"a pose in {POSES}")

@@ -8,7 +8,7 @@ from typing import Any
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import Session
-from verefine_viz.core.writing import at_home
+from verefine_viz.core.writing import expand_home
 from verefine_viz.page.gallery import Gallery
 from verefine_viz.run.record import RunRecord
 from verefine_viz.run.run_file import SUFFIX, write_record
@@ -24,7 +24,7 @@ class Openable:
     gallery: Gallery | None = None
 
 
-def what_lies_at(path: Path) -> Openable:
+def read_openable(path: Path) -> Openable:
     """Read what lies at a path.
 
     Raises:
@@ -60,7 +60,7 @@ def path_of(what: Any, folder: Path) -> Path:
         InputError: it is nothing of these.
     """
     if isinstance(what, str | Path):
-        return at_home(str(what))
+        return expand_home(str(what))
     path = folder / f"run{SUFFIX}"
     if isinstance(what, RunRecord):
         write_record(path, what)

@@ -1,0 +1,29 @@
+"""Session files by their titles."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+
+def titled(files: Sequence[Path]) -> list[dict[str, str]]:
+    """Name session files by their titles; one without a title by its scene and a number, which gives nothing away."""
+    out: list[dict[str, str]] = []
+    for number, path in enumerate(files, 1):
+        title, scene = _title_and_scene(path, path.stat().st_mtime_ns if path.exists() else 0)
+        out.append({"path": str(path), "title": title or f"{scene} {number}"})
+    return out
+
+
+@lru_cache(maxsize=256)
+def _title_and_scene(path: Path, changed_ns: int) -> tuple[str, str]:
+    try:
+        content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return path.stem, ""
+    scene = content.get("scene")
+    known = scene if isinstance(scene, dict) else {}
+    return str(content.get("title") or ""), str(known.get("demo") or Path(str(known.get("dataset", "session"))).name)
