@@ -61,6 +61,16 @@ def test_without_a_data_set_the_line_says_what_to_add(tmp_path: Path) -> None:
         open_session(far, {"scene": {"dataset": str(tmp_path / "made")}})
 
 
+def test_a_scene_with_other_images_and_a_folder_without_models_are_read_past(tmp_path: Path) -> None:
+    place = tmp_path / "a" / "b"  # Two levels above it lie the folders of other tests.
+    make(place / "made")
+    make(place / "aaa")
+    (place / "aaa" / "models").rename(place / "aaa" / "gone")
+    with pytest.raises(InputError, match=r"scene 7 of .*made has images 3, the poses are of image 0; add"):
+        open_session(write(place / "a.csv", (7, 0)), {})
+    assert open_session(write(place / "b.csv", (7, 3)), {}).scene.frames == ("7/3",)
+
+
 def test_a_folder_above_that_may_not_be_listed_is_read_past(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     make(tmp_path / "a" / "made")
     path, listed = write(tmp_path / "a" / "net.csv", (7, 3)), Path.iterdir
