@@ -13,7 +13,9 @@ import verefine_viz
 from verefine_viz import cli
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.presets import preset_fields
-from verefine_viz.core.settings import Session
+from verefine_viz.core.setting_types import descriptions
+from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.run.session_file import resolve
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -110,6 +112,13 @@ def test_every_number_that_the_code_refers_to_is_a_heading() -> None:
     }
     assert len(referred) > 50
     assert {(source, number) for source, number in referred if number not in headings} == set()
+
+
+def test_every_method_is_in_the_help_and_in_the_document_of_methods() -> None:
+    helped = set(re.findall(r"\w+", descriptions(MethodSettings)["name"]))
+    for name in ALL_METHOD_NAMES:
+        assert name in helped, name
+        assert f"`{name}`" in text(METHODS), name
 
 
 def test_every_paper_section_that_is_named_is_one_of_the_paper() -> None:
