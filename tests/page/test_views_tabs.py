@@ -164,7 +164,7 @@ def test_the_refiner_of_a_recording_shows_what_it_saw(tmp_path: Path):
     path = record(tmp_path / "run.rrd", Session(method=MethodSettings(iterations=1)))
     d = Debugger(Workspace(SESSION, None, Explaining, recording=path))
     branch = d.space.work.first
-    answer = asked(d, p.Crops(k=1, obj=branch.run.iterations[0].instance_id, branch=branch.index))
+    answer = asked(d, p.CropsWanted(k=1, obj=branch.run.iterations[0].instance_id, branch=branch.index))
     assert (answer["why_none"], len(answer["steps"])) == ("", 1)
     assert branches_message(d.space)["list"][0]["explains"]
 
