@@ -30,7 +30,7 @@ def crops(space: Workspace, want: p.CropsWanted, blobs: Blobs) -> dict[str, Any]
         iteration = branch.run.iterations[answer.iteration - 1]
     if iteration is None:
         return {"k": None, "why_none": "Nothing was refined yet.", "steps": []}
-    refiner, start = branch.run.method_of(iteration.index).refiner, iteration.before_refined
+    refiner, start = branch.refiner_of(iteration.index), iteration.before_refined
     none = {"k": iteration.index, "refiner": refiner_name(branch.settings.method.refiner), "steps": []}
     if not isinstance(refiner, LearnedRefiner):
         return none | {"why_none": f"{none['refiner']} is not learned: it sees points, no pictures."}

@@ -6,7 +6,10 @@ import { useLatest } from "./latest.js";
 
 export const title = "Refiner";
 export const hint = "what a learned refiner saw and answered";
-export const needs = (s) => Boolean(momentOf(s)?.row?.stages.some((stage) => stage.name === "refined")) && !["icp", "trimmed_icp", "identity"].includes(s.frame.refiner);
+export const needs = (s) => {
+  const moment = momentOf(s);
+  return Boolean(moment?.row?.stages.some((stage) => stage.name === "refined") && s.branches.find((one) => one.index === moment.branch)?.explains);
+};
 export const empty = (s) => (momentOf(s)?.row ? "The refiner is not learned: there are no pictures that it saw." : "Nothing was refined yet.");
 
 export function render() {
