@@ -143,7 +143,7 @@ def test_a_refiner_that_is_not_learned_saw_nothing(opened: Callable[..., Debugge
     d = opened(p.RunVerb())
     answer = asked(d, p.CropsWanted(k=3, obj=0))
     assert answer["steps"] == []
-    assert "not learned" in answer["why_none"]
+    assert "not learned" in answer["empty"]
     assert not branches_message(d.space)["list"][0]["explains"]
 
 
@@ -165,7 +165,7 @@ def test_the_refiner_of_a_recording_shows_what_it_saw(tmp_path: Path):
     d = Debugger(Workspace(SESSION, None, Explaining, recording=path))
     branch = d.space.work.first
     answer = asked(d, p.CropsWanted(k=1, obj=branch.run.iterations[0].instance_id, branch=branch.index))
-    assert (answer["why_none"], len(answer["steps"])) == ("", 1)
+    assert (answer["empty"], len(answer["steps"])) == ("", 1)
     assert branches_message(d.space)["list"][0]["explains"]
 
 

@@ -16,7 +16,7 @@ export function render() {
   const moment = useStore(momentOf);
   const answer = useLatest({ what: "crops", branch: moment.branch, k: moment.k, obj: moment.obj }, "crops", `${moment.branch} ${moment.obj}`);
   if (!answer) return html`<p class="empty">Asking the refiner what it saw.</p>`;
-  if (answer.gone || answer.why_none) return html`<p class="empty">${answer.gone ?? answer.why_none}</p>`;
+  if (answer.gone || answer.empty) return html`<p class="empty">${answer.gone ?? answer.empty}</p>`;
   return html`<div class="tab refiner">
     <p class="summary">${answer.refiner} in iteration ${answer.k}${answer.start ? `: ${answer.start}` : ""}.</p>
     ${answer.steps.map((step, i) => html`<figure key=${step.url}><img src=${addressOf(step.url)} alt=${`what the refiner saw at step ${i + 1}`} />
