@@ -16,9 +16,9 @@ from PIL import Image
 from tests.batch.frames import make_frames
 from tests.scenes.bop_folder import Made
 from verefine_viz.commands.dataset_check import check_split
-from verefine_viz.commands.dataset_parts import Parts, runnable_parts, splits_of
+from verefine_viz.commands.dataset_parts import Parts, runnable_parts
 from verefine_viz.commands.datasets import CATALOGUE, Datasets
-from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
+from verefine_viz.core.errors import SettingsError, UnavailableError
 
 
 @pytest.fixture
@@ -243,17 +243,6 @@ def test_damage_in_one_scene_leaves_the_ground_truth_of_the_others(made: Made) -
     assert missing(parts)["study:"] == ""
 
 
-def test_camera_poses_are_counted(made: Made) -> None:
-    def only_the_first(content: dict[str, Any]) -> None:
-        content["0"]["cam_R_w2c"] = [1, 0, 0, 0, 1, 0, 0, 0, 1]
-
-    made.edit("scene_camera.json", only_the_first)
-    (poses,) = [f.result for f in check_split(made.root, "test").findings if f.name == "camera poses"]
-    assert poses == "known for 1 of 2 frames checked; in the others scene.gravity world takes the table's normal"
-    # It is so, and nothing is wrong with it.
-    assert advice(made) == {}
-
-
 def test_scores_need_targets_and_objects_without_a_diameter_are_named(made: Made) -> None:
     entries = [{"scene_id": 7, "im_id": 0, "obj_id": 5, "inst_count": 1}]
     (made.root / "test_targets_bop19.json").write_text(json.dumps(entries))
@@ -265,13 +254,6 @@ def test_scores_need_targets_and_objects_without_a_diameter_are_named(made: Made
     assert advice(made) == {}, "it can be solved"
     (made.root / "models" / "models_info.json").unlink()
     assert "models_info.json does not exist" in missing(check_split(made.root, "test"))["evaluate:"]
-
-
-def test_of_many_data_sets_in_a_folder_the_first_are_named_and_how_many_more_there_are(tmp_path: Path) -> None:
-    for k in range(8):
-        (tmp_path / f"data{k}" / "test" / "000001").mkdir(parents=True)
-    with pytest.raises(InputError, match=r"did you mean \S+/data0 or .*/data5 and 2 more\?$"):
-        splits_of(tmp_path)
 
 
 def test_offline_the_error_says_what_to_fetch_by_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from tests.changing import replace
 from tests.failing_scenes import GENERATORS, broken_scene, named
 from tests.fakes import OneFrame
 from tests.made_up_frames import Thing as Made
-from tests.made_up_frames import comes_right, frame_of, model, near, standing
+from tests.made_up_frames import frame_of, model, near, standing
 from verefine_viz.batch.summary import worst_iteration
 from verefine_viz.core.geometry import transform
 from verefine_viz.diagnosis.case import CONTROLS, FIRST_CONTROLS, HELPS, Control, ErrorOf
@@ -176,14 +176,6 @@ def sound_scene(n_hypotheses: int = 2) -> tuple[Toolbox, Any]:
     T = standing(m, rng)
     toolbox = Toolbox(resolve({"method": {"name": "rir", "refiner": "icp", "iterations": 3}}))
     return toolbox, toolbox.ordered(frame_of([Made(m, T, near(T, rng, n_hypotheses, 8, 8))], rng))
-
-
-def test_what_came_out_right_needs_no_diagnosis() -> None:
-    toolbox, problem = sound_scene()
-    assert comes_right(toolbox, problem)
-    run = toolbox.run(problem)
-    run.finish()
-    assert diagnose(run, toolbox) == ()
 
 
 def test_the_threshold_decides_what_failed() -> None:

@@ -68,12 +68,6 @@ def test_an_edit_holds_in_the_frames_that_have_its_hypothesis():
     assert elsewhere == []
 
 
-def test_a_session_opens_at_the_frame_of_its_edits():
-    d = opened(session(edit_of(0, frame="0/2")))
-    assert d.space.frame == "0/2"
-    assert shown(d.carry_out([p.Open(frame="0/1")])) == ([], ["hypothesis 1 of instance 0 in frame 0/2"])
-
-
 def test_what_lies_behind_the_end_of_the_run_is_noted():
     posted = Posted()
     late = edit_of(0, frame="0/1", after=999)

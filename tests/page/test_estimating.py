@@ -98,10 +98,3 @@ def test_a_reopened_session_gives_an_object_its_own_initial_poses_back(session: 
     assert sources(again) == FROM_SESSION
     with pytest.raises(InputError, match="already has the session's initial poses"):
         again.apply(None, p.Estimate(1, "session", max(again.space.branches)))
-
-
-def test_an_object_that_is_not_there_is_refused(session: Session):
-    d = opened(session)
-    with pytest.raises(InputError, match="unknown instance 9"):
-        d.apply(None, p.Estimate(9, "ppf"))
-    assert len(d.space.branches) == 1

@@ -39,7 +39,9 @@ def killed_run(path: Path, n_iterations: int, maps: bool) -> int:
 
 
 @pytest.mark.parametrize("maps", [True, False])
-def test_a_killed_run_keeps_all_its_iterations(tmp_path: Path, maps: bool) -> None:
+def test_a_killed_run_keeps_all_its_iterations_and_what_is_not_drawn_can_be(
+    tmp_path: Path, maps: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "run.rrd"
     last = killed_run(path, 33, maps)
     record = read_recording(path)
@@ -51,6 +53,10 @@ def test_a_killed_run_keeps_all_its_iterations(tmp_path: Path, maps: bool) -> No
     # The recording itself is there up to its last block.
     assert len(chunks_of(path)) > 5
     assert n_drawn(path) == (len(record.iterations) // 10 * 10 if maps else 0)
+    if not maps:
+        monkeypatch.setattr(Toolbox, "problem", lambda self, frame: box_problem(3))
+        (tmp_path / "out").mkdir()
+        assert n_drawn(drawn(tmp_path / "run.vfrun", tmp_path / "out")) == len(record.iterations)
 
 
 def test_a_run_file_is_drawn_as_it_would_have_been_while_it_ran(
@@ -65,17 +71,6 @@ def test_a_run_file_is_drawn_as_it_would_have_been_while_it_ran(
     assert rows(path) == rows(tmp_path / "live.rrd")
     whole = read_run_file(tmp_path / "run.vfrun")
     assert first_difference(read_recording(path).iterations, whole.iterations) is None
-
-
-def test_what_a_killed_writer_has_not_drawn_is_drawn_from_its_run_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    killed_run(tmp_path / "run.rrd", 33, maps=False)
-    monkeypatch.setattr(Toolbox, "problem", lambda self, frame: box_problem(3))
-    record = read_run_file(tmp_path / "run.vfrun")
-    (tmp_path / "out").mkdir()
-    path = drawn(tmp_path / "run.vfrun", tmp_path / "out")
-    assert n_drawn(path) == len(record.iterations)
 
 
 def test_maps_are_drawn_from_a_record_too(tmp_path: Path) -> None:

@@ -9,13 +9,15 @@ from typing import get_args
 
 import msgspec
 import numpy as np
+import pytest
 
 from tests.changing import replace
 from tests.fakes import BOX_M, FakeRefiner, FakeSimulator, FakeVerifier, box_problem
 from tests.methods.test_flips import run_of as flipping
 from tests.methods.test_flips import turned
-from verefine_viz.core.algorithm_settings import BreakpointSettings
+from verefine_viz.core.algorithm_settings import MOST, BreakpointSettings
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.problem import DependencyGraph, Hypothesis, Placed, Problem, Target
 from verefine_viz.core.records import EventKind, Iteration
@@ -24,7 +26,7 @@ from verefine_viz.core.settings import MethodSettings, PhysicsSettings, ScoreSet
 from verefine_viz.methods.registry import make_method
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.rendering.cpu_verifier import CpuVerifier
-from verefine_viz.run.breakpoints import hits
+from verefine_viz.run.breakpoints import UNITS, hits, number_of, with_changes
 from verefine_viz.run.engine import Run
 
 PROBLEM = box_problem(2)
@@ -197,3 +199,32 @@ def test_a_score_that_is_not_a_number_is_reported_and_stops_the_run(tmp_path: Pa
 
 def test_what_stands_is_not_called_unstable(tmp_path: Path) -> None:
     assert "unstable" not in kinds(standing(tmp_path).iterations)
+
+
+# Settings of breakpoints; when each stops a run is in tests/run/test_every_event.py.
+
+
+def test_the_number_of_a_breakpoint_that_is_off_waits() -> None:
+    off = with_changes(BreakpointSettings(jump_mm=25.0), (("jump_mm", None), ("waiting.jump_deg", 4.0)))
+    assert (off.jump_mm, off.jump_deg) == (None, None)
+    assert [number_of(off, name) for name in UNITS] == [None, 25.0, 4.0, None]
+    assert with_changes(off, (("jump_mm", None),)) == off
+    on = with_changes(off, (("jump_mm", 7.0),))
+    assert (on.jump_mm, on.waiting.jump_mm, number_of(on, "jump_mm")) == (7.0, None, 7.0)
+    assert with_changes(off, (("waiting.jump_mm", 3.0),)).waiting.jump_mm == 3.0
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_no_threshold_is_refused_in_one_line(name: str) -> None:
+    for where, value in (("", -1.0), ("waiting.", float("nan")), ("", "far")):
+        with pytest.raises(SettingsError, match=f"give a number from 0 to {MOST[name]}"):
+            with_changes(BreakpointSettings(), ((where + name, value),))
+
+
+def test_what_is_no_breakpoint_or_neither_on_nor_off_is_refused() -> None:
+    with pytest.raises(SettingsError, match="the breakpoint unstable cannot be 7: give on or off"):
+        with_changes(BreakpointSettings(), (("unstable", 7),))
+    with pytest.raises(SettingsError, match=r"unknown breakpoint 'jump'; did you mean 'jump_mm'[?] available: "):
+        with_changes(BreakpointSettings(), (("jump", 1.0),))
+    with pytest.raises(SettingsError, match=r"unknown breakpoint 'waiting.unstable'"):
+        with_changes(BreakpointSettings(), (("waiting.unstable", 1.0),))

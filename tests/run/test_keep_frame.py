@@ -14,12 +14,15 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 from tests.fakes import BOX_M, box_problem
 from tests.run.kept_frames import assert_same_files, box_mesh, files_in, found, keep, kept, reopened
 from verefine_viz.core.errors import InputError
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
+from verefine_viz.scenes.meshes import read_mesh
+from verefine_viz.scenes.models import model_of_mesh
 
 
 @pytest.fixture
@@ -302,3 +305,43 @@ def test_folders_and_names_of_others_are_left_alone(tmp_path: Path, mesh: Path) 
     with pytest.raises(InputError, match=r"box is another mesh than before in .*; give it another name"):
         kept(tmp_path / "kept", problem, [dict(good, mesh=tmp_path / "other.stl", name="box")])
     assert {path: path.read_bytes() for path in (tmp_path / "kept").rglob("*") if path.is_file()} == before
+
+
+# A model that was saved with a frame has the texture that its mesh had.
+
+
+def textured_mesh(path: Path, colour: tuple[int, int, int]) -> Path:
+    """The box with a texture whose left half has another colour than its right one."""
+    image = Image.new("RGB", (8, 8), colour)
+    image.paste((9, 9, 200), (0, 0, 4, 8))
+    bare = trimesh.creation.box(BOX_M)
+    bare.unmerge_vertices()
+    uv = bare.vertices[:, :2] / BOX_M[:2] + 0.5
+    bare.visual = trimesh.visual.TextureVisuals(uv, image=image)
+    bare.export(path)
+    return path
+
+
+def test_an_object_keeps_its_texture(tmp_path: Path) -> None:
+    problem = box_problem()
+    textured = textured_mesh(tmp_path / "box.glb", (200, 9, 9))
+    for _ in range(2):
+        kept(tmp_path / "kept", problem, [found(problem, textured)])
+    before = model_of_mesh(read_mesh(textured, 1.0), 1, "box", 10, 0)
+    after = reopened(tmp_path / "kept").problem("1/2").models[1]
+    # The order of faces may have changed, their colours where they are may not.
+    rng = np.random.default_rng(0)
+    weights = rng.dirichlet([1, 1, 1], len(before.faces))
+    points = np.einsum("fk,fkj->fj", weights, before.vertices[before.faces])
+    mesh = trimesh.Trimesh(after.vertices, after.faces, process=False)
+    nearest, _, faces = trimesh.proximity.closest_point(mesh, points)
+    np.testing.assert_allclose(nearest, points, atol=1e-9)
+    there = trimesh.triangles.points_to_barycentric(after.vertices[after.faces[faces]], points)
+    expected = before.colors(np.arange(len(before.faces)), weights)
+    np.testing.assert_allclose(after.colors(faces, there), expected, atol=1)
+    assert len(np.unique(expected.round(), axis=0)) > 1
+    files = files_in(tmp_path / "kept")
+    other = found(problem, textured_mesh(tmp_path / "other.glb", (9, 200, 9)))
+    with pytest.raises(InputError, match="box is another mesh than before"):
+        kept(tmp_path / "kept", problem, [dict(other, name="box")])
+    assert_same_files(files_in(tmp_path / "kept"), files)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,8 @@ import pytest
 from msgspec import structs
 
 from tests.fakes import box_problem
-from verefine_viz.core.errors import SettingsError
+from tests.scenes.bop_folder import make
+from verefine_viz.core.errors import InputError, SettingsError
 from verefine_viz.core.geometry import transform
 from verefine_viz.core.settings import Change
 from verefine_viz.physics.simulator import BulletSimulator
@@ -79,6 +82,26 @@ def test_a_solid_that_is_not_as_it_was_asked_for_is_noted(monkeypatch: pytest.Mo
     monkeypatch.setattr(BulletSimulator, "collider", lambda *given: replace(made_in_time(*given), took_too_long=True))
     notes = Toolbox(resolve(RAW)).problem("0/0").notes
     assert len([n for n in notes if n.startswith("object 2 (duck): physics takes it for its convex hull, ")]) == 1
+
+
+def test_an_object_of_which_no_solid_can_be_made_is_left_out_and_the_others_go_on(tmp_path: Path) -> None:
+    made = make(tmp_path)
+    flat = made.root / "models" / "obj_000005.ply"
+    flat.write_text(re.sub(r"(?m)^(-?[\d.]+) (-?[\d.]+) -?[\d.]+$", r"\1 \2 0", flat.read_text()))
+    raw: dict[str, Any] = {
+        "scene": {"source": "bop", "dataset": str(made.root), "model_points": 200},
+        "method": {"iterations": 1},
+    }
+    box = Toolbox(resolve(raw))
+    problem = box.problem(made.frame)
+    assert [i.obj_id for i in problem.instances] == [2, 2]
+    assert [n for n in problem.notes if n.startswith("object 5 is left out: ") and "physics.enabled = false" in n]
+    assert [(one.instance_id, one.obj_id, one.is_unreadable) for one in problem.left_out] == [(1, 5, True)]
+    assert all(best is not None for best in box.run(problem).finish().best)
+    assert len(Toolbox(resolve({**raw, "physics": {"enabled": False}})).problem(made.frame).instances) == 3
+    only_flat = resolve({**raw, "scene": {**raw["scene"], "objects": [5]}})
+    with pytest.raises(InputError, match="no instance of frame 7/3 can be solved: object 5 is left out"):
+        Toolbox(only_flat).problem(made.frame)
 
 
 def test_hypotheses_out_of_reach_are_left_out_with_a_note() -> None:
