@@ -6,6 +6,7 @@ import re
 import tomllib
 from itertools import pairwise
 from pathlib import Path
+from typing import get_args
 
 import msgspec
 
@@ -13,7 +14,12 @@ import verefine_viz
 from verefine_viz import cli
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.presets import preset_fields
-from verefine_viz.core.settings import Session
+from verefine_viz.core.setting_types import descriptions
+from verefine_viz.core.settings import MethodSettings, Session
+from verefine_viz.methods.registry import ALL_METHOD_NAMES
+from verefine_viz.page.protocol import AnyVerb, AnyWant, Verb, Wanted
+from verefine_viz.page.verbs import HANDLERS
+from verefine_viz.page.wants import ANSWERS
 from verefine_viz.run.session_file import resolve
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -110,6 +116,21 @@ def test_every_number_that_the_code_refers_to_is_a_heading() -> None:
     }
     assert len(referred) > 50
     assert {(source, number) for source, number in referred if number not in headings} == set()
+
+
+def test_every_method_is_in_the_help_and_in_the_document_of_methods() -> None:
+    helped = set(re.findall(r"\w+", descriptions(MethodSettings)["name"]))
+    for name in ALL_METHOD_NAMES:
+        assert name in helped, name
+        assert f"`{name}`" in text(METHODS), name
+
+
+def test_every_verb_and_want_of_the_page_is_decoded_answered_and_described() -> None:
+    described = text(ROOT / "docs" / "page.md")
+    for base, decoded, answered in ((Verb, AnyVerb, HANDLERS), (Wanted, AnyWant, ANSWERS)):
+        assert set(base.__subclasses__()) == set(get_args(decoded)) == answered.keys()
+        for kind in answered:
+            assert f"`{kind.__struct_config__.tag}`" in described, kind
 
 
 def test_every_paper_section_that_is_named_is_one_of_the_paper() -> None:

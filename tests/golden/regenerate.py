@@ -1,8 +1,9 @@
-"""Writes the golden traces anew: ``python -m tests.golden.regenerate``. Review the difference as you review code."""
+"""Writes golden traces, of some methods or of all: ``python -m tests.golden.regenerate rir``. Review the difference."""
 
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 from verefine_viz.methods.registry import ALL_METHOD_NAMES
@@ -45,7 +46,7 @@ def trace(name: str) -> list[dict[str, object]]:
 
 def main() -> None:
     """Writes one file per method."""
-    for name in ALL_METHOD_NAMES:
+    for name in sys.argv[1:] or ALL_METHOD_NAMES:
         trace_file(name).write_text(json.dumps(trace(name), indent=1) + "\n")
 
 

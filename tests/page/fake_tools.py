@@ -37,6 +37,9 @@ class FakeTools:
         simulator = FakeSimulator() if s.physics.enabled else None
         return make_method(s.method, simulator, FakeRefiner(), self.verifier, s.physics.steps)
 
+    def refiner_of(self, index: int) -> Any:
+        return self.method.refiner
+
     def problem(self, frame: str) -> Problem:
         if frame not in self.frames:
             raise InputError(f"no frame {frame}")

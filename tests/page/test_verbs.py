@@ -14,9 +14,11 @@ from tests.page.conftest import SESSION, Posted
 from tests.page.fake_tools import FakeTools
 from verefine_viz.core.errors import InputError, VerefineError
 from verefine_viz.core.records import TIMES
+from verefine_viz.core.settings import SURROUNDINGS
 from verefine_viz.page import protocol as p
 from verefine_viz.page.protocol import read_verb, write_verb
 from verefine_viz.page.verbs import Debugger
+from verefine_viz.page.views.editable_settings import editable_settings
 from verefine_viz.page.workspace import Workspace
 
 T_MOVED = (1.0, 0, 0, 0.05, 0, 1, 0, 0.08, 0, 0, 1, 0.7, 0, 0, 0, 1)
@@ -58,6 +60,16 @@ def test_restart_that_discards_branches_asks_first(debugger: Debugger):
     assert len(debugger.space.branches) == 2
     debugger.carry_out([read_verb(json.dumps(refused.value.offer["verb"]))])
     assert len(debugger.space.branches) == 1
+
+
+def test_every_number_among_the_settings_of_the_page_can_be_changed(debugger: Debugger):
+    for setting in editable_settings(SESSION):
+        section, _, name = setting["name"].partition(".")
+        if setting["kind"] not in ("int", "float") or name in SURROUNDINGS:
+            continue
+        value = setting["value"] + 1 if setting["kind"] == "int" else 0.9 * setting["value"] or 0.1
+        debugger.carry_out([p.Restart(debugger.space.work.first.index, {setting["name"]: value})])
+        assert getattr(getattr(debugger.space.work.first.settings, section), name) == value, setting["name"]
 
 
 def test_fork_shares_iterations_and_goes_on_from_the_edited_pose(debugger: Debugger):

@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
 
+from tests.fakes import FakeRefiner
 from tests.page.conftest import SESSION
 from tests.page.fake_tools import FakeTools
-from verefine_viz.core.problem import Placed
+from tests.page.recorded import Numbered, record
+from verefine_viz.core.arrays import Float
+from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED
+from verefine_viz.core.refiner_steps import RefinerStep
+from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.page import protocol as p
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.moment import pose_matrix
 from verefine_viz.page.verbs import Debugger
+from verefine_viz.page.views.branch_list import branches_message
 from verefine_viz.page.views.grasp import grasp
 from verefine_viz.page.views.rows import pose_list
 from verefine_viz.page.wants import ANSWERS
@@ -136,7 +143,30 @@ def test_a_refiner_that_is_not_learned_saw_nothing(opened: Callable[..., Debugge
     d = opened(p.RunVerb())
     answer = asked(d, p.CropsWanted(k=3, obj=0))
     assert answer["steps"] == []
-    assert "not learned" in answer["why_none"]
+    assert "not learned" in answer["empty"]
+    assert not branches_message(d.space)["list"][0]["explains"]
+
+
+class Explaining(Numbered):
+    """A program whose refiner shows what it saw."""
+
+    def refiner_of(self, index: int) -> ExplainedRefiner:
+        return ExplainedRefiner()
+
+
+class ExplainedRefiner(FakeRefiner):
+    def explain(self, target: Target, T_cam_obj: Float) -> list[RefinerStep]:
+        return [RefinerStep({"depth": target.observation.depth_m}, shift_m=np.array([1e-3, 0, 0]))]
+
+
+@pytest.mark.usefixtures("processes")
+def test_the_refiner_of_a_recording_shows_what_it_saw(tmp_path: Path):
+    path = record(tmp_path / "run.rrd", Session(method=MethodSettings(iterations=1)))
+    d = Debugger(Workspace(SESSION, None, Explaining, recording=path))
+    branch = d.space.work.first
+    answer = asked(d, p.CropsWanted(k=1, obj=branch.run.iterations[0].instance_id, branch=branch.index))
+    assert (answer["empty"], len(answer["steps"])) == ("", 1)
+    assert branches_message(d.space)["list"][0]["explains"]
 
 
 @pytest.mark.usefixtures("processes")

@@ -22,7 +22,7 @@ from verefine_viz.core.refiner_steps import LearnedRefiner, RefinerStep, Trained
 from verefine_viz.core.settings import Session
 from verefine_viz.pictures.refiner_crops import start_words, step_picture, step_words
 from verefine_viz.refiners.depth_net import LARGEST_RAD, DepthNet
-from verefine_viz.refiners.registry import REFINERS, make_refiner
+from verefine_viz.refiners.registry import REFINERS, WEIGHTS, make_refiner
 
 TARGET = box_problem().targets[0]
 STARTS = [h.T_cam_obj for h in box_problem(7).targets[0].instance.hypotheses]
@@ -36,9 +36,9 @@ def explained(folder: Path, answer: list[float]) -> RefinerStep:
 
 
 def test_only_learned_refiners_explain_themselves() -> None:
-    learned = {name for name in ("icp", "trimmed_icp", "identity", "depth_net", "depth_net_icp")
-               if isinstance(make_refiner(name, Session()), LearnedRefiner)}  # fmt: skip
-    assert learned == {"depth_net", "depth_net_icp"}
+    own_weights = REFINERS.keys() - {"densefusion"}
+    learned = {name for name in own_weights if isinstance(make_refiner(name, Session()), LearnedRefiner)}
+    assert learned == WEIGHTS.keys() & own_weights
 
 
 def test_the_steps_of_an_explanation_are_those_that_were_made() -> None:

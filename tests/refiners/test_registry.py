@@ -21,10 +21,7 @@ def test_icp_gets_the_sessions_settings_and_identity_changes_nothing() -> None:
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
-    said = (
-        "unknown refiner 'ipc'; did you mean 'icp'? "
-        "available: icp, trimmed_icp, depth_net, depth_net_icp, densefusion, identity"
-    )
+    said = f"unknown refiner 'ipc'; did you mean 'icp'? available: {', '.join(REFINERS)}"
     with pytest.raises(SettingsError, match=f"^{re.escape(said)}$"):
         make_refiner("ipc", Session())
 

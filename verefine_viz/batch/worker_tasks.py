@@ -1,4 +1,4 @@
-"""What workers of every kind are told: their task, and to use one thread. Imports nothing: see ``worker_process``."""
+"""What workers of every kind are given: their task, and one thread to use. Imports nothing: see ``worker_process``."""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import Target
+from verefine_viz.core.protocols import Refiner
 from verefine_viz.core.settings import Change, Session
 from verefine_viz.diagnosis.lost_poses import Discarded, discarded
 from verefine_viz.evaluation.matched_estimates import CORRECT
@@ -83,6 +84,14 @@ class Branch:
     def settings(self) -> Session:
         """The settings that it ends up with: a session that was read may change them on the way."""
         return changed(self.tools.session, merged([c.settings for c in sorted_changes(self.changes)]))
+
+    def refiner_of(self, index: int) -> Refiner | None:
+        """Return what refined in iteration ``index``: a recording has what came out of it, so it is made again.
+
+        Raises:
+            SettingsError: this program does not have the refiner of a recording.
+        """
+        return self.run.method_of(index).refiner if self.recording is None else self.tools.refiner_of(index)
 
     def evaluator_of(self, k: int) -> CachedEvaluator:
         """Return what evaluates by the settings of iteration ``k``; of the first where ``k`` is 0."""

@@ -19,6 +19,7 @@ _AXES = ("x", "y", "z")
 _NO_TURN_DEG = 0.05
 _NO_MOVE_MM = 0.05
 _REFINERS = {
+    "icp": "ICP",
     "trimmed_icp": "trimmed ICP",
     "depth_net": "depth net",
     "depth_net_icp": "depth net + ICP",
@@ -29,7 +30,7 @@ _REFINERS = {
 
 def refiner_name(name: str) -> str:
     """Write a refiner's name as people do."""
-    return _REFINERS.get(name, name.upper())
+    return _REFINERS.get(name, name.replace("_", " "))
 
 
 def source_of(hypothesis: Hypothesis) -> str:

@@ -17,7 +17,7 @@ from msgspec.inspect import FloatType, IntType, StrType, StructType, TupleType, 
 from verefine_viz.core.errors import InputError, SettingsError, meant, quoted, unknown
 from verefine_viz.core.files import read_file
 from verefine_viz.core.presets import preset_fields
-from verefine_viz.core.setting_types import expected
+from verefine_viz.core.setting_types import expected, fields_of
 from verefine_viz.core.settings import SURROUNDINGS, Session
 from verefine_viz.core.writing import atomic, expand_home
 
@@ -26,10 +26,16 @@ Layer = tuple[str, Raw]
 """Where settings were written ("s.toml", "command line"), and what was written there, nested as in a session file."""
 TYPED = "command line"
 """Where settings come from that are in no file, in messages."""
-DURING_A_RUN = ("method", "icp", "tricp", "depth_net", "densefusion", "mcts", "score", "physics")
+_ESTIMATORS = ("ppf", "pcs")
+"""Sections that only an estimator of their name reads."""
+_BEFORE_IT = ("scene", "hypotheses", *_ESTIMATORS, "breakpoints", "recording")
+"""Sections of what comes before a run, and of what happens beside it."""
+AT_ITS_START = tuple(
+    name for name, field in fields_of(Session).items() if isinstance(field.type, StructType) and name not in _BEFORE_IT
+)
+"""Sections that can change when a run begins again on the same frame: all others."""
+DURING_A_RUN = tuple(name for name in AT_ITS_START if name not in ("dependency", "grasp"))
 """Sections that can change from one iteration to the next; of physics, what is simulated but not in which world."""
-AT_ITS_START = (*DURING_A_RUN, "dependency")
-"""Sections that can change when a run begins again on the same frame."""
 FILES = (
     ("dependency", "order_file"),
     ("depth_net", "weights"),
@@ -49,8 +55,6 @@ _READ_BY = {
     ("hypotheses", "files"): ("results",),
 }
 """The sources (of the same section) that read a field."""
-_ESTIMATORS = ("ppf", "pcs")
-"""Sections that only an estimator of their name reads."""
 _OPEN_QUOTE = ("character '\\n'", """Expected "'" (""")
 """The parser's message on a text that does not end in its line, or at all."""
 LARGEST_BYTES = 10_000_000

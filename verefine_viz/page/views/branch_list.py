@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.settings import Change, Edit
 from verefine_viz.page.branch import Branch, sorted_changes
 from verefine_viz.page.saved_session import edits_made
@@ -41,6 +42,7 @@ def _branch(space: Workspace, branch: Branch) -> Json:
         "total": max(run.n_iterations, run.length),
         "over": run.is_done,
         "method": branch.settings.method.name,
+        "explains": run.method.refiner is None or isinstance(run.method.refiner, LearnedRefiner),
         "settings": {name: value for name, _, value in settings_between(first, branch.settings)},
         "changes": [
             {"k": change.after_iteration, "settings": _dotted(change)} for change in sorted_changes(branch.changes)

@@ -18,7 +18,7 @@ from verefine_viz.page.workspace import Workspace
 def crops(space: Workspace, want: p.CropsWanted, blobs: Blobs) -> dict[str, Any]:
     """Return the refiner's steps in the latest iteration up to k that worked on the object: a picture and words each.
 
-    Of a finished run's answer it is the iteration that made it. ``why_none`` says why there are no steps.
+    Of a finished run's answer it is the iteration that made it. ``empty`` says why there are no steps.
     """
     from verefine_viz.pictures.refiner_crops import start_words, step_picture, step_words
 
@@ -29,16 +29,16 @@ def crops(space: Workspace, want: p.CropsWanted, blobs: Blobs) -> dict[str, Any]
     if is_answer and (answer := moment.object(want.obj).answer) is not None and answer.iteration:
         iteration = branch.run.iterations[answer.iteration - 1]
     if iteration is None:
-        return {"k": None, "why_none": "Nothing was refined yet.", "steps": []}
-    refiner, start = branch.run.method_of(iteration.index).refiner, iteration.before_refined
+        return {"k": None, "empty": "Nothing was refined yet.", "steps": []}
+    refiner, start = branch.refiner_of(iteration.index), iteration.before_refined
     none = {"k": iteration.index, "refiner": refiner_name(branch.settings.method.refiner), "steps": []}
     if not isinstance(refiner, LearnedRefiner):
-        return none | {"why_none": f"{none['refiner']} is not learned: it sees points, no pictures."}
+        return none | {"empty": f"{none['refiner']} is not learned: it sees points, no pictures."}
     if start is None:
-        return none | {"why_none": f"Iteration {iteration.index} did not refine."}
+        return none | {"empty": f"Iteration {iteration.index} did not refine."}
     steps = moment.evaluator.refiner_steps(refiner, moment.target, start.T_cam_obj)
     return none | {
-        "why_none": "" if steps else "The object does not show in the picture: the refiner saw nothing.",
+        "empty": "" if steps else "The object does not show in the picture: the refiner saw nothing.",
         "start": start_words(refiner, moment.target, start.T_cam_obj),
         "steps": [
             {"url": f"/blob/{blobs.put(_png(step_picture(step)), 'image/png')}", "words": step_words(step)}

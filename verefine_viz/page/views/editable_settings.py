@@ -11,9 +11,8 @@ from verefine_viz.methods.registry import ALL_METHOD_NAMES
 from verefine_viz.physics.registry import simulator_names
 from verefine_viz.refiners.registry import REFINERS
 from verefine_viz.rendering.registry import verifier_names
-from verefine_viz.run.session_file import DURING_A_RUN
+from verefine_viz.run.session_file import AT_ITS_START, DURING_A_RUN
 
-SECTIONS = ("method", "score", "physics", "icp", "tricp", "mcts", "dependency", "hypotheses", "grasp")
 _COMMON = (
     "method.name", "method.refiner", "method.iterations", "method.exploration", "method.discount", "score.verifier",
     "score.pixels", "score.tau_m", "score.alpha", "score.colour_weight", "score.plausibility_weight", "physics.enabled",
@@ -25,7 +24,7 @@ _COMMON = (
 def editable_settings(session: Session) -> list[dict[str, Any]]:
     """Return every setting that holds one value, with what is allowed, those changed most first."""
     rows = []
-    for section in SECTIONS:
+    for section in (*AT_ITS_START, "hypotheses"):
         settings = getattr(session, section)
         texts = descriptions(type(settings))
         for name, kind in kinds_of(type(settings)).items():

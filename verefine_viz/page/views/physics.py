@@ -41,7 +41,7 @@ def physics(space: Workspace, want: p.PhysicsWanted, blobs: Blobs) -> Json:
     moment = moment_of(branch, look)
     support = moment.problem.observation.support
     answer: Json = {
-        "why_none": _off_reason(branch),
+        "empty": _off_reason(branch),
         "doubts": doubts_of(branch, support),
         "surroundings": None if support is None else _surroundings(support),
         "objects": [],

@@ -23,7 +23,7 @@ export function render() {
   if (!answer) return html`<p class="empty">Working out what touches what.</p>`;
   if (answer.gone) return html`<p class="empty">${answer.gone}</p>`;
   return html`<div class="tab physics">
-    ${answer.why_none && html`<p class="summary">${answer.why_none}</p>`}
+    ${answer.empty && html`<p class="summary">${answer.empty}</p>`}
     ${answer.doubts.map((d) => html`<p class="doubt">${d}</p>`)}
     <${Focus} answer=${answer} moment=${moment} />
     <${Path} path=${answer.path} moment=${moment} />

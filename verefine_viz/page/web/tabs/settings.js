@@ -12,7 +12,7 @@ export const needs = (s) => Boolean(s.frame);
 export const empty = "Nothing is open.";
 
 const ESTIMATORS = { ppf: "point pair features", pcs: "congruent point sets", densefusion: "DenseFusion", session: "the session's own" };
-const SECTIONS = { method: "method", score: "score", physics: "physics", icp: "ICP", tricp: "trimmed ICP", mcts: "tree search", dependency: "order of objects", hypotheses: "initial poses", grasp: "grasp" };
+const SECTIONS = { icp: "ICP", tricp: "trimmed ICP", densefusion: "DenseFusion", mcts: "tree search", dependency: "order of objects", hypotheses: "initial poses" };
 
 // What was typed and is not in use yet, by name; another frame or start forgets it.
 Object.assign(state, { draft: {} });
@@ -66,7 +66,7 @@ export function render() {
       <p class=${none ? "dim" : ""}>${none ? "Change a setting, then choose what to do with it." : changed.map((one) => html`<span class="change">${shortName(one.name)}: ${shown(one.value)} → <b>${shown(draft[one.name])}</b></span>`)}</p>
     </div>
     <input class="filter" placeholder="filter all ${settings.length} settings" value=${filter} onInput=${(e) => setFilter(e.currentTarget.value)} />
-    ${groups.map(([section, list]) => html`<section key=${section}><h3>${SECTIONS[section] ?? section}</h3>
+    ${groups.map(([section, list]) => html`<section key=${section}><h3>${SECTIONS[section] ?? section.replaceAll("_", " ")}</h3>
       ${list.map((one) => html`<div key=${one.name} class=${`setting-row ${one.name in draft ? "changed" : ""}`} title=${`${one.name}${one.help ? `: ${one.help}` : ""}${one.can_fork ? "" : " (only from the start)"}`}>
         <label>${shortName(one.name)}</label><${Field} setting=${one} value=${draft[one.name] ?? one.value} onChange=${(value) => edit(one, value)} /></div>`)}
     </section>`)}
