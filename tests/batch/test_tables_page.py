@@ -27,7 +27,7 @@ def rows_of(heading: str) -> dict[str, list[str]]:
 
 
 def test_the_page_has_the_columns_of_the_table_and_what_they_say() -> None:
-    """Where this fails, put these lines into the page."""
+    """Where this fails: ``make tables``."""
     section = PAGE.split("\n## frames.csv\n")[1].split("\n## ")[0]
     lines = [line for line in section.splitlines() if line.startswith("| `")]
     assert lines == [f"| `{column.name}` | {column.text} |" for column in COLUMNS]
