@@ -19,7 +19,7 @@ from verefine_viz.core.geometry import quat_wxyz
 from verefine_viz.core.problem import ANSWER
 from verefine_viz.run.data_folder import data_at, open_session
 from verefine_viz.scenes.detections import encode_rle
-from verefine_viz.scenes.layouts import readers
+from verefine_viz.scenes.layouts import readers, traces
 from verefine_viz.scenes.source import open_scene
 
 DEPTH, MASK = picture()
@@ -199,10 +199,13 @@ def test_a_layout_is_recognized_and_read(case: Case, tmp_path: Path) -> None:
         assert np.array_equal(instance.mask, MASK)
 
 
-def test_a_folder_has_one_layout_at_most(tmp_path: Path) -> None:
+def test_each_folder_has_one_layout_and_each_layout_a_case(tmp_path: Path) -> None:
+    seen = {traces.Reader}  # tests/scenes/test_trace.py
     for k, case in enumerate(CASES):
         case.write(tmp_path / str(k))
-        assert sum(reader.recognizes(tmp_path / str(k) / case.opened) for reader in readers()) == 1
+        (own,) = (reader for reader in readers() if reader.recognizes(tmp_path / str(k) / case.opened))
+        seen.add(own)
+    assert seen == {*readers()}
 
 
 def test_what_is_damaged_in_a_layout_is_one_line(tmp_path: Path) -> None:
