@@ -8,6 +8,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from verefine_viz.core.errors import VerefineError
+from verefine_viz.core.files import read_file
+from verefine_viz.run.session_file import LARGEST_BYTES
+
 
 def titled(files: Sequence[Path]) -> list[dict[str, str]]:
     """Name session files by their titles; one without a title by its scene and a number, which gives nothing away."""
@@ -21,8 +25,8 @@ def titled(files: Sequence[Path]) -> list[dict[str, str]]:
 @lru_cache(maxsize=256)
 def _title_and_scene(path: Path, changed_ns: int) -> tuple[str, str]:
     try:
-        content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        content: dict[str, Any] = tomllib.loads(read_file(path, most_bytes=LARGEST_BYTES).decode())
+    except (VerefineError, ValueError):
         return path.stem, ""
     scene = content.get("scene")
     known = scene if isinstance(scene, dict) else {}

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from verefine_viz.core.errors import InputError, one_line
+from verefine_viz.core.files import read_file
 from verefine_viz.core.settings import Session
 from verefine_viz.core.text_format import MOST_NAMED, first_of
 from verefine_viz.run.built_in_sessions import named_session
 from verefine_viz.run.results_session import SUFFIXES, results_session
-from verefine_viz.run.session_file import CAPTURE_HEAD, load_session
+from verefine_viz.run.session_file import CAPTURE_HEAD, LARGEST_BYTES, load_session
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.bop_files import (
     Inside,
@@ -58,7 +59,7 @@ def data_at(folder: Path, overrides: Mapping[str, Any]) -> KnownData | None:
     if not folder.is_dir():
         return None
     own = folder / SESSION
-    if own.is_file() and own.read_text("utf-8", errors="replace").startswith(CAPTURE_HEAD):
+    if own.is_file() and read_file(own, "session file", LARGEST_BYTES).startswith(CAPTURE_HEAD.encode()):
         return KnownData("kept frames", load_session(own, overrides))
     if recording := recording_in(folder):
         return _recorded(folder, recording, overrides)
