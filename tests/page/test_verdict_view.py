@@ -27,7 +27,7 @@ from verefine_viz.core.problem import (
 )  # fmt: skip
 from verefine_viz.core.scores import Scores
 from verefine_viz.core.settings import MethodSettings, PhysicsSettings, Session
-from verefine_viz.diagnosis.causes import Cause
+from verefine_viz.diagnosis.causes import Cause, cause_title
 from verefine_viz.diagnosis.lost_poses import Discarded
 from verefine_viz.diagnosis.signs import FinishedObject
 from verefine_viz.evaluation.pose_errors import PoseErrors
@@ -233,9 +233,10 @@ def test_the_batch_s_cause_stands_first_and_is_not_repeated():
     (own,) = view.finished_objects(branch)
     alone = view._object(branch, own, None)
     known = alone["findings"][0]["cause"]
-    for cause, n in ((Cause.BUDGET, len(alone["findings"]) + 1), (known, len(alone["findings"]))):
+    more = len(alone["findings"]) + 1
+    for cause, n in ((Cause.BUDGET, more), ("of_another_version", more), (known, more - 1)):
         row = SimpleNamespace(cause=str(cause), evidence="by re-runs", worst_iteration=2)
         shown = view._object(branch, own, row)
         assert len(shown["findings"]) == n
-        assert shown["words"] == view.TITLES[Cause(cause)]
+        assert shown["words"] == cause_title(cause)
         assert shown["findings"][0]["by_batch"] == (cause != known)

@@ -9,7 +9,7 @@ from typing import Any
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.problem import ANSWER, Placed, Target
 from verefine_viz.core.records import Best
-from verefine_viz.diagnosis.causes import ADVICE, TITLES, Cause, Finding
+from verefine_viz.diagnosis.causes import ADVICE, TITLES, Cause, Finding, cause_title
 from verefine_viz.diagnosis.impossible import impossible
 from verefine_viz.diagnosis.lost_poses import lost
 from verefine_viz.diagnosis.signs import FinishedObject, RunnerUp, signs
@@ -133,7 +133,7 @@ def _object(branch: Branch, o: FinishedObject, batch: Any | None) -> Json:
     also = _also_fits(o)
     tone, words = _words(branch, o, named, also is not None)
     if batch is not None and batch.cause and o.is_wrong and not branch.doubts():
-        words = TITLES[Cause(batch.cause)]
+        words = cause_title(batch.cause)
     return {
         "obj": o.instance_id,
         "label": o.label,
@@ -225,10 +225,10 @@ def _finding(finding: Finding, branch: Branch) -> Json:
 def _doubt_of_batch(row: Any) -> Json:
     return {
         "cause": row.cause,
-        "title": TITLES[Cause(row.cause)],
+        "title": cause_title(row.cause),
         "text": row.evidence,
         "k": row.worst_iteration,
-        "advice": ADVICE.get(Cause(row.cause), ""),
+        "advice": ADVICE.get(row.cause, ""),
         "try": None,
         "by_batch": True,
     }
