@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.made_runs import answer
-from verefine_viz.batch.totals import Doubts, doubts_in_words
+from verefine_viz.batch.totals import Doubts, describe_doubts
 from verefine_viz.run.record import DATA_FIRST, Answer
 
 LARGE = "objects appear 11% larger: check cam_K"
@@ -42,11 +42,11 @@ def row(im_id: int, doubt: str) -> Answer:
 
 def test_a_frame_counts_once_however_many_of_its_objects_say_so() -> None:
     rows = [row(1, ""), row(1, FAR), row(1, FAR), row(2, "")]
-    assert doubts_in_words([("rir", rows)]) == f"{DATA_FIRST} in frame 0/1, {FAR}."
+    assert describe_doubts([("rir", rows)]) == f"{DATA_FIRST} in frame 0/1, {FAR}."
 
 
 def test_of_several_runs_the_one_is_named() -> None:
     one, other = ("rir-0", [row(1, ""), row(2, FAR)]), ("rir-1", [row(1, LARGE), row(2, FAR)])
-    assert doubts_in_words([one, other]) == (
+    assert describe_doubts([one, other]) == (
         f"{DATA_FIRST} in 3 of 4 frames of 2 runs. In 2, such as 0/2 of rir-0, {FAR}. In frame 0/1 of rir-1, {LARGE}."
     )

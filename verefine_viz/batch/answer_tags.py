@@ -30,7 +30,7 @@ def answer_key(row: Answer) -> str:
 
 
 def read_tags(folder: Path) -> TagFile:
-    """What is kept beside a run; nothing where the file is not there.
+    """The tags of a run's answers; none where it has no file of them.
 
     Raises:
         InputError: the file cannot be read or is damaged.
@@ -40,7 +40,7 @@ def read_tags(folder: Path) -> TagFile:
 
 
 def save_tags(folder: Path, content: TagFile) -> None:
-    """Replaces the file as a whole.
+    """Write the tags of a run, its file as a whole.
 
     Raises:
         InputError: it cannot be written.
@@ -56,5 +56,5 @@ def checked_name(text: str) -> str:
     """
     name = " ".join(text.split())
     if not 0 < len(name) <= MOST_LETTERS:
-        raise InputError(f"{len(name)} letters are no tag; expected 1 to {MOST_LETTERS}")
+        raise InputError(f"a tag of {len(name)} letters; expected 1 to {MOST_LETTERS}")
     return name

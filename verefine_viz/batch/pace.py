@@ -38,9 +38,9 @@ class _Durations:
 class Pace:
     """Frames of a batch, several at a time, each by a worker that takes the next one when it is done.
 
-    A frame takes as long as it has objects. What is compiled and prepared once is left out. So are the frames that are
-    not like the others, as soon as there are others: the first of each worker, which loads libraries meanwhile. Times
-    are those of any clock [s]; one thread shows the frames, any may ask.
+    A frame's time grows with the number of its objects. What is compiled and prepared once is left out. So are the
+    frames that are not like the others, as soon as there are others: the first of each worker, which loads libraries
+    meanwhile. Times are those of any clock [s]; one thread reports the frames, any thread may ask.
     """
 
     def __init__(self) -> None:

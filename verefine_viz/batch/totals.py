@@ -74,7 +74,7 @@ class Doubts:
         return " ".join(sentences)
 
 
-def doubts_in_words(runs: Sequence[tuple[str, Iterable[Answer]]]) -> str:
+def describe_doubts(runs: Sequence[tuple[str, Iterable[Answer]]]) -> str:
     """:meth:`Doubts.describe` of the rows of one or several (run, rows); of several a frame is named with its run."""
     doubts, n_frames = Doubts(), 0
     for run, rows in runs:

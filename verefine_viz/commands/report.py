@@ -15,7 +15,7 @@ from verefine_viz.core.errors import SettingsError, quoted
 from verefine_viz.core.writing import check_file
 
 MOST_EMBEDDED, MOST_PICTURES = 200, 10_000
-"""The file holds them: so many are a gigabyte, and a hundred megabytes."""
+"""Most frames and pictures that the file holds: a gigabyte of the ones, a hundred megabytes of the others."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class ReportCommand:
     """Frames with a wrong answer that open in the file, the worst first, at most 200: 1 to 3 MB and a few seconds
     each. The others name the command that opens them. 0 = none."""
     beside: int = 0
-    """So many more frames with a wrong answer get a file each, in a folder beside the report that the report opens, at
+    """Further frames with a wrong answer that get a file each, in a folder beside the report that the report opens, at
     most 200."""
     pictures: int = 300
     """Answers that have a picture, the worst first, at most 10000: about 8 kB each."""

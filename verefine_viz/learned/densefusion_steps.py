@@ -41,7 +41,7 @@ YCBV_SHIFTS_MM = (
 
 @dataclass(frozen=True)
 class Classes:
-    """What a network's classes are."""
+    """The objects that a network knows, by class."""
 
     obj_ids: tuple[int, ...]
     """In the order of the classes."""
@@ -60,11 +60,11 @@ LINEMOD = Classes((1, 2, 4, 5, 6, 8, 9, 10, 11, 12, 13, 14, 15), 500, {})
 OFFICIAL_CLASSES = {len(known.obj_ids): known for known in (YCBV, LINEMOD)}
 """By the number of classes, which tells the official weights apart."""
 POINTS = 500
-"""Points of a network that states no number."""
+"""Points per object, of a network whose card states no number."""
 
 
 def classes_of(network: OnnxNetwork, settings: DenseFusionSettings) -> Classes:
-    """What the network's classes are: as the settings have it, else as its card has it.
+    """The network's classes: from the settings, else from its model card.
 
     Raises:
         InputError: the settings name another number of classes than it has, or none, and its own are unknown.

@@ -16,7 +16,7 @@ from verefine_viz.batch.answer_tags import TagFile, answer_key, checked_name, re
 from verefine_viz.batch.folder import SESSION_FILE
 from verefine_viz.batch.index import BatchIndex, Order, find_runs, has_finished_frame, read_batch, sort_key
 from verefine_viz.batch.runs import RUN_FILE, Runs
-from verefine_viz.batch.totals import doubts_in_words
+from verefine_viz.batch.totals import describe_doubts
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.settings import Session
 from verefine_viz.page.workspace import Records
@@ -140,7 +140,7 @@ class Gallery:
     @cached_property
     def doubt(self) -> str:
         """In how many frames the data are in doubt, and why; empty where none are."""
-        return doubts_in_words([(run, index.rows) for run, index in self.runs.items()])
+        return describe_doubts([(run, index.rows) for run, index in self.runs.items()])
 
     def sorted_by(self, order: Order) -> tuple[GalleryEntry, ...]:
         """Everything in one of ``batch.index.ORDERS``."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.motion_table import MotionTrack, read_tracks
-from verefine_viz.batch.totals import doubts_in_words
+from verefine_viz.batch.totals import describe_doubts
 from verefine_viz.core.arrays import Float
 from verefine_viz.evaluation.bootstrap import Spread
 from verefine_viz.grasping.grasp_trial import Verdict
@@ -93,7 +93,7 @@ def _section(section: Section, bop: BopRecalls, keys: Mapping[int, int], names: 
             "group": section.groups.index(comparison.best.group), "text": step.text, "key": keys[id(step.begin)],
             "begin": f"{step.begin.name} in frame {step.begin.frame}",
         },
-        "doubt": doubts_in_words([(names[id(run)], run.rows) for run in section.runs]),
+        "doubt": describe_doubts([(names[id(run)], run.rows) for run in section.runs]),
         "has_truth": comparison.has_truth,
         "same_objects": section.has_same_objects,
         "bop": bop.note,

@@ -12,7 +12,7 @@ from rich.table import Table
 MATH = {"VF_b": "VF$_b$", "VF_d": "VF$_d$", "r̄": r"$\bar{r}$", "t̄": r"$\bar{t}$"}
 """Names that are set as formulas, in LaTeX and in figures."""
 TEX = MATH | {"&": r"\&", "%": r"\%", "#": r"\#", "°": r"$^\circ$", "–": "--", "<": "$<$", "_": r"\_"}
-"""What LaTeX has other words for; the longer ones come before what they hold."""
+"""What LaTeX spells otherwise; longer keys stand before those that they contain."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class PrintedTable:
     """What the numbers are; below the table."""
 
     def terminal(self) -> Table:
-        """For a console."""
+        """The table for a console."""
         table = Table(title=escape(self.title), caption=escape(self.note), box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
         table.title_justify = table.caption_justify = "left"
         for k, heading in enumerate(self.headings):
@@ -41,7 +41,7 @@ class PrintedTable:
         return table
 
     def markdown(self) -> str:
-        """With its title as a heading."""
+        """The table in Markdown, its title as a heading."""
         rule = ("---", *("---:" for _ in self.headings[1:]))
         rows = (
             tuple(f"**{c}**" if (r, k) in self.best else c for k, c in enumerate(row))
@@ -51,7 +51,7 @@ class PrintedTable:
         return "\n".join([f"## {self.title}", "", *lines, *(("", self.note) if self.note else ())])
 
     def latex(self) -> str:
-        """A float of its own, with the rules of the package booktabs."""
+        """The table as a LaTeX float, with the rules of the package booktabs."""
         caption = " ".join(f"{_tex(text)}." for text in (self.title, self.note.removesuffix(".")) if text)
         lines = [r"\begin{table}", r"  \centering", rf"  \caption{{{caption}}}"]
         lines += [rf"  \begin{{tabular}}{{l{'r' * (len(self.headings) - 1)}}}", r"    \toprule"]
@@ -69,5 +69,5 @@ def _tex(text: str) -> str:
 
 
 def with_formulas(text: str) -> str:
-    """The text for a figure."""
+    """The text with its formulas set, for a figure."""
     return re.sub("|".join(MATH), lambda word: MATH[word.group()], text)

@@ -52,7 +52,7 @@ def comparison(space: Workspace, want: p.ComparisonWanted, blobs: Blobs) -> Json
         "scores_alike": alike,
         "pairs": [[pair.instance_id, pair.n, pair.a, pair.b] for pair in pairs],
         "departures": [_departure(one) for one in differences if one is not None],
-        "words": departure_in_words(differences, min(effort_a.iterations, effort_b.iterations)),
+        "words": describe_departure(differences, min(effort_a.iterations, effort_b.iterations)),
         "rows": [_outcome(o, alike) for o in answers],
         "frame": _frame_scores(a, b, answers),
         "effort": {"a": _effort(effort_a), "b": _effort(effort_b)},
@@ -77,7 +77,7 @@ def names_of(a: Branch, b: Branch) -> tuple[str, str]:
     return name_a, name_b
 
 
-def departure_in_words(differences: Departures, n_both: int) -> str:
+def describe_departure(differences: Departures, n_both: int) -> str:
     """Say where two runs part: "A and B do the same for 1 iteration. Then in iteration 2 B works on hypothesis 3."."""
     deed, score = differences.deed, differences.score
     if deed is not None:

@@ -59,7 +59,7 @@ def landscape(space: Workspace, want: p.LandscapeWanted, blobs: Blobs) -> Json:
             "apart_mm": other.apart_mm,
             "words": describe(name, around, other),
         },
-        "near": turns_in_words(evaluator.near_symmetries(target.model)),
+        "near": describe_turns(evaluator.near_symmetries(target.model)),
     }
 
 
@@ -92,7 +92,7 @@ def _slice(two: Any, T_cam_obj: Any) -> Json:
     }
 
 
-def turns_in_words(symmetries: Sequence[NearSymmetry]) -> list[str]:
+def describe_turns(symmetries: Sequence[NearSymmetry]) -> list[str]:
     """List the turns after which a shape nearly looks the same: "180° about 3 axes: 1.4 to 1.8 mm apart"."""
     alike: dict[str, list[float]] = {}
     for axis in _by_axis(symmetries):

@@ -30,7 +30,7 @@ CAMERAS, GROUND_TRUTH = "info.yml", "gt.yml"
 T = TypeVar("T")
 
 
-class TruthEntry(msgspec.Struct, frozen=True):
+class GtYmlEntry(msgspec.Struct, frozen=True):
     """An object's entry in gt.yml."""
 
     obj_id: Id
@@ -107,8 +107,8 @@ class _Folder:
         return read_yaml(self.folder / CAMERAS, dict[int, CameraEntry])
 
     @cached_property
-    def truths(self) -> Mapping[int, tuple[TruthEntry, ...]]:
-        return read_yaml(self.folder / GROUND_TRUTH, dict[int, tuple[TruthEntry, ...]])
+    def truths(self) -> Mapping[int, tuple[GtYmlEntry, ...]]:
+        return read_yaml(self.folder / GROUND_TRUTH, dict[int, tuple[GtYmlEntry, ...]])
 
     @cached_property
     def are_counted_otherwise(self) -> bool:
