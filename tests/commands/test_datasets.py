@@ -129,7 +129,7 @@ def test_a_part_of_the_frames_of_the_targets_is_a_note_and_none_of_them_a_fault(
     assert missing(check_split(made.root, "test"))["evaluate:"].startswith("2 of the 3 images of test_targets_bop19")
     assert Datasets("check", str(made.root)).run([]) == 0
     wanted(5, 6)
-    assert advice(made)["targets"].startswith("none of them is here, such as 7/5: ")
+    assert advice(made)["targets"].startswith("none of them is here (the first is 7/5): ")
     assert Datasets("check", str(made.root)).run([]) == 1
 
 

@@ -167,7 +167,7 @@ def test_damaged_cache_is_rebuilt(tmp_path: Path, caplog: pytest.LogCaptureFixtu
         caplog.clear()
         with caplog.at_level(logging.WARNING):
             assert first_difference(first, collider(thing, "hull", tmp_path)) is None
-        assert f"{path} is damaged and made again" in caplog.text, damage[:20]
+        assert f"{path} is damaged; it is made again" in caplog.text, damage[:20]
         assert path.read_bytes() == intact, damage[:20]
 
 

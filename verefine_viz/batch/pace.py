@@ -30,7 +30,7 @@ class _Durations:
         return math.sqrt(max(self.mean_square - self.mean**2, 0.0))
 
     def with_late(self, taken: list[float]) -> float:
-        """The mean, with those that are not done yet after so long: long frames are the last to be counted."""
+        """The mean, with frames that are late counted by what they have taken so far [s per object]."""
         longest = [max(self.mean, seconds + self.spread) for seconds in taken]
         return (self.mean * self.n + sum(longest)) / (self.n + len(longest))
 

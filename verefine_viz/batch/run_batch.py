@@ -242,7 +242,7 @@ class _Batch:
             end = self._write_end("finished", spent_s)
         except BaseException:
             # Where the disk is the reason that it ends, the first error is the one to report.
-            with suppress(InputError):
+            with suppress(VerefineError):
                 self._write_end("stopped", spent_s)
             raise
         return self._outcome(end, rewritten)
@@ -325,10 +325,10 @@ class _Batch:
 
     @cached_property
     def _is_sequence(self) -> bool:
+        if self.task == "estimate":
+            return False
         scene = self.session.scene
-        if self.task == "estimate" or scene.sequence or self.session.method.track:
-            return self.task != "estimate"
-        return scene.source == "folder" and self._source.is_sequence
+        return scene.sequence or self.session.method.track or (scene.source == "folder" and self._source.is_sequence)
 
     def _write_end(self, status: str, spent_s: float) -> BatchFiles:
         """Writes tables and run.json; what is on the disk then."""
@@ -378,8 +378,10 @@ def _after(frames: Collection[str], all_frames: Sequence[str]) -> set[str]:
     scenes, after = set[int](), set[str]()
     for frame in sorted(all_frames, key=parse_frame):
         scene = parse_frame(frame)[0]
-        after |= {frame} if scene in scenes else set()
-        scenes |= {scene} if frame in frames else set()
+        if scene in scenes:
+            after.add(frame)
+        if frame in frames:
+            scenes.add(scene)
     return after
 
 

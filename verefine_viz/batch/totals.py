@@ -20,7 +20,7 @@ MOST_FAILURES = 10
 MOST_NOTES = 20
 """Different notes that are shown."""
 _NUMBER = re.compile(r" \(#\d+\)")
-"""Behind an object's name: another in each frame, and of no use in a table of many."""
+"""The number behind an object's name: it differs between frames, and is left out where frames are counted."""
 
 
 @dataclass
@@ -40,7 +40,7 @@ class Reason:
 
 
 class Doubts:
-    """What is in doubt in many frames. It stays as small as there are reasons, however many frames there are.
+    """What is in doubt in many frames. Its memory grows with the reasons, not with the frames.
 
     Two reasons that differ in their numbers only are the same.
     """
@@ -124,7 +124,7 @@ class BatchCounts:
     frames_done: int = 0
     frames_failed: int = 0
     objects: int = 0
-    """All that are known of, also those of failed frames."""
+    """All known objects, also those of failed frames."""
     answers_with_truth: int = 0
     objects_without_answer: int = 0
     """Without a hypothesis."""
@@ -191,7 +191,8 @@ class Totals:
             self._stages_ms[name] = self._stages_ms.get(name, 0.0) + ms
         self.notes.add(end.notes)
         for row in end.answers:
-            self._causes[row.cause] += row.cause != ""
+            if row.cause:
+                self._causes[row.cause] += 1
             if row.status == "ok":
                 self._times_ms.append(row.ms_total)
                 if row.score is not None:
@@ -206,7 +207,7 @@ class Totals:
             "frames": n_frames,
             **asdict(counts),
             "recall": counts.recall,
-            "causes": {cause: n for cause, n in self._causes.most_common() if cause},
+            "causes": dict(self._causes.most_common()),
             "data_in_doubt": self.doubts.describe(counts.frames_done),
             "notes": self.notes.counted(),
             "median_score": _median(self._scores),

@@ -80,7 +80,7 @@ def _check_models(dataset: BopDataset, parts: Parts) -> None:
 
 def _check_frames(dataset: BopDataset, parts: Parts) -> list[FrameIds]:
     frames: list[FrameIds] = []
-    why = "no scene_camera.json lists any; nothing else was checked"
+    why = "no scene_camera.json lists any"
     for scene_id in dataset.scene_ids:
         try:
             image_ids = dataset.image_ids(scene_id)
@@ -92,7 +92,7 @@ def _check_frames(dataset: BopDataset, parts: Parts) -> list[FrameIds]:
             why = str(error)
     n = len(dataset.scene_ids)
     parts.add("frames", f"{len(frames)} in {n} scene{'s' * (n != 1)}", "" if frames else "there is nothing to run")
-    parts.before_all = "" if frames else f"frames ({why})"
+    parts.before_all = "" if frames else f"frames ({why}); nothing else was checked"
     for note in dataset.sensor_notes(dict.fromkeys(scene_id for scene_id, _ in frames)):
         parts.add("sensor", note)
     try:
@@ -102,7 +102,7 @@ def _check_frames(dataset: BopDataset, parts: Parts) -> list[FrameIds]:
         return frames
     missing = sorted(targets.keys() - set(frames))
     if len(missing) == len(targets) > 0:
-        such = f"none of them is here, such as {frame_name(missing[0])}"
+        such = f"none of them is here (the first is {frame_name(missing[0])})"
         parts.add("targets", f"{len(targets)} frames", f"{such}: the targets belong to other images; all here are run")
     elif missing:  # Many fetch a part of a data set: no fault.
         here = f"{len(targets) - len(missing)} of its {len(targets)} frames are here"

@@ -15,7 +15,7 @@ from verefine_viz.core.errors import SettingsError, quoted
 from verefine_viz.core.writing import check_file
 
 MOST_EMBEDDED, MOST_PICTURES = 200, 10_000
-"""Most frames and pictures that the file holds: a gigabyte of the ones, a hundred megabytes of the others."""
+"""Largest numbers that are accepted: up to 600 MB of frames, and 80 MB of pictures."""
 
 
 @dataclass(frozen=True)

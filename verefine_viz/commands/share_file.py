@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.writing import check_file
 
 
 @dataclass(frozen=True)
@@ -19,12 +20,12 @@ class ShareCommand:
     what: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None
     """A recorded run (.vfrun, .rrd), the folder of a batch or of traces, or a session, which is run to its end."""
     out: Path | None = None
-    """The file; none = RUN.html in the working directory."""
+    """The file; none = RUN.html in the working directory, with the batch before RUN and the frame after it."""
     frame: Annotated[str | None, tyro.conf.arg(metavar="SCENE/IMAGE")] = None
     """Which frame of a folder; none = the one with the worst answer of a batch, else the first."""
     maps: Literal["end", "marked", "all"] = "marked"
-    """Which iterations have their score maps in the file: those that made the answers or that the verdict names, the
-    marked ones (switches of hypothesis aside) and the initial poses as well, or all."""
+    """Iterations with score maps in the file. end: those that made the answers or that the verdict names. marked: also
+    the marked ones (but switches of hypothesis) and the initial poses. all: every one."""
     scene: Annotated[bool, tyro.conf.arg(name="3d")] = True
     """Put the 3D view into the file, about 1 MB."""
 
@@ -35,9 +36,11 @@ class ShareCommand:
         if self.what is None:
             raise InputError("missing from verefine-viz share: RUN; see verefine-viz share --help")
         what = self.what.resolve()
+        stem = what.name if what.is_dir() else what.stem
         batch = f"{what.parent.parent.name}_" if what.is_file() and what.parent.name == "runs" else ""
         frame = f"_{self.frame.replace('/', '_')}" if self.frame else ""
-        out = self.out or Path(f"{batch}{what.stem}{frame}.html")
+        out = self.out or Path(f"{batch}{stem}{frame}.html")
+        check_file(out, "run.html")
         with Terminal(stderr=True).status("Working out what the file shows"):
             note = share(self.what, out, self.frame, self.maps, with_scene=self.scene)
         print(f"{note}\n{out} ({out.stat().st_size / 1e6:.1f} MB)", flush=True)

@@ -32,7 +32,7 @@ class StudyCommand:
     quick: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Fewer scenes, errors and seeds, same budgets; figures say so."""
     seeds: int | None = None
-    """How many times each frame is disturbed, at most 1000; more later add to what is there."""
+    """Disturbances of each frame, at most 1000; a later run with more adds to the results."""
     workers: int = max(os.cpu_count() or 1, 1)
     """Worker processes, no more than 4 per core; results are the same for any number, times aside."""
     settings: AnySettings = field(default_factory=SessionFlags)

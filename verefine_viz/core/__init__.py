@@ -1,1 +1,1 @@
-"""Types and contracts: geometry, camera, observation, problem, records, settings, protocols."""
+"""What every package imports: types, settings, protocols, errors, geometry, and files read and written safely."""

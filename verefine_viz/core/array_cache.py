@@ -36,7 +36,7 @@ def cached(
     waiting: str,
     is_sound: Callable[[T], bool] = lambda _: True,
 ) -> T:
-    """What a file holds, or what is made now and written to it; by one process or thread at a time.
+    """The content of a cache file; made and written where there is none to use, by one process or thread at a time.
 
     Args:
         file: .npz; its folder is made.
@@ -73,6 +73,8 @@ def read(file: Path, unpack: Callable[[Arrays], T]) -> T | None:
     """What a file holds; None if there is none that can be used, with a warning if it is damaged."""
     try:
         changed_ns = file.stat().st_mtime_ns
+    except FileNotFoundError:
+        return None
     except OSError:  # Reading it gives the reason.
         changed_ns = 0
     return _read_as_of(file, changed_ns, unpack)
@@ -80,14 +82,12 @@ def read(file: Path, unpack: Callable[[Arrays], T]) -> T | None:
 
 @lru_cache(maxsize=128)
 def _read_as_of(file: Path, changed_ns: int, unpack: Callable[[Arrays], T]) -> T | None:
-    """Arrays of a file that was last changed then, which is not read twice."""
-    if not file.exists():
-        return None
+    """The unpacked file as it was at ``changed_ns`` [ns]; read once."""
     try:
         with reading(file) as stream, NPZ_READING, np.load(stream, allow_pickle=False) as arrays:
             return unpack(arrays)
     except VerefineError as error:
-        log.warning("the cached file %s is damaged and made again (%s)", file, error)
+        log.warning("the cached file %s is damaged; it is made again (%s)", file, error)
         return None
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from msgspec import structs
 
-from verefine_viz.batch.completeness import result_rows
 from verefine_viz.batch.index import BatchIndex
 from verefine_viz.batch.runs import Runs
 from verefine_viz.core.errors import InputError, VerefineError
@@ -24,6 +23,7 @@ from verefine_viz.evaluation.ground_truth import (
     visible_targets,
 )
 from verefine_viz.evaluation.pose_table import pose_table
+from verefine_viz.run.answers import result_rows
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.results_csv import ResultRow

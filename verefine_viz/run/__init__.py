@@ -1,1 +1,1 @@
-"""Session files, the engine, history, breakpoints, and the composition root."""
+"""Runs: session files, engine, breakpoints, run files, tables, and the toolbox that makes the parts."""

@@ -47,9 +47,9 @@ COLUMNS = (
         "detections file, its rank by detection score",
     ),
     Column("obj_id", "BOP's number of the object's model"),
-    Column("name", "of the object"),
-    Column("method", "of the session (`method.name`)"),
-    Column("seed", "of the initial poses (`hypotheses.seed`)"),
+    Column("name", "name of the object's model"),
+    Column("method", "method of the session (`method.name`)"),
+    Column("seed", "seed of the initial poses (`hypotheses.seed`)"),
     Column("visib_fract", "visible share of the object, 0 to 1, where the data set says"),
     Column(
         "has_truth",
@@ -86,10 +86,10 @@ COLUMNS = (
         "objects declared symmetric ADD-S, from the nearest such point. Right is below 10 % of the "
         "diameter. [Measured on](#what-errors-are-measured-on) points sampled on the surface",
     ),
-    Column("initial_add_s_mm", "the same of the hypothesis with the best initial score [mm]"),
+    Column("initial_add_s_mm", "ADD(-S) of the hypothesis with the best initial score [mm]"),
     Column("rotation_deg", "rotation error of the answer [°], the smallest over declared symmetries"),
     Column("translation_mm", "translation error of the answer [mm]"),
-    Column("diameter_mm", "of the object [mm]"),
+    Column("diameter_mm", "diameter of the object's model [mm]"),
     Column("best_hypothesis", "number of the hypothesis that the answer comes from, from 1"),
     Column(
         "best_iteration", "the iteration that made the answer, counted over the frame; 0: a hypothesis as it was given"
@@ -105,13 +105,13 @@ COLUMNS = (
         "undetermined_mm",
         "how far the answer could be shifted, along an axis of the table or of the model, without the score"
         " falling by more than twice the standard deviation that noise of the depth image gives the "
-        "difference [mm]; at most 30. A connected interval around the answer, its longer side. The noise is"
+        "difference [mm]; at most 30: the longer side of a connected interval around the answer. The noise is"
         " measured in the frame itself",
     ),
     Column(
         "undetermined_deg",
-        "the same for turns, about an axis through what is seen of the object [°]; 180 about an axis of "
-        "symmetry, declared or not",
+        "how far the answer could be turned so, about an axis through what is seen of the object [°]; 180 about an "
+        "axis of symmetry, declared or not",
     ),
     Column("n_hypotheses", "hypotheses it started from"),
     Column("n_iterations", "iterations spent on it"),
@@ -122,7 +122,7 @@ COLUMNS = (
         "the ground`, or `no collision-free grasp`; [how](methods.md#84-grasping). Empty where it was not "
         "tried: no answer, an object of the frame without ground truth, no support plane",
     ),
-    Column("grasp_ground_truth", "the same by the ground-truth pose"),
+    Column("grasp_ground_truth", "how a simulated grasp by the ground-truth pose ends"),
     Column("events", "what happened in them and how often, by kind: `arm_switched 4; score_fell 1`"),
     Column("ms_refine", "time in the refiner [ms]", kind="time"),
     Column("ms_simulate", "time in the physics simulation [ms]", kind="time"),

@@ -76,7 +76,7 @@ class Reader:
         if detections and self._results is not None:
             with reading(self._results):
                 mask = decode_rle(detections[0].segmentation, depth_m.shape)
-        posed = [one for one in detections[:MOST_POSES] if one.R is not None]
+        posed = [one for one in detections if one.R is not None or one.t is not None][:MOST_POSES]
         hypotheses = tuple(Hypothesis(_pose(one), one.score, f"SAM-6D {k}") for k, one in enumerate(posed, 1))
         scores = tuple(one.score for one in posed)
         steps = tuple(RecordedStep(0, h.T_cam_obj, ANSWER, scores[0]) for h in hypotheses[:1])
@@ -86,7 +86,7 @@ class Reader:
         return RecordedFrame("0", intrinsics_of(camera, where), depth_m, rgb, (one,), notes=notes)
 
     def answers(self, name: str) -> Mapping[str, tuple[Float | None, float | None]]:
-        """None: one frame has no motion."""
+        """No answers: a single frame has no motion."""
         return {}
 
     def _file(self, name: str) -> Path | None:
