@@ -208,11 +208,11 @@ def _misled(o: FinishedObject, method: MethodInfo) -> Finding | None:
     detail = f", by {margin:.{distinguishing_digits(margin)}f}"
     blamed = blamed_pixels(o.score, right)
     if blamed is not None:
-        detail += f": {right.shares[blamed]:.0%} of it {blamed}"
+        detail += f": {right.shares[blamed]:.0%} of the ground truth's pixels {blamed}"
     how = f" ({errors.rotation_deg:.0f}° and {errors.translation_mm:.0f} mm off)"
     text = preferred(o.label, errors.relative, o.score, right, how)
     if not method.takes_turns:  # A scene's answer is not decided by this score alone.
-        text += " More iterations need not help: look at the depth there and at the score's settings."
+        text += " Look at the depth there and at the score's settings."
     numbers = {"score": o.score.score, "score_of_ground_truth": right.score, "error": errors.relative}
     return Finding(Cause.SCORE, text, numbers, iteration=answer.iteration, detail=detail)
 

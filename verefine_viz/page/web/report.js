@@ -300,7 +300,7 @@ function Change({ change, groups: [a, b] }) {
       ${counts.map(([words, n, tone]) => html`<span><b class=${n ? tone : ""}>${n}</b> ${words}</span>`)}
       ${kinds.map((kind) => html`<${Link} title="Show these answers"
         onClick=${() => showCards({ compared: [kind] })}>${kind}<//>`)}</div>
-    <div class="change">
+    <div class="pair-change">
       <${Drawing} x=${x} y=${y} square>
         <path class="limit" d=${`M0 100L100 0M${x.at(LIMIT)} 0V100M0 ${100 - y.at(LIMIT)}H100`} />
         ${known.map((o) => html`<${Dot} at=${[x.at(o.errors[0]), y.at(o.errors[1])]} color=${color(o)}

@@ -70,7 +70,7 @@ function Around({ moment, pose }) {
 function Other({ other, edit, fits }) {
   if (!other) return html`<p class="dim">Looking for another pose that fits equally well.</p>`;
   if (!other.other && fits) return html`<p class="doubt">Another pose explains the depth equally well: it is drawn as “fits as well”.</p>`;
-  if (!other.other) return html`<p class="dim">${other.gone ?? "No other pose fits equally well."}</p>`;
+  if (!other.other) return html`<p class="dim">${other.gone ?? "No separate second pose fits as well."}</p>`;
   return html`<div class="doubt"><p><b>Also fits:</b> ${other.other.words}</p>
     <div class="row"><${Button} engine title="edit this pose: see it in the image, the maps and 3D" onClick=${() => edit(other.other.T)}>Edit it<//></div></div>`;
 }
