@@ -20,7 +20,7 @@ from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import atomic
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.maps_sheet import maps_sheet
-from verefine_viz.page.opened import Opened
+from verefine_viz.page.page_state import PageState
 from verefine_viz.page.protocol import AnyVerb, Save, UnconfirmedError, write_verb
 from verefine_viz.page.saved_session import Saved, savable
 from verefine_viz.page.share import shared, write_shared
@@ -50,7 +50,7 @@ class Exporter:
         self._folder, self._progress, self._scene_page = folder, progress, scene_page
         self._written: dict[str, Path] = {}
 
-    def __call__(self, d: Opened, verb: Save) -> dict[str, Any]:
+    def __call__(self, d: PageState, verb: Save) -> dict[str, Any]:
         """Write a file and return message ``written``.
 
         Raises:
@@ -81,7 +81,7 @@ class Exporter:
         space.files[path.resolve()] = Saved(session, branch)
         return path, note
 
-    def _export(self, d: Opened, verb: Save) -> Path:
+    def _export(self, d: PageState, verb: Save) -> Path:
         branch = d.space.work.first if verb.what == "verbs" else d.space.branch(verb.branch)
         is_run_file = verb.what == "recording" and verb.name.endswith(SUFFIX)
         ending = SUFFIX if is_run_file else ENDINGS[verb.what]
@@ -172,7 +172,7 @@ class CheckedHistory:
             watcher.on_finish(state)
 
 
-def logged(d: Opened) -> list[AnyVerb]:
+def logged(d: PageState) -> list[AnyVerb]:
     """Return the verbs that lead to what is open; of a run that goes on, as far as it is now."""
     return [*d.log, *d.progress_verbs()]
 

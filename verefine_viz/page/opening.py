@@ -11,12 +11,12 @@ from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import expand_home
 from verefine_viz.page.gallery import GalleryEntry, open_gallery
 from verefine_viz.page.link import PageLink, read_link
-from verefine_viz.page.opened import Opened
+from verefine_viz.page.page_state import PageState
 from verefine_viz.page.protocol import Open
 from verefine_viz.run.session_file import load_session
 
 
-def open_other(d: Opened, verb: Open, window: int | None) -> None:
+def open_other(d: PageState, verb: Open, window: int | None) -> None:
     """Open what a verb names.
 
     Raises:
@@ -29,7 +29,7 @@ def open_other(d: Opened, verb: Open, window: int | None) -> None:
         _open(d, verb, window)
 
 
-def _open(d: Opened, verb: Open, window: int | None) -> None:
+def _open(d: PageState, verb: Open, window: int | None) -> None:
     space = d.space
     if verb.answer is not None:
         entry = open_gallery(d.gallery).answer(verb.answer)
@@ -58,7 +58,7 @@ def _open(d: Opened, verb: Open, window: int | None) -> None:
     d.show(None, None, None)
 
 
-def _open_link(d: Opened, link: PageLink, window: int | None) -> None:
+def _open_link(d: PageState, link: PageLink, window: int | None) -> None:
     """Open what a link names; the frame that is open stays where it is unless the link names an iteration."""
     space = d.space
     frame = link.frame or space.frame
@@ -84,7 +84,7 @@ def _open_link(d: Opened, link: PageLink, window: int | None) -> None:
         d.show(link.iteration, obj, window)
 
 
-def _open_answer(d: Opened, entry: GalleryEntry) -> None:
+def _open_answer(d: PageState, entry: GalleryEntry) -> None:
     path = open_gallery(d.gallery).loose_record(entry)
     if path is None:
         _enter(d, entry.run, entry.row.frame)
@@ -94,7 +94,7 @@ def _open_answer(d: Opened, entry: GalleryEntry) -> None:
     d.send_frame()
 
 
-def _enter(d: Opened, run: str, frame: str) -> None:
+def _enter(d: PageState, run: str, frame: str) -> None:
     """Open a frame of a batch run, with the session of that run; without a run a frame of the open session."""
     gallery, space = d.gallery, d.space
     if not run:
@@ -110,7 +110,7 @@ def _enter(d: Opened, run: str, frame: str) -> None:
     d.repeat_recorded()
 
 
-def _demo_session(d: Opened, name: str) -> tuple[Session, Path | None]:
+def _demo_session(d: PageState, name: str) -> tuple[Session, Path | None]:
     """Return the session of a built-in scene: that of the file of its name, or else the open one's settings."""
     if name not in d.demos:
         raise SettingsError(unknown("built-in scene", name, d.demos))

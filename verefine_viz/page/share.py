@@ -23,7 +23,7 @@ from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.bundle import InlinedBlobs, bundle, compressed, element, webp
 from verefine_viz.page.gallery import Gallery, GalleryEntry
 from verefine_viz.page.openable import path_of, read_openable
-from verefine_viz.page.opened import Opened
+from verefine_viz.page.page_state import PageState
 from verefine_viz.page.verbs import Debugger
 from verefine_viz.page.views.pixel_maps import ALIGNED
 from verefine_viz.page.wants import ANSWERS
@@ -179,7 +179,7 @@ def _real_parts() -> tuple[Callable[[Session], Toolbox], Checks]:
 
 
 def shared(
-    debugger: Opened,
+    debugger: PageState,
     command: str,
     maps: WithMaps = "marked",
     objects: Collection[int] | None = None,
@@ -224,7 +224,7 @@ def shared(
     return SharedRun(frame["title"], (hello, file, *known), tuple(answers), tuple(blobs.elements))
 
 
-def end_scene(debugger: Opened) -> str:
+def end_scene(debugger: PageState) -> str:
     """Return the 3D view of the end of the first branch as a page of its own."""
     from verefine_viz.page.scene3d.scene import Scene3D
     from verefine_viz.page.scene3d.viser_server import Viser3DServer

@@ -15,8 +15,8 @@ from verefine_viz.page import protocol as p
 from verefine_viz.page.branch import Branch
 from verefine_viz.page.gallery import open_gallery
 from verefine_viz.page.moment import labels_of, pose_matrix, state_of
-from verefine_viz.page.opened import Goal, Opened
 from verefine_viz.page.opening import open_other
+from verefine_viz.page.page_state import Goal, PageState
 from verefine_viz.page.protocol import AnyVerb
 from verefine_viz.page.reorder import reordered
 from verefine_viz.page.views.gallery_answers import answers_message
@@ -34,7 +34,7 @@ _NEW_RUNS = (p.Restart, p.Open, p.Order, p.Estimate)
 """Verbs after which other runs are there: what is computed ends before them."""
 
 
-class Debugger(Opened):
+class Debugger(PageState):
     """Carries out verbs on what is open."""
 
     def apply(self, window: int | None, verb: AnyVerb) -> None:
@@ -74,7 +74,7 @@ def _log_entry(verb: AnyVerb) -> AnyVerb:
 # Moving on
 
 
-def _look(d: Opened, verb: p.Look, window: int | None) -> None:
+def _look(d: PageState, verb: p.Look, window: int | None) -> None:
     if window != d.look_window:
         d.look_window = window
         d.post({"t": "scene3d", "window": window}, None)
@@ -82,28 +82,28 @@ def _look(d: Opened, verb: p.Look, window: int | None) -> None:
     d.on_look()
 
 
-def _step(d: Opened, verb: p.Step, window: int | None) -> None:
+def _step(d: PageState, verb: p.Step, window: int | None) -> None:
     d.step(d.space.branch(verb.branch))
 
 
-def _seek(d: Opened, verb: p.Seek, window: int | None) -> None:
+def _seek(d: PageState, verb: p.Seek, window: int | None) -> None:
     branch = d.space.branch(verb.branch)
     if branch.run.length < verb.k and not branch.run.is_done:
         d.compute(Goal(branch, verb.k))
 
 
-def _run(d: Opened, verb: p.RunVerb, window: int | None) -> None:
+def _run(d: PageState, verb: p.RunVerb, window: int | None) -> None:
     branch = d.space.branch(verb.branch)
     if branch.run.is_done:
         raise InputError("the run is over; restart it, or fork it with other settings")
     d.compute(Goal(branch, None, verb.until))
 
 
-def _pause(d: Opened, verb: p.Pause | p.Cancel, window: int | None) -> None:
+def _pause(d: PageState, verb: p.Pause | p.Cancel, window: int | None) -> None:
     d.pause()
 
 
-def _break(d: Opened, verb: p.Break, window: int | None) -> None:
+def _break(d: PageState, verb: p.Break, window: int | None) -> None:
     d.space.breakpoints = with_changes(d.space.breakpoints, verb.changes.items())
     d.post({"t": "breakpoints", "breakpoints": msgspec.to_builtins(d.space.breakpoints)}, None)
 
@@ -111,7 +111,7 @@ def _break(d: Opened, verb: p.Break, window: int | None) -> None:
 # Branches
 
 
-def _restart(d: Opened, verb: p.Restart, window: int | None) -> None:
+def _restart(d: PageState, verb: p.Restart, window: int | None) -> None:
     branch = d.space.branch(verb.branch)
     before = d.space.session_of(branch)
     d.space.restart(branch, verb.changes)
@@ -123,7 +123,7 @@ def _restart(d: Opened, verb: p.Restart, window: int | None) -> None:
         d.say(f"{lost} edited pose{'s are' if lost > 1 else ' is'} not moved again.")
 
 
-def _check_nothing_is_lost(d: Opened, branch: Branch, verb: p.Restart | p.Order) -> None:
+def _check_nothing_is_lost(d: PageState, branch: Branch, verb: p.Restart | p.Order) -> None:
     """Refuse a restart that discards other branches or edited poses, unless it was confirmed."""
     n_others, n_edits = len(d.space.branches) - 1, len(branch.run.edits) - len(branch.start.edits)
     lost = [f"{n_others} other branch{'es' if n_others > 1 else ''}"] if n_others else []
@@ -133,7 +133,7 @@ def _check_nothing_is_lost(d: Opened, branch: Branch, verb: p.Restart | p.Order)
         raise p.UnconfirmedError(text, "Restart all the same", replace(verb, discard=True))
 
 
-def _fork(d: Opened, verb: p.Fork, window: int | None) -> None:
+def _fork(d: PageState, verb: p.Fork, window: int | None) -> None:
     old, edit = d.space.branch(verb.branch), verb.edit
     moved = None if edit is None else (edit.obj, edit.arm, pose_matrix(edit.T))
     k = min(verb.k, old.run.length)
@@ -164,7 +164,7 @@ def _check_goes_on(old: Branch, k: int, edit: tuple[int, int, Float]) -> None:
         )
 
 
-def _branch(d: Opened, verb: p.BranchVerb, window: int | None) -> None:
+def _branch(d: PageState, verb: p.BranchVerb, window: int | None) -> None:
     branch = d.space.branch(verb.index)
     if verb.remove:
         d.pause(branch.index)
@@ -174,7 +174,7 @@ def _branch(d: Opened, verb: p.BranchVerb, window: int | None) -> None:
     d.send_branches()
 
 
-def _compare(d: Opened, verb: p.Compare, window: int | None) -> None:
+def _compare(d: PageState, verb: p.Compare, window: int | None) -> None:
     space, a = d.space, d.space.branch(verb.a)
     if verb.stop:
         space.work.compare = None
@@ -195,7 +195,7 @@ def _compare(d: Opened, verb: p.Compare, window: int | None) -> None:
         d.compute(Goal(b))
 
 
-def _estimate(d: Opened, verb: p.Estimate, window: int | None) -> None:
+def _estimate(d: PageState, verb: p.Estimate, window: int | None) -> None:
     space, branch, instance_id = d.space, d.space.branch(verb.branch), verb.obj
     labels = labels_of(space.problem)
     if instance_id not in labels:
@@ -211,7 +211,7 @@ def _estimate(d: Opened, verb: p.Estimate, window: int | None) -> None:
     d.say(f"{label} now has {n} initial pose{'s' if n != 1 else ''}; the run before is still there as a branch.")
 
 
-def _order(d: Opened, verb: p.Order, window: int | None) -> None:
+def _order(d: PageState, verb: p.Order, window: int | None) -> None:
     branch = d.space.branch(verb.branch)
     d.space.restart(branch, reordered(d.space, branch, verb))
     d.send_frame()
@@ -220,34 +220,34 @@ def _order(d: Opened, verb: p.Order, window: int | None) -> None:
 # Answers and files
 
 
-def _want(d: Opened, verb: p.Want, window: int | None) -> None:
+def _want(d: PageState, verb: p.Want, window: int | None) -> None:
     answer = ANSWERS[type(verb.of)](d.space, verb.of, d.blobs)
     d.post({"t": "answer", "id": verb.id, **answer}, window)
     if isinstance(verb.of, p.PhysicsWanted) and window == d.look_window:
         d.on_look()  # Overlaps and supports are known now.
 
 
-def _evaluate(d: Opened, verb: p.Evaluate, window: int | None) -> None:
+def _evaluate(d: PageState, verb: p.Evaluate, window: int | None) -> None:
     from verefine_viz.page.views.grasp import grasp
 
     answer = grasp(d.space, verb, d.blobs, d.progress)
     d.post({"t": "answer", "id": verb.id, **answer}, window)
 
 
-def _save(d: Opened, verb: p.Save, window: int | None) -> None:
+def _save(d: PageState, verb: p.Save, window: int | None) -> None:
     if d.write is None:
         raise InputError("nothing can be written here")
     written = d.write(d, verb)
     d.post({"t": "written", **written}, window)
 
 
-def _tag(d: Opened, verb: p.Tag, window: int | None) -> None:
+def _tag(d: PageState, verb: p.Tag, window: int | None) -> None:
     gallery = open_gallery(d.gallery)
     gallery.tag([gallery.answer(key) for key in verb.answers], verb.tag, verb.on)
     d.post(answers_message(gallery), None)
 
 
-HANDLERS: dict[type, Callable[[Opened, Any, int | None], None]] = {
+HANDLERS: dict[type, Callable[[PageState, Any, int | None], None]] = {
     p.Look: _look,
     p.Step: _step,
     p.Seek: _seek,

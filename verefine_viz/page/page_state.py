@@ -64,7 +64,7 @@ class Goal:
         return ((self.k or run.n_iterations) - run.length) * sum(self.seconds) / len(self.seconds)
 
 
-class Opened:
+class PageState:
     """What is open, and what happens to it.
 
     Args:
@@ -86,7 +86,7 @@ class Opened:
         gallery: Gallery | None = None,
         demos: Sequence[str] = (),
         sessions: Callable[[], Sequence[Path]] = tuple,
-        write: Callable[[Opened, p.Save], dict[str, Any]] | None = None,
+        write: Callable[[PageState, p.Save], dict[str, Any]] | None = None,
         progress: ProgressToken = NEVER_CANCELLED,
     ) -> None:
         self.space, self.post, self.blobs = space, post, blobs or Blobs()
