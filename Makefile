@@ -1,5 +1,5 @@
-# make app | make test | make test-fast | make test-lowest | make lint | make bench | make docs: each sets up what it needs; second
-# calls start in seconds.
+# make app | make test | make test-fast | make test-data | make test-lowest | make lint | make bench | make docs: each sets
+# up what it needs; second calls start in seconds.
 # Variables: SESSION=sessions/clutter.toml (what make app opens), PORT=8081 (where; 0 = any free one),
 # PYTHON=/path/to/python3.11, VENV=.venv, LOWEST=.venv-lowest, WORKERS=2
 
@@ -13,15 +13,16 @@ BIN = $(VENV)/bin
 PARALLEL = -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 SETUP = pyproject.toml scripts/install scripts/find-python
 
-.PHONY: help tables measured tour scores docs app test test-fast durations resolve-lowest test-lowest lint bench clean system-app system-test
+.PHONY: help tables measured tour scores docs app test test-fast test-data durations resolve-lowest test-lowest lint bench clean system-app system-test
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make app    open the page on a built-in scene (SESSION=sessions/x.toml for another, PORT=8081)"
 	@echo "make test   run every test, the browser tests too"
 	@echo "make test-fast  run the tests that start no process, browser or server: under two minutes"
+	@echo "make test-data  run the tests that use real frames beside the checkout, where there are some"
 	@echo "make durations  run every test and note in tests/durations.json how long each file takes"
-	@echo "make test-lowest  run quick tests with the lowest versions that pyproject.toml allows"
+	@echo "make test-lowest  run the fast tests with the lowest versions that pyproject.toml allows"
 	@echo "make lint   check format, style, types and layers"
 	@echo "make tables  write the columns of frames.csv into docs/tables.md"
 	@echo "make measured  draw the figures of docs/measured.md from docs/measured/*.csv, and fill in its tables"
@@ -46,12 +47,16 @@ durations:
 test-fast: $(VENV)/.ready-dev system-test
 	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m fast $(PARALLEL)
 
+test-data: $(VENV)/.ready-dev system-test
+	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m "data and not browser" $(PARALLEL)
+	VEREFINE_REQUIRE_ALL=1 $(BIN)/python -m pytest -m "data and browser" $(PARALLEL)
+
 # Whether the lowest versions that pyproject.toml allows go together; test-lowest runs with them.
 resolve-lowest: $(VENV)/.ready-dev
 	@$(BIN)/uv pip compile --quiet --resolution lowest-direct --extra dev --python $(BIN)/python pyproject.toml -o /dev/null
 
 test-lowest: system-app
-	@sh scripts/test-lowest $(LOWEST)
+	@WORKERS=$(WORKERS) sh scripts/test-lowest $(LOWEST)
 
 lint: $(VENV)/.ready-dev
 	$(BIN)/ruff format --check .

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from pathlib import Path
 
+import platformdirs
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -12,6 +14,9 @@ from tests.nothing_skipped import NO_DATA, pytest_runtest_makereport
 
 __all__ = ["pytest_runtest_makereport"]
 pytest_plugins = ["tests.tiers", "tests.durations", "pytester"]
+
+# Tests hide the user's cache, also from processes that they start: kernels are compiled once for all of them.
+os.environ.setdefault("NUMBA_CACHE_DIR", str(platformdirs.user_cache_path("verefine-viz") / "kernels"))
 
 # A busy machine is no failure; what is tested are laws, not times.
 settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])

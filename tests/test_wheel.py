@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 import subprocess
 import sys
 import sysconfig
@@ -17,6 +18,13 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 
 Call = Callable[..., subprocess.CompletedProcess[str]]
 
+KERNEL_CALL = """
+import numpy as np
+from verefine_viz.core.kernels import cache_folder
+from verefine_viz.refiners.nearest import NearestIndex, mean_distance
+print(mean_distance(np.array([[1.0, 0.0, 0.0]]), np.eye(4), NearestIndex.build(np.zeros((1, 3)))), cache_folder())
+"""
+
 
 @pytest.fixture(scope="module")
 def empty(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -25,36 +33,44 @@ def empty(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def call(processes: None, empty: Path, tmp_path_factory: pytest.TempPathFactory) -> Call:
-    """Calls a program of a fresh environment in an empty folder; other packages are those of the tests' environment."""
+def kernels(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder in which compiled functions are cached."""
+    return tmp_path_factory.mktemp("kernels")
+
+
+@pytest.fixture(scope="module")
+def call(processes: None, empty: Path, kernels: Path, tmp_path_factory: pytest.TempPathFactory) -> Call:
+    """Calls a program in an empty folder, of an environment in which the wheel was installed over an older version that
+    had been used; other packages are those of the tests' environment.
+    """
     folder = tmp_path_factory.mktemp("wheel")
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
     subprocess.run(build, cwd=REPOSITORY, check=True, capture_output=True, timeout=300)
     (wheel,) = folder.glob("verefine_viz-*.whl")
     venv.create(folder / "venv", with_pip=False)
     bin_folder = folder / "venv" / "bin"
-    uv = [
-        sys.executable,
-        "-m",
-        "uv",
-        "pip",
-        "install",
-        "--offline",
-        "--no-deps",
-        "--python",
-        str(bin_folder / "python"),
+    # Copies: links would lead into the cache of uv, and the older version is made by writing into files.
+    install = [
+        *(sys.executable, "-m", "uv", "pip", "install", "--offline", "--no-deps", "--reinstall", "--link-mode", "copy"),
+        *("--python", str(bin_folder / "python"), str(wheel)),
     ]
-    subprocess.run([*uv, str(wheel)], check=True, capture_output=True, timeout=300)
+    subprocess.run(install, check=True, capture_output=True, timeout=300)
     # Searched last, and .pth files in it are not followed: the repository is not on the path.
     site = next((folder / "venv" / "lib").glob("python*/site-packages"))
     (site / "dependencies.pth").write_text(sysconfig.get_path("purelib"))
-
     env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
 
     def called(program: str, *given: str) -> subprocess.CompletedProcess[str]:
         command = [str(bin_folder / program), *given]
-        return subprocess.run(command, cwd=empty, env=env, capture_output=True, text=True, timeout=300)
+        own = env | {"NUMBA_CACHE_DIR": str(kernels)}
+        return subprocess.run(command, cwd=empty, env=own, capture_output=True, text=True, timeout=300)
 
+    for source in (site / "verefine_viz").rglob("*.py"):
+        text = re.sub(r"\bNearestIndex\b", "OlderIndex", source.read_text(encoding="utf-8"))
+        source.write_text(text, encoding="utf-8")
+    used = called("python", "-c", KERNEL_CALL.replace("NearestIndex", "OlderIndex"))
+    assert (used.returncode, used.stdout.split()[0]) == (0, "1.0"), used.stderr
+    subprocess.run(install, check=True, capture_output=True, timeout=300)
     return called
 
 
@@ -72,6 +88,14 @@ def test_the_installed_package_is_whole(call: Call):
     assert {file.name for file in (installed / "sessions").iterdir()} == {
         file.name for file in (REPOSITORY / "sessions").glob("*.toml")
     }
+
+
+def test_kernels_of_an_older_version_are_neither_read_nor_kept(call: Call, kernels: Path):
+    (older,) = kernels.iterdir()
+    answer = call("python", "-c", KERNEL_CALL)
+    assert answer.returncode == 0, answer.stderr
+    assert answer.stdout.split() == ["1.0", str(next(kernels.iterdir()))]
+    assert list(kernels.iterdir()) != [older]
 
 
 def test_a_batch_of_a_built_in_session_runs_and_verifies(call: Call, empty: Path):

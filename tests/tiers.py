@@ -1,7 +1,9 @@
-"""Three tiers of tests, ``fast``, ``slow`` and ``browser``: folder and fixtures decide, no test is marked.
+"""Three tiers of tests, ``fast``, ``slow`` and ``browser``, and those on real ``data``: folder and fixtures decide, no test
+is marked.
 
 Tests in tests/browser are ``browser``. A test that asks for the fixture ``processes`` or ``long_run``, itself or
 through other fixtures, is ``slow``. All others are ``fast``, and one of them that starts a process or a server fails.
+A test of any tier that asks for ``shared_data`` is ``data`` as well.
 """
 
 from __future__ import annotations
@@ -36,6 +38,7 @@ def pytest_configure(config: pytest.Config) -> None:
         "fast: starts nothing and is done soon",
         "slow: starts processes or servers, or takes its time",
         "browser: drives the page in headless Chromium",
+        "data: uses real frames beside the checkout, and is skipped where there are none",
     ):
         config.addinivalue_line("markers", line)
     config.pluginmanager.register(Guard(), "tiers-guard")
@@ -44,6 +47,8 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         item.add_marker(tier(item))
+        if "shared_data" in getattr(item, "fixturenames", ()):
+            item.add_marker("data")
 
 
 def tier(item: pytest.Item) -> str:

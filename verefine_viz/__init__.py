@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
 from typing import Any
 
 __version__ = "0.1.0"
+
+# Open3D reads it when it is imported: in a notebook it would print a banner and start a web server.
+os.environ.setdefault("OPEN3D_DISABLE_WEB_VISUALIZER", "true")
 
 _HOMES = {
     "VerefineError": "core.errors",

@@ -85,7 +85,6 @@ def test_objects_that_lie_beside_their_models_each_another_way_say_nothing_of_th
     )
 
 
-@pytest.mark.data
 @pytest.mark.parametrize("frame", REAL)
 def test_real_frames_tell_both(shared_data: Path, frame: str) -> None:
     problem = real(shared_data / "ycbv", frame)

@@ -89,7 +89,6 @@ def seen_by(problem: Problem) -> tuple[Camera, Depth]:
 REAL = ("0/1", "0/5", "49/2365", "50/1", "900/2")
 
 
-@pytest.mark.data
 @pytest.mark.parametrize("frame", REAL)
 def test_real_frames_are_silent_until_their_focal_length_is_wrong(shared_data: Path, frame: str) -> None:
     for kind, factors in (("mask_visib", (0.7, 0.9, 1.1)), ("mask", (0.9, 1.1, 1.3))):

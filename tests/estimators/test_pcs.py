@@ -163,7 +163,6 @@ def test_found_by_its_name() -> None:
     assert estimator.settings == PcsSettings(bases=7)
 
 
-@pytest.mark.data
 def test_real_instances_have_a_pose_that_covers_them(shared_data: Path) -> None:
     """Three instances of a real key frame, masks as annotated."""
     scene = {"source": "bop", "dataset": str(shared_data / "ycbv"), "frames": ["50/1"], "objects": [2, 5, 10]}
@@ -174,7 +173,6 @@ def test_real_instances_have_a_pose_that_covers_them(shared_data: Path) -> None:
         assert min(e.adds_mm for e in errors) < 0.05 * 1e3 * target.model.diameter_m
 
 
-@pytest.mark.data
 def test_the_session_of_the_extended_apc_frame_has_pools_for_all_three(shared_data: Path) -> None:
     toolbox = Toolbox(load_session(ROOT / "sessions" / "xapc.toml"))
     problem = toolbox.problem(toolbox.frames[0])

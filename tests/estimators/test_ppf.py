@@ -172,7 +172,6 @@ def test_the_registry_hands_on_the_sessions_settings_and_refuses_other_names() -
         make_estimator("icp", Session())
 
 
-@pytest.mark.data
 def test_objects_of_a_real_frame_are_found(ppf: Ppf, shared_data: Path) -> None:
     scene = {"source": "bop", "dataset": str(shared_data / "ycbv"), "frames": ["50/1"], "objects": [2, 5, 10]}
     problem = Toolbox(resolve({"scene": scene, "hypotheses": {"source": "perturb"}})).problem("50/1")

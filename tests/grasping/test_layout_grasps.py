@@ -11,7 +11,7 @@ from verefine_viz.grasping.grasp_answer import GraspScene
 from verefine_viz.grasping.grasp_check import are_free
 from verefine_viz.scenes.source import open_scene
 
-pytestmark = [pytest.mark.data, pytest.mark.usefixtures("long_run", "processes")]
+pytestmark = pytest.mark.usefixtures("long_run", "processes")
 
 MOST = 3
 """Free grasps per object that are carried out, spread over the list."""

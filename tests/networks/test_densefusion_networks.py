@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.learned.test_densefusion_steps import coloured_target
-from tests.nothing_skipped import NO_DATA, NO_TORCH
+from tests.nothing_skipped import NO_TORCH
 from verefine_viz.core.algorithm_settings import DenseFusionSettings
 from verefine_viz.core.errors import InputError
 from verefine_viz.learned.densefusion_steps import POSE_NET, REFINE_NET, YCBV, DenseFusionPose
@@ -32,7 +32,6 @@ from verefine_viz.networks.densefusion_networks import (  # noqa: E402
 from verefine_viz.networks.official_weights import loaded  # noqa: E402
 from verefine_viz.networks.onnx_export import onnx_bytes  # noqa: E402
 
-SHAPES = Path(__file__).parents[3] / "shared" / "data" / "golden" / "densefusion_state_shapes.json"
 State = dict[str, Any]
 
 
@@ -120,12 +119,9 @@ def random_input(height: int, width: int, n: int) -> tuple[Any, Any, Any]:
     return image, torch.randn(1, n, 3) * 0.1, torch.randint(0, height * width, (n,))
 
 
-@pytest.mark.data
 @pytest.mark.parametrize(("data", "n_classes"), [("ycbv", 21), ("lm", 13)])
-def test_layers_have_the_official_names_and_shapes(data: str, n_classes: int) -> None:
-    if not SHAPES.exists():
-        pytest.skip(NO_DATA)
-    official = json.loads(SHAPES.read_text())
+def test_layers_have_the_official_names_and_shapes(data: str, n_classes: int, shared_data: Path) -> None:
+    official = json.loads((shared_data / "golden" / "densefusion_state_shapes.json").read_text())
     for name, model in (("posenet", PoseNet(n_classes)), ("refine", PoseRefineNet(n_classes))):
         ours = {key: list(value.shape) for key, value in model.state_dict().items()}
         assert ours == official[f"{name}_{data}"]

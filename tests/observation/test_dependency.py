@@ -218,7 +218,6 @@ def named(shared_data: Path) -> Callable[[Problem, DependencyGraph], Any]:
     return clusters
 
 
-@pytest.mark.data
 def test_xapc_as_its_authors_say(xapc: Problem, named: Callable[..., Any]) -> None:
     graph = dependency_graph(xapc, DEFAULT)
     assert named(xapc, graph) == [[8, 2], [3]]
@@ -230,7 +229,6 @@ def test_xapc_as_its_authors_say(xapc: Problem, named: Callable[..., Any]) -> No
     assert named(xapc, given_order) == [[3], [8, 2]]
 
 
-@pytest.mark.data
 def test_real_frames_as_they_look(shared_data: Path) -> None:
     for frame, carried in (
         ("49/2365", {("024_bowl", "004_sugar_box")}),

@@ -94,7 +94,6 @@ def angles_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.rad2deg(np.arccos(np.clip((a * b).sum(axis=-1), -1, 1)))
 
 
-@pytest.mark.data
 def test_real_frame_agrees_with_the_true_models(shared_data: Path) -> None:
     """Median over an object's pixels of the angle to the normals of its mesh at ground truth, ray cast."""
     folder = shared_data / "ycbv" / "test" / "000049"

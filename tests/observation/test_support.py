@@ -167,7 +167,6 @@ def test_gravity_that_cannot_be_is_reported() -> None:
             find_support(depth, CAMERA, mask, gravity, None, 0)
 
 
-@pytest.mark.data
 @pytest.mark.parametrize(
     ("scene_id", "im_id", "stacked"),
     [("000000", 1, ()), ("000049", 2365, (3,)), ("000050", 1, ()), ("000900", 2, (9,))],

@@ -27,7 +27,7 @@ ITERATIONS = 3
 
 
 @pytest.fixture(scope="module")
-def space() -> Workspace:
+def space(processes: None) -> Workspace:
     session = Session(scene=SceneSettings(source="demo", demo="mug"), method=MethodSettings(iterations=ITERATIONS))
     space = Workspace(session, None, Toolbox)
     while not space.work.first.run.is_done:

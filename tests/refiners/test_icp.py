@@ -132,7 +132,6 @@ def test_equals_open3d_iteration_by_iteration() -> None:
         assert np.abs(ours.T_target_source - witness.transformation).max() < 1e-9
 
 
-@pytest.mark.data
 def test_equals_pcl(shared_data: Path) -> None:
     golden = json.loads((shared_data / "golden" / "icp_pcl.json").read_text())
     observed = np.array(golden["obs"])

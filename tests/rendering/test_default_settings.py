@@ -63,7 +63,6 @@ def test_a_scan_scores_what_its_full_mesh_scores(make: MakeVerifier) -> None:
         assert largest_difference(verifier, target, poses, settings) < 3e-3, pixels
 
 
-@pytest.mark.data
 def test_real_objects_score_what_their_full_meshes_score(make: MakeVerifier, shared_data: Path) -> None:
     box = Toolbox(resolve({"scene": {"source": "bop", "dataset": str(shared_data / "ycbv"), "frames": ["50/1"]}}))
     problem = box.problem(box.frames[0])

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import importlib.util
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 from numba import config, njit
 
+from tests.core.test_kernels import started_with
 from verefine_viz.run.kernel_compilation import CompilingTurn, compiling_reported
 
 KERNEL = """
@@ -32,14 +31,6 @@ class Told:
 
     def __call__(self) -> None:
         self.times += 1
-
-
-def started_with(path: Path) -> ModuleType:
-    """A module as a new start of the program reads it: with nothing in memory."""
-    spec = importlib.util.spec_from_file_location("kernel_of_test", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def test_told_once_after_installing_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -61,7 +61,6 @@ def published(shared_data: Path, tmp_path: Path) -> Path:
     return scene.parent
 
 
-@pytest.mark.data
 def test_the_published_layout_is_the_frame_in_bop_layout(published: Path, shared_data: Path) -> None:
     problem, image = opened(published).problem("4/0"), BopDataset(shared_data / "xapc", "test").image(4, 0)
     assert np.array_equal(problem.observation.depth_m, image.depth_m)
@@ -73,7 +72,6 @@ def test_the_published_layout_is_the_frame_in_bop_layout(published: Path, shared
     assert all(instance.T_cam_obj_gt is None for instance in problem.instances), "the sample has no poses"
 
 
-@pytest.mark.data
 def test_its_dependency_list_is_the_order_and_the_settings_win(published: Path) -> None:
     known = data_at(published, {})
     problem = opened(published).problem("4/0")
@@ -84,7 +82,6 @@ def test_its_dependency_list_is_the_order_and_the_settings_win(published: Path) 
     assert dependency_graph(problem.only([1, 2]), known.session.dependency).clusters == ((1,), (2,))
 
 
-@pytest.mark.data
 def test_an_imported_scene_is_bop_with_its_order_and_what_is_down(published: Path, tmp_path: Path) -> None:
     assert [*imported(published, tmp_path / "bop")][1:] == ["4/0 → 1/1"]
     known = data_at(tmp_path / "bop", {})

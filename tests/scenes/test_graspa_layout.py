@@ -98,7 +98,6 @@ def test_what_is_missing_or_unknown_is_named(tmp_path: Path, models: Path) -> No
         _opened(_layout(tmp_path, "YcbPear"), models)
 
 
-@pytest.mark.data
 @pytest.mark.usefixtures("long_run", "processes")
 def test_the_objects_of_layout_0_lie_as_the_layout_has_them(shared_data: Path) -> None:
     """Upright ones within 3° and 6 mm; all are seen."""

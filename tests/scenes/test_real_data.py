@@ -16,7 +16,7 @@ from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.scenes.segments import overlap, silhouette
 from verefine_viz.scenes.source import SceneSource, open_scene
 
-pytestmark = [pytest.mark.data, pytest.mark.usefixtures("long_run")]
+pytestmark = pytest.mark.usefixtures("long_run")
 
 FRAMES = ("0/1", "0/2", "0/3", "0/4", "0/5", "49/2365", "50/1", "900/2")
 

@@ -5,16 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import pytest
-
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import load_session
 from verefine_viz.studies.paper_tables import PAPER, missing_rows, paper_table, tables
 from verefine_viz.studies.printed_table import PrintedTable
 from verefine_viz.studies.study_plan import Panel, StudyCurve
 from verefine_viz.studies.study_report import printed, printed_paper_table
-
-PAPER_TEX = Path(__file__).parents[3] / "shared" / "paper.tex"
 
 
 def _session(tmp_path: Path, dataset: str, source: str) -> Session:
@@ -47,9 +43,8 @@ def test_every_row_of_the_paper_has_a_row_of_its_own_budget() -> None:
         assert {row.label for row in table.rows} <= set(labels), table.number
 
 
-@pytest.mark.skipif(not PAPER_TEX.exists(), reason="the paper is not at hand")
-def test_the_papers_numbers_are_those_of_its_text() -> None:
-    cells = re.sub(r"\\textbf\{([\d.]+)\}", r"\1", PAPER_TEX.read_text(encoding="utf-8"))
+def test_the_papers_numbers_are_those_of_its_text(shared_data: Path) -> None:
+    cells = re.sub(r"\\textbf\{([\d.]+)\}", r"\1", (shared_data.parent / "paper.tex").read_text(encoding="utf-8"))
     lines = [re.findall(r"[\d.]+", line.partition("&")[2]) for line in cells.splitlines() if "&" in line]
     for table in PAPER:
         for row in table.rows:

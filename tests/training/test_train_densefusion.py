@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from tests.nothing_skipped import NO_DATA, NO_TORCH
+from tests.nothing_skipped import NO_TORCH
 from tests.scenes.bop_folder import make
 from verefine_viz import cli
 from verefine_viz.core.algorithm_settings import DenseFusionSettings
@@ -32,7 +32,6 @@ from verefine_viz.training.densefusion_loss import distances, pose_loss, refine_
 from verefine_viz.training.train_densefusion import TrainedDenseFusion, phase, refiner_loss  # noqa: E402
 
 POINTS = 40
-DATA = Path(__file__).parents[3] / "shared" / "data"
 
 
 @pytest.fixture
@@ -290,12 +289,9 @@ def test_models_without_colours_are_refused(tmp_path: Path) -> None:
         coloured_scenes(make(tmp_path).root, "", 0)
 
 
-@pytest.mark.data
 @pytest.mark.usefixtures("long_run")
-def test_real_models_and_frames_are_learned_from() -> None:
-    if not DATA.exists():
-        pytest.skip(NO_DATA)
-    for dataset, split in ((DATA / "lm", ""), (DATA / "lm", "test"), (DATA / "ycbv", "test")):
+def test_real_models_and_frames_are_learned_from(shared_data: Path) -> None:
+    for dataset, split in ((shared_data / "lm", ""), (shared_data / "lm", "test"), (shared_data / "ycbv", "test")):
         scenes = coloured_scenes(dataset, split, 0)
         picture = next(filter(None, map(scenes.picture, range(9))))
         for seen in picture:

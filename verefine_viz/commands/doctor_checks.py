@@ -22,7 +22,7 @@ from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation, Support
 from verefine_viz.core.problem import Instance, Placed, Target
 from verefine_viz.core.settings import PhysicsSettings, ScoreSettings
-from verefine_viz.run.versions import BULLET, package_versions
+from verefine_viz.run.versions import package_versions
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 BOX_M = np.array([0.10, 0.08, 0.06])
@@ -95,7 +95,7 @@ def bullet() -> Check:
     from verefine_viz.physics.simulator import BulletSimulator
 
     BulletSimulator(PhysicsSettings())
-    return Check("Bullet", f"{BULLET} {package_versions()[BULLET]} opens a world")
+    return Check("Bullet", f"pybullet {package_versions()['pybullet']} opens a world")
 
 
 def find_chromium() -> str | None:

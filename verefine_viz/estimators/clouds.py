@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.kernels import kernel
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Target
 
@@ -93,7 +93,7 @@ def thinned_surface(cloud: Oriented, step_m: float) -> Oriented:
     return Oriented(*_means_by_side(cloud.points[order], cloud.normals[order], key[order]))
 
 
-@njit(cache=True)
+@kernel()
 def _means_by_side(points: np.ndarray, normals: np.ndarray, key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Means of points of the same key and side; a side begins with the first point that belongs to none so far."""
     n = len(points)
@@ -142,7 +142,7 @@ def spread_out(points: Float, n: int) -> tuple[NDArray[np.int64], Float]:
     return _farthest(points, min(n, len(points)))
 
 
-@njit(cache=True)
+@kernel()
 def _farthest(points: np.ndarray, n: int) -> tuple[NDArray[np.int64], np.ndarray]:
     squared = np.full(len(points), np.inf)
     chosen, distances = np.empty(n, dtype=np.int64), np.empty(n)

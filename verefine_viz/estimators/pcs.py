@@ -13,11 +13,11 @@ from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.algorithm_settings import PcsSettings
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.kernels import kernel
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
@@ -160,7 +160,7 @@ def lcps(Ts_cam_obj: Float, model_points: Float, grid: NearGrid) -> Float:
     return _counts(Ts, points, grid) / len(points)
 
 
-@njit(cache=True)
+@kernel()
 def _counts(Ts: np.ndarray, points: np.ndarray, grid: NearGrid) -> np.ndarray:
     out = np.empty(len(Ts), dtype=np.int64)
     for i in range(len(Ts)):
@@ -168,7 +168,7 @@ def _counts(Ts: np.ndarray, points: np.ndarray, grid: NearGrid) -> np.ndarray:
     return out
 
 
-@njit(cache=True)
+@kernel()
 def count_near(R: np.ndarray, t: np.ndarray, points: np.ndarray, grid: NearGrid) -> int:
     """How many of ``points`` (M, 3), turned by R (3, 3) and moved by t (3,), lie within δ of a point of the grid."""
     # Everything in locals: in the loop, a look into a tuple or a strided matrix costs more than the arithmetic.
@@ -196,7 +196,7 @@ def count_near(R: np.ndarray, t: np.ndarray, points: np.ndarray, grid: NearGrid)
     return n
 
 
-@njit(cache=True)
+@kernel()
 def _fill(
     points: np.ndarray, radius: float, low: np.ndarray, side: float, counts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:

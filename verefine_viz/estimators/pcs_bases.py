@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.kernels import kernel
 
 TRIANGLES = 1000
 """Random triangles of which the one with the largest area becomes a base. docs/methods.md 3.2."""
@@ -61,7 +61,7 @@ def draw_base(points: Float, longest_m: float, gap_m: float, rng: np.random.Gene
     return None
 
 
-@njit(cache=True)
+@kernel()
 def segment_gap(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> tuple[float, float, float]:
     """Smallest distance between the segments a-b and c-d, and where on each it is reached (0 at a and c, 1 at b and d).
 
@@ -87,7 +87,7 @@ def segment_gap(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> t
     return float(np.sqrt(gap @ gap)), s, t
 
 
-@njit(cache=True)
+@kernel()
 def best_pairing(quad: np.ndarray) -> tuple[int, float, float, float]:
     """Which of ``PAIRINGS`` joins the four points (4, 3) by the two segments that come nearest; their gap, r1, r2."""
     best, least, r1, r2 = 0, np.inf, 0.0, 0.0
@@ -98,7 +98,7 @@ def best_pairing(quad: np.ndarray) -> tuple[int, float, float, float]:
     return best, least, r1, r2
 
 
-@njit(cache=True)
+@kernel()
 def _diameter(points: np.ndarray) -> float:
     largest = 0.0
     for i in range(len(points)):
@@ -108,7 +108,7 @@ def _diameter(points: np.ndarray) -> float:
     return np.sqrt(largest)
 
 
-@njit(cache=True)
+@kernel()
 def _widest(
     points: np.ndarray, first: int, others: np.ndarray, apart_m: float, longest_m: float, gap_m: float
 ) -> tuple[bool, np.ndarray, float, float]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial.distance import pdist
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.kernels import kernel
 from verefine_viz.estimators.pcs_bases import Base
 
 TOLERANCE = 2.0
@@ -82,7 +82,7 @@ def congruent_quads(
     return _meeting(points, first, starts, low, counts, second, base.points, base.r1, base.r2, tolerance, most)
 
 
-@njit(cache=True)
+@kernel()
 def fitted(base: np.ndarray, points: np.ndarray, quads: np.ndarray, max_rms_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Poses (n, 4, 4) that lay quads (N, 4) of ``points`` on the base (4, 3), and which quads they belong to (n,).
 
@@ -113,7 +113,7 @@ def fitted(base: np.ndarray, points: np.ndarray, quads: np.ndarray, max_rms_m: f
     return Ts[:n], of_quad[:n]
 
 
-@njit(cache=True)
+@kernel()
 def _group_by_cell(
     points: np.ndarray, pairs: np.ndarray, r: float, side: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -145,7 +145,7 @@ def _group_by_cell(
     return ordered, starts, low, counts
 
 
-@njit(cache=True)
+@kernel()
 def _meeting(
     points: np.ndarray,
     first: np.ndarray,
@@ -206,13 +206,13 @@ def _meeting(
     return out[:n]
 
 
-@njit(cache=True)
+@kernel()
 def _distance(points: np.ndarray, i: int, j: int) -> float:
     dx, dy, dz = points[i, 0] - points[j, 0], points[i, 1] - points[j, 1], points[i, 2] - points[j, 2]
     return np.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@njit(cache=True)
+@kernel()
 def fit_rms(a: np.ndarray, b: np.ndarray, N: np.ndarray) -> tuple[float, float]:
     """Root mean square distance left between ``a`` (n, 3) and the best rigid motion of ``b`` (n, 3), and a root.
 
@@ -261,7 +261,7 @@ def fit_rms(a: np.ndarray, b: np.ndarray, N: np.ndarray) -> tuple[float, float]:
     return np.sqrt(max(0.0, (energy - 2.0 * root) / n)), root
 
 
-@njit(cache=True)
+@kernel()
 def rotation_of(N: np.ndarray, root: float, R: np.ndarray) -> bool:
     """Fills ``R`` with the rotation of N's largest root; False if there is not one, but many (points in a line).
 
@@ -290,7 +290,7 @@ def rotation_of(N: np.ndarray, root: float, R: np.ndarray) -> bool:
     return True
 
 
-@njit(cache=True)
+@kernel()
 def _cofactor(M: np.ndarray, row: int, column: int) -> float:
     r0, r1, r2 = (row + 1) % 4, (row + 2) % 4, (row + 3) % 4
     c0, c1, c2 = (column + 1) % 4, (column + 2) % 4, (column + 3) % 4
@@ -303,7 +303,7 @@ def _cofactor(M: np.ndarray, row: int, column: int) -> float:
     return minor if (row + column) % 2 == 0 else -minor
 
 
-@njit(cache=True)
+@kernel()
 def _det4(M: np.ndarray) -> float:
     total = 0.0
     for column in range(4):

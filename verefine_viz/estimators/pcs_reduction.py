@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.cluster.vq import ClusterError, kmeans2
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.kernels import kernel
 
 TRANSLATION_BIN_M = 0.01
 """Poses whose translations lie in one cell of this side, and … docs/methods.md 3.2."""
@@ -133,7 +133,7 @@ def quats_of(Rs: Float) -> Float:
     return _quats(np.ascontiguousarray(Rs))
 
 
-@njit(cache=True)
+@kernel()
 def _quats(Rs: np.ndarray) -> np.ndarray:
     out = np.empty((len(Rs), 4))
     for i in range(len(Rs)):
@@ -157,7 +157,7 @@ def _quats(Rs: np.ndarray) -> np.ndarray:
     return out
 
 
-@njit(cache=True)
+@kernel()
 def _closeness(p: np.ndarray, q: np.ndarray, symmetries: np.ndarray) -> float:
     """|cos(half the smallest angle)| between p and q·s over all symmetries s."""
     # p⁻¹·q once, then a dot product with each symmetry (whose inverses are symmetries too).
@@ -172,7 +172,7 @@ def _closeness(p: np.ndarray, q: np.ndarray, symmetries: np.ndarray) -> float:
     return best
 
 
-@njit(cache=True)
+@kernel()
 def _medoids(quats: np.ndarray, symmetries: np.ndarray, start: np.ndarray) -> np.ndarray:
     n, k = len(quats), len(start)
     chosen = start.copy()

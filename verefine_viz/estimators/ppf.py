@@ -12,12 +12,12 @@ from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.algorithm_settings import PpfSettings
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, nearest_rotation, transform
+from verefine_viz.core.kernels import kernel
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Hypothesis, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
@@ -124,7 +124,7 @@ def voted_poses(
     return np.concatenate(poses), np.concatenate(votes)
 
 
-@njit(cache=True)
+@kernel()
 def _voted(
     points: np.ndarray, normals: np.ndarray, references: np.ndarray, table: FeatureTable, turn_bins: int, peaks: int
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -233,7 +233,7 @@ def _is_near(T_a: Float, T_b: Float, same: SamePose) -> bool:
     return bool(near.any())
 
 
-@njit(cache=True)
+@kernel()
 def _clustered(
     Ts: np.ndarray, votes: np.ndarray, symmetries: np.ndarray, center: np.ndarray, near: float, cosine: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -262,7 +262,7 @@ def _clustered(
     return R_sums[:used], c_sums[:used], v_sums[:used]
 
 
-@njit(cache=True)
+@kernel()
 def _cluster_of(T: np.ndarray, founders: np.ndarray, center: np.ndarray, near: float, cosine: float) -> tuple[int, int]:
     """The first cluster that is near, and by which symmetry it is nearest; (their number, 0) if none is."""
     for k in range(founders.shape[0]):

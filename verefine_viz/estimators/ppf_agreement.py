@@ -9,12 +9,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import inverse
+from verefine_viz.core.kernels import kernel
 from verefine_viz.core.problem import Target
 from verefine_viz.estimators.clouds import GRAZING_COSINE, Oriented
 
@@ -80,7 +80,7 @@ def agreement(
     )
 
 
-@njit(cache=True)
+@kernel()
 def _agreement(
     depth: np.ndarray,
     normals: np.ndarray,
@@ -100,7 +100,7 @@ def _agreement(
     return out
 
 
-@njit(cache=True)
+@kernel()
 def _moved(T: np.ndarray, p: np.ndarray, w: float) -> tuple[float, float, float]:
     """A point (w = 1) or a direction (w = 0) in the other frame."""
     return (
@@ -110,7 +110,7 @@ def _moved(T: np.ndarray, p: np.ndarray, w: float) -> tuple[float, float, float]
     )
 
 
-@njit(cache=True)
+@kernel()
 def _confirmed(
     depth: np.ndarray,
     normals: np.ndarray,
@@ -143,7 +143,7 @@ def _confirmed(
     return agreeing / counted if counted > 0 else 0.0
 
 
-@njit(cache=True)
+@kernel()
 def _explained(segment: np.ndarray, field: SurfaceField, T_obj_cam: np.ndarray, tolerance: float) -> float:
     nx, ny, nz = field.distance_m.shape
     total = 0.0

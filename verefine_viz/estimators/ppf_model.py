@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 import platformdirs
-from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.algorithm_settings import PpfSettings
@@ -22,6 +21,7 @@ from verefine_viz.core.array_cache import NPZ_READING
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.files import reading
+from verefine_viz.core.kernels import kernel
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.writing import atomic
@@ -206,7 +206,7 @@ def pair_table(
     )  # fmt: skip
 
 
-@njit(cache=True)
+@kernel()
 def bin_of(
     feature: tuple[float, float, float, float], distance_bin_m: float, angle_bin_rad: float, n_angles: int
 ) -> int:
@@ -216,7 +216,7 @@ def bin_of(
     return (key * n_angles + int(at_second / angle_bin_rad)) * n_angles + int(between / angle_bin_rad)
 
 
-@njit(cache=True)
+@kernel()
 def _pairs(
     points: np.ndarray,
     normals: np.ndarray,
@@ -243,7 +243,7 @@ def _pairs(
                 k += 1
 
 
-@njit(cache=True)
+@kernel()
 def _group_by_bin(key: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """The pairs, as indices, bin by bin and in their order within each; ``starts`` is where each bin begins."""
     cursor = starts.copy()
@@ -254,13 +254,13 @@ def _group_by_bin(key: np.ndarray, starts: np.ndarray) -> np.ndarray:
     return order
 
 
-@njit(cache=True)
+@kernel()
 def angle(cosine: float) -> float:
     """The angle of a cosine that rounding may have pushed beyond 1 [rad]; π where it is NaN: it becomes an index."""
     return np.arccos(min(1.0, max(-1.0, cosine)))  # In this order: NaN is not larger than −1.
 
 
-@njit(cache=True)
+@kernel()
 def pair_feature(p1: np.ndarray, n1: np.ndarray, p2: np.ndarray, n2: np.ndarray) -> tuple[float, float, float, float]:
     """Distance [m] and the angles n1-d, n2-d, n1-n2 [rad], where d points from the first to the second."""
     x, y, z = p2[0] - p1[0], p2[1] - p1[1], p2[2] - p1[2]
@@ -275,7 +275,7 @@ def pair_feature(p1: np.ndarray, n1: np.ndarray, p2: np.ndarray, n2: np.ndarray)
     )
 
 
-@njit(cache=True)
+@kernel()
 def local_rotation(normal: np.ndarray) -> np.ndarray:
     """The rotation (3, 3) that turns ``normal`` onto +x; which one of the many is fixed by the normal alone."""
     x, y, z = normal[0], normal[1], normal[2]
@@ -286,7 +286,7 @@ def local_rotation(normal: np.ndarray) -> np.ndarray:
     return np.array([[x, y, z], [1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y]])
 
 
-@njit(cache=True)
+@kernel()
 def turn_about_normal(rotation: np.ndarray, p1: np.ndarray, p2: np.ndarray) -> float:
     """The angle of ``p2`` about the x axis of p1's local frame [rad], in (-π, π]."""
     x, y, z = p2[0] - p1[0], p2[1] - p1[1], p2[2] - p1[2]
@@ -296,7 +296,7 @@ def turn_about_normal(rotation: np.ndarray, p1: np.ndarray, p2: np.ndarray) -> f
     )
 
 
-@njit(cache=True)
+@kernel()
 def pose_of_match(
     p_cam: np.ndarray, rotation_cam: np.ndarray, p_obj: np.ndarray, rotation_obj: np.ndarray, turn_rad: float
 ) -> np.ndarray:

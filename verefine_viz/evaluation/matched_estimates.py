@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.kernels import kernel
 from verefine_viz.evaluation.bop_model import EvalModel
 from verefine_viz.evaluation.ground_truth import GtInstance
 from verefine_viz.evaluation.pair_errors import PairErrors
@@ -48,7 +48,7 @@ def match_thresholds(errors: Float, thresholds: Float, valid: NDArray[np.bool_])
     return matched
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _match_all(errors, thresholds, valid, matched):
     limit = np.empty(1)
     for c in range(thresholds.shape[0]):
@@ -57,7 +57,7 @@ def _match_all(errors, thresholds, valid, matched):
             _match(errors[c], limit, valid, matched[c, t])
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _match(errors, limits, valid, matched):
     n_kinds = len(limits)
     taken = np.zeros(len(valid), np.bool_)

@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import apply, axis_angle, quat_wxyz
+from verefine_viz.core.kernels import kernel
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Target
 from verefine_viz.refiners.nearest import mean_distance, model_index
@@ -71,7 +71,7 @@ def adds_mm(model: ObjectModel, T_est: Float, T_gt: Float) -> float:
     return 1e3 * mean_distance(model.points, T_est_gt, model_index(model))
 
 
-@njit(cache=True)
+@kernel()
 def _relative(T_est: Float, T_gt: Float) -> tuple[Float, float]:
     """``T_gt`` as seen from ``T_est`` (4, 4), and the largest element of RᵀR − I of the latter."""
     out = np.eye(4)
@@ -89,7 +89,7 @@ def _relative(T_est: Float, T_gt: Float) -> tuple[Float, float]:
     return out, skew
 
 
-@njit(cache=True)
+@kernel()
 def _mean_length(points: Float, D: Float) -> float:
     """Mean length of what ``D`` (4, 4), the difference of two poses, makes of points (n, 3)."""
     total = 0.0

@@ -8,10 +8,10 @@ maximum lies on the convex hull (a distance under a linear map is convex); that 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy.spatial import KDTree
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.kernels import kernel
 from verefine_viz.evaluation.bop_model import N_PROBES, EvalModel
 
 ROUNDED = 1e-5
@@ -100,7 +100,7 @@ def mspd_px(model: EvalModel, R_est: Float, t_est_mm: Float, R_gt: Float, t_gt_m
     return float(_mspd(*pose, model.symmetries_mm, points, min(N_PROBES, n_hull)))
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _mssd(P_est, P_gt, symmetries, points, n_probes):
     n = len(symmetries)
     maps, bounds = np.empty((n, 3, 4)), np.empty(n)
@@ -120,7 +120,7 @@ def _mssd(P_est, P_gt, symmetries, points, n_probes):
     return np.sqrt(best)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _largest_shift(A, points, first, last, least, limit):
     """Largest |A·(x, 1)|² of some points, at least ``least``; a value ≥ ``limit`` as soon as that is reached."""
     largest = least
@@ -139,7 +139,7 @@ def _largest_shift(A, points, first, last, least, limit):
     return largest
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _mspd(P_est, P_gt, symmetries, points, n_probes):
     n = len(symmetries)
     maps, bounds = np.empty((n, 3, 4)), np.empty(n)
@@ -167,7 +167,7 @@ def _mspd(P_est, P_gt, symmetries, points, n_probes):
     return np.sqrt(best)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _largest_miss(P, points, seen, first, last, least, limit):
     """Largest squared distance of the projections of some points by P from where they are ``seen``; see above."""
     largest = least

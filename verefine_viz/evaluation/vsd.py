@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.kernels import kernel
 from verefine_viz.evaluation.bop_model import EvalModel
 from verefine_viz.rendering.rasterizer import draw, window
 
@@ -57,7 +57,7 @@ def model_depth(model: EvalModel, R: Float, t_mm: Float, K: Float, shape: tuple[
     return DepthPatch(x0, y0, depth_mm)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _draw(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, height, width):
     projected = np.empty((len(vertices), 3))
     x0, y0, columns, rows, n_front = window(T, vertices, fx, fy, cx, cy, height, width, projected)
@@ -125,7 +125,7 @@ def spheres_overlap_in_image(t_est_mm: Float, t_gt_mm: Float, diameter_mm: float
     return bool(apart < 0.5 * diameter_mm * (1.0 / t_est_mm[2] + 1.0 / t_gt_mm[2]))
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _compare(depth, gt, x_gt, y_gt, estimate, x_est, y_est, fx, fy, cx, cy, delta, diameter, taus, costs):
     """Counts the visible pixels that both surfaces have and those that either has; adds to ``costs`` for each τ."""
     rows_gt, columns_gt = gt.shape

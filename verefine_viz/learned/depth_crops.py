@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, writable
 from verefine_viz.core.camera import Camera
+from verefine_viz.core.kernels import kernel
 from verefine_viz.rendering.mesh import RenderMesh
 from verefine_viz.rendering.rasterizer import draw_depth
 
@@ -102,7 +102,7 @@ def _read_only(array: NDArray) -> NDArray:
     return view
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def fill_crop(
     depth_m,
     mask,
@@ -177,7 +177,7 @@ def fill_crop(
     return n_own > 0 and n_drawn > 0
 
 
-@njit(cache=True)
+@kernel()
 def look_at(x, y, z, R):
     """Fills R (3, 3) with the smallest rotation that turns the direction (x, y, z) into the z axis."""
     # v = d × e_z, c = d · e_z;  R = I + [v] + [v]² / (1 + c); where d is −z there is no smallest one.

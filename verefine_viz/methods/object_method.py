@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from time import perf_counter
 
 import numpy as np
 from msgspec import structs
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.clock import clock
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed, Target
@@ -93,7 +93,7 @@ class ObjectMethod:
         scoring = _IterationScores(self.verifier, state.target, self._may_hide(fixed))
         draft = self._draft(state, j, fixed, scoring.begin)
         # Sec. III-B: both are scored (Eq. 1), and the iteration proceeds with the better one.
-        started = perf_counter()
+        started = clock()
         stages = scoring.scored(draft)
         current = Stage("current", arm.current.T_cam_obj, arm.current.score)
         candidates = [s for s in stages if s.name in draft.candidates]
@@ -101,7 +101,7 @@ class ObjectMethod:
         flipped = self._flipped(state, accepted, k, fixed)
         if flipped is not None:
             accepted, stages, candidates = flipped, (*stages, flipped), [*candidates, flipped]
-        score_ms = (perf_counter() - started) * 1e3
+        score_ms = (clock() - started) * 1e3
         entry = AcceptedPose(accepted.T_cam_obj, _score_of(accepted), accepted.name, index)
         reward = max(_score_of(s).score for s in candidates)
         # Sec. III-B, III-C: the answer is the best of all poses on the way, the initial ones included.

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from time import perf_counter
 
 import numpy as np
 from msgspec import structs
@@ -23,6 +22,7 @@ from scipy.spatial import KDTree
 
 from verefine_viz.core.algorithm_settings import MctsSettings, TricpSettings
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.clock import clock
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.geometry import apply
 from verefine_viz.core.problem import Hypothesis, Problem, Target
@@ -122,9 +122,9 @@ class PhysimMcts:
             raise InputError("the run is over: every tree is complete or has used its budget")
         search = state.searches[k]
         assert search is not None
-        began = perf_counter()
+        began = clock()
         done = self.scene.expand(state.problem, state.objects, k, search, state.n_done + 1)
-        search = replace(done.search, spent_s=search.spent_s + perf_counter() - began)
+        search = replace(done.search, spent_s=search.spent_s + clock() - began)
         objects = [replace(o, best=done.best[i]) if o and i in done.best else o for i, o in enumerate(state.objects)]
         i = [t.instance.instance_id for t in state.problem.targets].index(done.iteration.instance_id)
         objects[i] = _advanced(objects[i], done.iteration)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from time import perf_counter
 
 import numpy as np
 from msgspec import structs
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.clock import clock
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.protocols import Refiner, SceneRenderer, Simulator, Verifier
 from verefine_viz.core.records import Best, Event, Iteration, PlacedPose, Stage, TreeNode, TreeStep
@@ -90,7 +90,7 @@ class SceneSearch:
         fixed = [_placed(problem, i, node.T_cam_obj) for i, node in zip(search.members[:level], above, strict=True)]
         new = self._place(problem, search, level, arm, fixed)
 
-        started = perf_counter()
+        started = clock()
         rest = self._completed(problem, objects, search, (*fixed, new.placed))
         scene = (*fixed, new.placed, *(p.placed for p in rest))
         cost_px = float(self.renderer.unexplained_px(problem.observation, scene))
@@ -105,7 +105,7 @@ class SceneSearch:
             best = self._answers(problem, search, scene, arms, index, new.draft.stages[-1])
         start = Stage("current", tree.pools[level][arm].T_cam_obj)
         stages = self._scored(o, (start, *new.draft.stages), fixed)
-        score_ms = (perf_counter() - started) * 1e3
+        score_ms = (clock() - started) * 1e3
 
         lcp = tree.pools[level][arm].lcp
         node = TreeNode(branch[-1], branch[-2], new.placed.instance_id, arm, lcp, new.placed.T_cam_obj)

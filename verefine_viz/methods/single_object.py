@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from time import perf_counter
 from typing import Literal, Protocol
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.clock import clock
 from verefine_viz.core.geometry import FARTHEST_M, as_rigid, distance_m, transform
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.protocols import Refiner, Simulator
@@ -58,7 +58,7 @@ def simulate(
     support = target.observation.support
     if simulator is None or support is None:
         return None
-    started = perf_counter()
+    started = clock()
     moving = Placed(target.instance.instance_id, target.model, T_cam_obj)
     path = simulator.settle(moving, fixed, support, n_steps)
     return Stage("simulated", as_rigid(path.T_cam_obj, "simulated pose"), ms=_ms_since(started)), path
@@ -66,7 +66,7 @@ def simulate(
 
 def refined(refiner: Refiner, target: Target, T_cam_obj: Float, fixed: Sequence[Placed]) -> Stage:
     """REF of docs/methods.md 1.0, timed; a step beyond ``FARTHEST_M`` is not taken: nothing could go on there."""
-    started = perf_counter()
+    started = clock()
     T_refined = refiner.refine(target, T_cam_obj, fixed)
     if distance_m(T_refined) > FARTHEST_M:
         T_refined = T_cam_obj
@@ -74,7 +74,7 @@ def refined(refiner: Refiner, target: Target, T_cam_obj: Float, fixed: Sequence[
 
 
 def _ms_since(started: float) -> float:
-    return (perf_counter() - started) * 1e3
+    return (clock() - started) * 1e3
 
 
 @dataclass(frozen=True)

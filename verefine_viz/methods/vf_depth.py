@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from time import perf_counter
 from typing import Literal
 
 import numpy as np
 from msgspec import structs
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.clock import clock
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.problem import Placed, Problem
 from verefine_viz.core.records import Best, Event, Iteration, PlacedPose, SceneRecord
@@ -156,7 +156,7 @@ class VfDepth(PerObject):
     ) -> tuple[DepthState, SceneState, Iteration]:
         """The end of a pass: its poses as a scene, the rewards, and the best scene so far."""
         # Sec. IV-C: the poses of the pass, and the best known ones, each as a complete scene (docs/methods.md 1.8.11).
-        started = perf_counter()
+        started = clock()
         best_known = tuple(state.member(i).best for i in scene.members)
         scores = self._scene_scores(state, scene.members, [scene.passing, best_known], carried)
         reward = float(scores.score[0 if self.reward == "current_pass" else 1])
@@ -179,7 +179,7 @@ class VfDepth(PerObject):
             return tuple(PlacedPose(p.instance_id, p.T_cam_obj) for p in state.placed_at(scene.members, combination))
 
         record = SceneRecord(poses(scene.passing), scores[0], scores[1], reward, poses(incumbent), highest)
-        score_ms = iteration.score_ms + (perf_counter() - started) * 1e3
+        score_ms = iteration.score_ms + (clock() - started) * 1e3
         iteration = structs.replace(iteration, scene=record, events=events, score_ms=score_ms)
         return state, SceneState(scene.members, incumbent, highest, scene.n_passes + 1), iteration
 

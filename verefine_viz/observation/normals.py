@@ -10,10 +10,10 @@ otherwise.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.camera import Camera
+from verefine_viz.core.kernels import kernel
 from verefine_viz.core.scores import PixelGrid
 
 WINDOW_M = 0.008
@@ -45,19 +45,19 @@ def estimate_normals(
     return _normals(depth, camera.fx, camera.fy, camera.cx, camera.cy, window_m, at.rows, at.columns)
 
 
-@njit(cache=True)
+@kernel()
 def _is_jump(z: float, z_next: float) -> bool:
     nearer = min(z, z_next)
     return not (z > 0.0 and z_next > 0.0) or abs(z - z_next) > JUMP_M * max(1.0, nearer * nearer)
 
 
-@njit(cache=True)
+@kernel()
 def _half_window(z: float, focal_px: float, window_m: float) -> int:
     # Clamped before it becomes a whole number, which a camera of any focal length must.
     return round(min(max(MIN_WINDOW_PX, window_m * focal_px / z), MAX_WINDOW_PX))
 
 
-@njit(cache=True)
+@kernel()
 def _fit_rows(
     depth: np.ndarray, fx: float, window_m: float, columns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -107,7 +107,7 @@ def _fit_rows(
     return slope, value, weight
 
 
-@njit(cache=True)
+@kernel()
 def _normals(
     depth: np.ndarray,
     fx: float,

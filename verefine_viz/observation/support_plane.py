@@ -11,13 +11,13 @@ from typing import Literal
 
 import numpy as np
 import open3d as o3d
-from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import NoSupportError
 from verefine_viz.core.geometry import transform
+from verefine_viz.core.kernels import kernel
 from verefine_viz.core.observation import GravitySource, Support
 
 Gravity = Literal["plane", "world"] | tuple[float, float, float]
@@ -85,7 +85,7 @@ def fitted(plane: Plane, points: Float, tolerance_m: float) -> Plane:
     return plane
 
 
-@njit(cache=True)
+@kernel()
 def _moments(points: Float, normal: Float, offset_m: float, tolerance_m: float) -> tuple[int, Float, Float]:
     """Number, mean (3,) and scatter (3, 3) of the points on the plane; around the mean, as sums of squares cancel.
 

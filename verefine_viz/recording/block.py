@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.kernels import kernel
 from verefine_viz.core.records import NO_CONTACTS, Contacts, Iteration, Stage
 
 
@@ -91,7 +91,7 @@ def _fits(stage: Stage | None) -> tuple[float, float]:
     return stage.score.depth_fit, stage.score.normal_fit
 
 
-@njit(cache=True)
+@kernel()
 def _motions(Ts: Float, starts: NDArray[np.int64], ends: NDArray[np.int64]) -> tuple[Float, Float]:
     """From pose ``starts[k]`` to pose ``ends[k]``: mm between the origins, degrees."""
     moved_mm, turned_deg = np.empty(len(starts)), np.empty(len(starts))

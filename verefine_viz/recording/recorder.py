@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.kernels import kernel
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner, RunState, Verifier
 from verefine_viz.core.records import Best, Iteration, PlacedPose
@@ -234,7 +234,7 @@ class _GroundTruthErrors:
 _UNKNOWN = np.full(3, np.nan)
 
 
-@njit(cache=True)
+@kernel()
 def _turn_and_shift(T_est: Float, T_gt: Float, symmetries: Float) -> tuple[float, float]:
     """Angle to the nearest of the poses that look the same [deg], from the traces alone (to 1e-5°, enough for a curve),
     and distance of the origins.

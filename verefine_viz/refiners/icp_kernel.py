@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from verefine_viz.core.kernels import kernel
 from verefine_viz.refiners.nearest import NearestIndex, nearest_of_all
 
 ALL_ITERATIONS, TOLERANCE, PUBLISHED = 0, 1, 2
@@ -24,7 +24,7 @@ DAMPING = 1e-3
 along them) does not move."""
 
 
-@njit(cache=True)
+@kernel()
 def icp_loop(
     source: np.ndarray,
     source_normals: np.ndarray,
@@ -95,7 +95,7 @@ def icp_loop(
     return R, t, len(gates_m), n_matches, mse
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def refined_pose(
     R: np.ndarray,
     t: np.ndarray,
@@ -135,7 +135,7 @@ def refined_pose(
     return R_new, t - R_new @ step_t, n_iterations
 
 
-@njit(cache=True)
+@kernel()
 def _turn_back(R: np.ndarray, t: np.ndarray, points: np.ndarray, out: np.ndarray) -> None:
     """``out`` = Rᵀ (p − t) for each of ``points`` (N, 3)."""
     for i in range(len(points)):
@@ -144,7 +144,7 @@ def _turn_back(R: np.ndarray, t: np.ndarray, points: np.ndarray, out: np.ndarray
             out[i, k] = R[0, k] * x + R[1, k] * y + R[2, k] * z
 
 
-@njit(cache=True)
+@kernel()
 def apply(R: np.ndarray, t: np.ndarray, p: np.ndarray) -> tuple[float, float, float]:
     """``R p + t``."""
     return (
@@ -154,7 +154,7 @@ def apply(R: np.ndarray, t: np.ndarray, p: np.ndarray) -> tuple[float, float, fl
     )
 
 
-@njit(cache=True)
+@kernel()
 def _turned_dot(R: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
     """``(R a) · b``."""
     return (
@@ -164,7 +164,7 @@ def _turned_dot(R: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
     )
 
 
-@njit(cache=True)
+@kernel()
 def point_step(
     moved: np.ndarray, points: np.ndarray, match: np.ndarray, used: np.ndarray, n_matches: int
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -198,7 +198,7 @@ def point_step(
     return R, b - R @ a
 
 
-@njit(cache=True)
+@kernel()
 def nearest_rotation(H: np.ndarray) -> np.ndarray:
     """The rotation R (3, 3) that maximises trace(Rᵀ H): ``core.geometry.nearest_rotation`` for compiled loops.
 
@@ -236,7 +236,7 @@ def nearest_rotation(H: np.ndarray) -> np.ndarray:
     return U @ Vt
 
 
-@njit(cache=True)
+@kernel()
 def _plane_step(
     moved: np.ndarray, points: np.ndarray, normals: np.ndarray, match: np.ndarray, used: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -279,7 +279,7 @@ def _plane_step(
     return R, centre + step[3:] - R @ centre
 
 
-@njit(cache=True)
+@kernel()
 def _rotation(vector: np.ndarray) -> np.ndarray:
     """The rotation of a rotation vector (Rodrigues)."""
     angle = np.sqrt(vector @ vector)

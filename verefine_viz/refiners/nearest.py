@@ -15,10 +15,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.kernels import kernel
 from verefine_viz.core.model import ObjectModel
 
 MAX_CELLS = 2**16
@@ -94,7 +94,7 @@ def model_index(model: ObjectModel) -> NearestIndex:
     return NearestIndex.build(model.points)
 
 
-@njit(cache=True)
+@kernel()
 def nearest_of_all(
     queries: np.ndarray, limit_squared: float, index: NearestIndex, nearest: np.ndarray, squared: np.ndarray
 ) -> None:
@@ -127,7 +127,7 @@ def nearest_of_all(
         nearest[m], squared[m] = best, best_squared
 
 
-@njit(cache=True)
+@kernel()
 def mean_distance(points: np.ndarray, T: np.ndarray, index: NearestIndex) -> float:
     """Mean distance of points (n, 3), moved by ``T`` (4, 4), to the nearest points of a cloud."""
     n = len(points)
@@ -143,7 +143,7 @@ def mean_distance(points: np.ndarray, T: np.ndarray, index: NearestIndex) -> flo
     return total / n
 
 
-@njit(cache=True)
+@kernel()
 def _beyond_the_cubes(
     x: float, y: float, z: float, limit_squared: float, points: np.ndarray, bounds: np.ndarray
 ) -> tuple[int, float]:
@@ -159,7 +159,7 @@ def _beyond_the_cubes(
     return best, best_squared
 
 
-@njit(cache=True)
+@kernel()
 def _fill(points: np.ndarray, low: np.ndarray, side: float, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where each cube's candidates begin, and the candidates."""
     nx, ny, nz = counts[0], counts[1], counts[2]
@@ -204,7 +204,7 @@ def _fill(points: np.ndarray, low: np.ndarray, side: float, counts: np.ndarray) 
     return starts, candidates
 
 
-@njit(cache=True)
+@kernel()
 def _is_beaten(points: np.ndarray, p: int, p_squared: float, q: int, q_squared: float, side: float) -> bool:
     """Whether point q is nearer than p all over a cube (or the same), given both squared distances to its centre.
 
@@ -216,7 +216,7 @@ def _is_beaten(points: np.ndarray, p: int, p_squared: float, q: int, q_squared: 
     return swing == 0.0 or p_squared - q_squared - swing > 1e-9 * p_squared
 
 
-@njit(cache=True)
+@kernel()
 def _possible(
     points: np.ndarray,
     chosen: np.ndarray,
@@ -243,7 +243,7 @@ def _possible(
     return n
 
 
-@njit(cache=True)
+@kernel()
 def _unbeaten(points: np.ndarray, own: np.ndarray, squared: np.ndarray, n: int, side: float) -> int:
     """Sorts the first ``n`` of ``own`` by their distance and drops those that a nearer one beats; how many stay."""
     for k in range(1, n):
@@ -296,7 +296,7 @@ class Leaves(NamedTuple):
         return Leaves(points, bounds, np.cumsum([0, *map(len, leaves)]), np.concatenate(leaves))
 
 
-@njit(cache=True)
+@kernel()
 def nearest_from_afar(x: float, y: float, z: float, leaves: Leaves) -> tuple[int, float]:
     """The nearest point's index and squared distance to (x, y, z); the first in the cloud on ties."""
     first, least = 0, np.inf
@@ -311,7 +311,7 @@ def nearest_from_afar(x: float, y: float, z: float, leaves: Leaves) -> tuple[int
     return best, best_squared
 
 
-@njit(cache=True)
+@kernel()
 def _to_box(x: float, y: float, z: float, bounds: np.ndarray) -> float:
     """Squared distance of a point to a box (2, 3); 0 inside."""
     dx = max(bounds[0, 0] - x, x - bounds[1, 0], 0.0)
@@ -320,7 +320,7 @@ def _to_box(x: float, y: float, z: float, bounds: np.ndarray) -> float:
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(cache=True)
+@kernel()
 def _better(
     x: float, y: float, z: float, leaves: Leaves, leaf: int, best: int, best_squared: float
 ) -> tuple[int, float]:

@@ -13,11 +13,11 @@ from collections.abc import Sequence
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numba import njit
 
 from verefine_viz.core.algorithm_settings import TricpSettings
 from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.geometry import transform
+from verefine_viz.core.kernels import kernel
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.refiners.icp_kernel import apply, point_step
@@ -29,7 +29,7 @@ NEAR_ONLY = -1.0
 """A limit that every distance exceeds: beyond its cubes the index then gives up at once."""
 
 
-@njit(cache=True)
+@kernel()
 def trimmed_loop(
     source: np.ndarray, index: NearestIndex, leaves: Leaves, n_used: int, energy_ratio: float, max_passes: int
 ) -> tuple[np.ndarray, np.ndarray, int, float]:
@@ -66,7 +66,7 @@ def trimmed_loop(
     return R, t, max_passes, energy
 
 
-@njit(cache=True)
+@kernel()
 def _use_best(squared: np.ndarray, n_used: int, used: np.ndarray) -> float:
     """Marks the ``n_used`` smallest, the first ones where several are as large as the last; their sum."""
     n = len(squared)
@@ -89,7 +89,7 @@ def _use_best(squared: np.ndarray, n_used: int, used: np.ndarray) -> float:
     return total
 
 
-@njit(cache=True)
+@kernel()
 def unexplained(points: np.ndarray, index: NearestIndex, limit_m: float) -> np.ndarray:
     """Which of ``points`` (N, 3) have no point of the indexed cloud within ``limit_m``; (N,) bool."""
     limit_squared = limit_m * limit_m

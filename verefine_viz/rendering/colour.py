@@ -15,11 +15,11 @@ from functools import lru_cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.kernels import kernel
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Instance, Target
@@ -157,7 +157,7 @@ class SceneColours:
         return out
 
 
-@njit(cache=True)
+@kernel()
 def correlations(sums: np.ndarray) -> np.ndarray:
     """f_c in [−1, 1] of each row (…, ``N_COLOUR_SUMS``); noise counts as contrast that is not correlated."""
     out = np.zeros(sums.shape[:-1])

@@ -12,10 +12,10 @@ from pathlib import Path
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import writable
+from verefine_viz.core.kernels import kernel
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Placed
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
@@ -93,7 +93,7 @@ def without_table(observation: Observation) -> NDArray[np.float32]:
     return np.where(height_m >= TABLE_M, depth_m, 0).astype(np.float32)
 
 
-@njit(cache=True)
+@kernel()
 def _count(observed_m: np.ndarray, inv_z: np.ndarray, limit_m: float) -> int:
     n = 0
     for v in range(observed_m.shape[0]):

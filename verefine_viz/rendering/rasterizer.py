@@ -11,7 +11,8 @@ within bounds before it becomes one, as what becomes of a float that no integer 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from verefine_viz.core.kernels import kernel
 
 NEAR_M = 0.01
 """Nearest surface that is drawn [m], as in the authors' renderer."""
@@ -33,7 +34,7 @@ FAR_AWAY_M = 1e6
 # read-only array and a bare 0 are types of their own to numba, for which it compiles everything once more.
 
 
-@njit(cache=True)
+@kernel()
 def is_drawable(T):  # noqa: D103
     for i in range(3):
         for j in range(4):
@@ -42,13 +43,13 @@ def is_drawable(T):  # noqa: D103
     return True
 
 
-@njit(cache=True)
+@kernel()
 def clamped(x, low, high):
     """A float as a whole number from ``low`` to ``high``; ``low`` where it is NaN."""
     return int(min(max(low, x), high))  # In this order: NaN is not larger than ``low``.
 
 
-@njit(cache=True)
+@kernel()
 def project(T, vertices, fx, fy, cx, cy, projected):
     """Fills ``projected`` (V, 3) with (u, v, 1/z), or (-, -, 0) in front of the near plane.
 
@@ -74,7 +75,7 @@ def project(T, vertices, fx, fy, cx, cy, projected):
     return u_min, v_min, u_max, v_max, n_front
 
 
-@njit(cache=True)
+@kernel()
 def _bound(a, b, u, v):
     """The edge a·(x − u) + b·(y − v) ≥ 0 as bounds of a row: x ≥ left + left_slope·y and x ≤ right + right_slope·y."""
     if a == 0.0:
@@ -87,7 +88,7 @@ def _bound(a, b, u, v):
     return -UNBOUNDED_PX, 0.0, start + slack, slope
 
 
-@njit(cache=True)
+@kernel()
 def fill(inv_z, face_of, x0, y0, face, ua, va, ia, ub, vb, ib, uc, vc, ic):
     """Draws one projected triangle into the window of the image that starts at column x0, row y0."""
     height, width = inv_z.shape
@@ -125,7 +126,7 @@ def fill(inv_z, face_of, x0, y0, face, ua, va, ia, ub, vb, ib, uc, vc, ic):
                     face_of[y - y0, x - x0] = face
 
 
-@njit(cache=True)
+@kernel()
 def fill_clipped(inv_z, face_of, x0, y0, face, T, corners, fx, fy, cx, cy):
     """Draws a triangle (3, 3) that crosses the near plane: the part in front of it, one or two triangles."""
     part = np.empty((4, 3))
@@ -152,7 +153,7 @@ def fill_clipped(inv_z, face_of, x0, y0, face, T, corners, fx, fy, cx, cy):
         fill(inv_z, face_of, x0, y0, face, a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2])
 
 
-@njit(cache=True)
+@kernel()
 def window(T, vertices, fx, fy, cx, cy, height, width, projected):
     """Projects the vertices and gives the window of the image that holds the model.
 
@@ -174,7 +175,7 @@ def window(T, vertices, fx, fy, cx, cy, height, width, projected):
     return x0, y0, x1 - x0 + 1, y1 - y0 + 1, n_front
 
 
-@njit(cache=True)
+@kernel()
 def eye_in_object(T):
     """The camera's centre in the object frame [m]: which side of a face is seen is a matter of the face's plane."""
     x = -(T[0, 0] * T[0, 3] + T[1, 0] * T[1, 3] + T[2, 0] * T[2, 3])
@@ -183,7 +184,7 @@ def eye_in_object(T):
     return x, y, z
 
 
-@njit(cache=True)
+@kernel()
 def draw(
     T, vertices, faces, normals, offsets, closed, projected, n_front, fx, fy, cx, cy, inv_z, face_of, x0, y0, first_face
 ):
@@ -253,7 +254,7 @@ def draw(
             fill_clipped(inv_z, face_of, x0, y0, first_face + f, T, corners, fx, fy, cx, cy)
 
 
-@njit(cache=True)
+@kernel()
 def _coarse(inv_z):
     """The smallest 1/z of each block of ``BLOCK_PX`` × ``BLOCK_PX`` pixels."""
     rows, columns = inv_z.shape
@@ -267,7 +268,7 @@ def _coarse(inv_z):
     return out
 
 
-@njit(cache=True)
+@kernel()
 def _is_hidden(farthest, u_min, u_max, v_min, v_max, nearest):
     """Whether all blocks under a box of window pixels show a surface nearer than 1/z = ``nearest``."""
     rows, columns = farthest.shape
@@ -282,7 +283,7 @@ def _is_hidden(farthest, u_min, u_max, v_min, v_max, nearest):
     return True
 
 
-@njit(cache=True)
+@kernel()
 def draw_frame(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, inv_z, face_of):
     """Draws a model into a whole image; pixels it wins get its face, so several models may share ``inv_z``."""
     height, width = inv_z.shape
@@ -295,7 +296,7 @@ def draw_frame(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, inv
         )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def draw_depth(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, depth):
     """Draws a model into an image of z [m], 0 = empty, where it is nearer than what is there."""
     height, width = depth.shape

@@ -12,8 +12,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import config, njit
+from numba import config
 
+from verefine_viz.core.kernels import kernel
 from verefine_viz.rendering.rasterizer import clamped, draw, eye_in_object, window
 
 # numba tries TBB first and warns where open3d has brought along an older one.
@@ -32,7 +33,7 @@ N_SUMS = 9
 """Columns of a pose's sums: Σ f_d, Σ f_n, N, rendered pixels, then the five classes."""
 
 
-@njit(cache=True)
+@kernel()
 def classify(observed, rendered, other, is_own, any_own, tau):
     """The class of a pixel on which a model shows (docs/methods.md 1.9).
 
@@ -60,7 +61,7 @@ def classify(observed, rendered, other, is_own, any_own, tau):
     return HIDDEN
 
 
-@njit(cache=True)
+@kernel()
 def fits_into(kind, any_own, is_object, pixels):
     """Whether a pixel on which a model shows counts in the sums of Eq. 1 (docs/methods.md 1.8.1)."""
     if pixels == PUBLISHED:
@@ -68,7 +69,7 @@ def fits_into(kind, any_own, is_object, pixels):
     return any_own if pixels == OBSERVED else kind == EXPLAINED
 
 
-@njit(cache=True)
+@kernel()
 def fit_of(d, z, dot, has_normal, pixels, per_tau, per_alpha):
     """f_d and f_n of Eq. 1 at a pixel.
 
@@ -88,7 +89,7 @@ def fit_of(d, z, dot, has_normal, pixels, per_tau, per_alpha):
     return f_d, max(0.0, 1.0 - (1.0 - min(max(dot, 0.0), 1.0)) * per_alpha)
 
 
-@njit(cache=True)
+@kernel()
 def score_scene(Ts, meshes, camera, far, seen, rule, colours, sums, colour_sums):
     """Fills ``sums`` (``N_SUMS``,) for one combination of poses.
 
@@ -109,7 +110,7 @@ def score_scene(Ts, meshes, camera, far, seen, rule, colours, sums, colour_sums)
         _sum_colours(inv_z, face_of, x0, y0, Ts, meshes[6], camera, far, seen, rule[1], colours, colour_sums)
 
 
-@njit(cache=True)
+@kernel()
 def _facing(Ts, meshes):
     """(F, 3) normals of all faces, on the side that is seen, in the camera frame."""
     normals, offsets, face_starts = meshes[2], meshes[3], meshes[6]
@@ -125,7 +126,7 @@ def _facing(Ts, meshes):
     return out
 
 
-@njit(cache=True)
+@kernel()
 def _sum(inv_z, face_of, x0, y0, facing, face_starts, far, seen, rule, sums):
     """Eq. 1. Fills ``sums`` from the window that starts at column x0, row y0: 1/z and the faces that are seen."""
     observed, flags, own, placed, n_objects, n_own = seen
@@ -179,7 +180,7 @@ def _sum(inv_z, face_of, x0, y0, facing, face_starts, far, seen, rule, sums):
         sums[4 + k] = counts[k]
 
 
-@njit(cache=True)
+@kernel()
 def _sum_colours(inv_z, face_of, x0, y0, Ts, face_starts, camera, far, seen, tau, colours, sums):
     """What f_c is made of (``colour.correlations``): fills ``sums`` (m, ``N_COLOUR_SUMS``) over explained pixels.
 
@@ -215,7 +216,7 @@ def _sum_colours(inv_z, face_of, x0, y0, Ts, face_starts, camera, far, seen, tau
         sums[k, 5], sums[k, 6], sums[k, 7], sums[k, 8], sums[k, 9] = sb1, sb2, saa, sbb, sab
 
 
-@njit(cache=True)
+@kernel()
 def _cell_rays(Ts, camera, origins, per_metre):
     """(m, 3, 4) A, B, C, D of each model: pixel (u, v) at depth z shows the point z (A u + B v + C) + D, in cells."""
     fx, fy, cx, cy = camera
@@ -231,7 +232,7 @@ def _cell_rays(Ts, camera, origins, per_metre):
     return out
 
 
-@njit(cache=True)
+@kernel()
 def _cell(rays, shape, u, v, z):
     """Which of a model's cells, counted through, the point of a pixel lies in, or the nearest one."""
     at = 0
@@ -241,7 +242,7 @@ def _cell(rays, shape, u, v, z):
     return at
 
 
-@njit(cache=True)
+@kernel()
 def draw_window(Ts, meshes, camera, height, width):
     """Draws the models into the window of the image that holds them all.
 
@@ -272,14 +273,14 @@ def draw_window(Ts, meshes, camera, height, width):
     return left, top, inv_z, face_of
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def score_every(first, step, Ts, meshes, camera, far, seen, rule, colours, out, colours_out):
     """:func:`score_scene` of combinations first, first + step, …; several threads may each take their share."""
     for i in range(first, len(Ts), step):
         score_scene(Ts[i], meshes, camera, far, seen, rule, colours, out[i], colours_out[i])
 
 
-@njit(cache=True)
+@kernel()
 def windows(Ts, meshes, camera, height, width):
     """The windows of the image, (N, m, 4) x0, y0, columns, rows [px], that hold each model of N combinations of poses
     (N, m, 4, 4); 0 columns for none.
@@ -296,7 +297,7 @@ def windows(Ts, meshes, camera, height, width):
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def draw_at(Ts, meshes, camera, shape, far, rows, columns, depth, faces):
     """Fills ``depth`` and ``faces`` (h, w), all 0 so far, with z [m] and face of the models at the pixels of a grid,
     whatever camera and poses are given.
@@ -324,7 +325,7 @@ def draw_at(Ts, meshes, camera, shape, far, rows, columns, depth, faces):
                         depth[y, x], faces[y, x] = z, face_of[v, u]
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def fill_maps(Ts, meshes, rows, columns, depth, faces, camera, seen, rule, maps):
     """Eq. 1 pixel by pixel: fills the fields of ``ScoreMaps``.
 

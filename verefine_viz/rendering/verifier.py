@@ -8,11 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, writable
 from verefine_viz.core.errors import ShapeError
+from verefine_viz.core.kernels import kernel
 from verefine_viz.core.problem import Placed, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.scores import PixelGrid, ScoreMaps, Scores
@@ -172,7 +172,7 @@ def scores_from_sums(sums: Float, colour_sums: Float, colours: SceneColours | No
     return Scores(score, fits[1], fits[2], whole[:, 0], whole[:, 1], whole[:, 2:], colour_fit=f_c, colour_weight=w)
 
 
-@njit(cache=True)
+@kernel()
 def _means(sums: np.ndarray, classes: bool) -> tuple[np.ndarray, np.ndarray]:
     """(3, N) score, depth fit and normal fit, and (N, 7) the counts. Compiled, as numpy takes as long to divide two
     numbers as the kernels take for a small object.

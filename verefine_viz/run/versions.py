@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import platform
-import sys
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
+from verefine_viz import __version__
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_parts import weights_of
 
-BULLET = "pybullet" if sys.version_info < (3, 12) else "pybullet-arm64"
-"""The package that brings the module pybullet (pyproject.toml)."""
 PACKAGES = (
-    "verefine-viz", "numpy", "numba", "scipy", BULLET, "open3d", "coacd", "trimesh", "onnxruntime", "moderngl", "viser",
-    "rerun-sdk",
+    "numpy", "numba", "scipy", "pybullet", "open3d", "coacd", "trimesh", "onnxruntime", "moderngl", "viser", "rerun-sdk",
 )  # fmt: skip
+OTHER_BUILDS = {"pybullet": "pybullet-arm64", "open3d": "open3d-cpu"}
+"""Other builds of a package's code, with module names of the same; docs/decisions/other-builds.md."""
 
 
 def versions(session: Session) -> dict[str, str]:
@@ -27,12 +26,17 @@ def versions(session: Session) -> dict[str, str]:
 
 @cache
 def package_versions() -> dict[str, str]:
-    """Versions of the packages that a run may use, "missing" where one is not installed."""
-    return {package: _version(package) for package in PACKAGES}
+    """Versions of the packages that a run may use, "missing" where one is not installed; another build is named."""
+    return {"verefine-viz": __version__} | {package: _version(package) for package in PACKAGES}
 
 
 def _version(package: str) -> str:
     try:
         return version(package)
+    except PackageNotFoundError:
+        pass
+    other = OTHER_BUILDS.get(package, "")
+    try:
+        return f"{version(other)} ({other})" if other else "missing"
     except PackageNotFoundError:
         return "missing"

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import lru_cache
-from time import perf_counter
 
 import msgspec
 import numpy as np
 from msgspec import Struct, structs
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.clock import clock
 from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import Placed, Problem, Target
@@ -26,7 +25,6 @@ from verefine_viz.evaluation.pair_errors import DrawnTruth, pair_errors
 from verefine_viz.evaluation.pose_errors import pose_errors
 from verefine_viz.evaluation.vsd import DELTA_MM
 from verefine_viz.grasping.grasp_answer import GraspScene
-from verefine_viz.run.kernel_compilation import compiling_reported
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.studies.study_plan import Panel, StudyCurve, Unit
 
@@ -193,18 +191,9 @@ def _outcomes(
     """One for each object; ``frame`` is ``problem`` before it was disturbed."""
     counted = _Counted(refiner)
     toolbox = toolbox.refined_by(counted)
-    began, compiled_s = perf_counter(), 0.0
-
-    @contextmanager
-    def compiling() -> Iterator[None]:
-        nonlocal compiled_s
-        at = perf_counter()
-        yield
-        compiled_s += perf_counter() - at
-
-    with compiling_reported(lambda: None, compiling):
-        best = _answers(toolbox, problem, counted, curve.most_calls)
-    ms = 1e3 * (perf_counter() - began - compiled_s)
+    began = clock()
+    best = _answers(toolbox, problem, counted, curve.most_calls)
+    ms = 1e3 * (clock() - began)
     n = max(len(problem.targets), 1)
     return [
         UnitAnswer(

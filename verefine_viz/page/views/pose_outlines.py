@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import contourpy
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, writable
 from verefine_viz.core.camera import Camera
+from verefine_viz.core.kernels import kernel
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.settings import ScoreSettings
 from verefine_viz.page.moment import pose_matrix
@@ -76,7 +76,7 @@ def _drawn(mesh: RenderMesh, T_cam_obj: Float, camera: Camera, finer: int) -> tu
     return (silhouette, np.array([x0, y0])) if silhouette.size else None
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _silhouette(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, height, width):
     projected = np.empty((len(vertices), 3))
     x0, y0, columns, rows, n_front = window(T, vertices, fx, fy, cx, cy, height, width, projected)
@@ -94,7 +94,7 @@ def _silhouette(T, vertices, faces, normals, offsets, closed, fx, fy, cx, cy, he
     return x0, y0, out
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def simplified(line, deviation):
     """A closed line (n, 2), first point = last, smoothed and with as few points as the deviation allows (m, 2).
 

@@ -1,0 +1,98 @@
+"""Compiled functions, and the folder in which they are cached.
+
+Numba unpickles the list of what it has cached of a function before it compares the source's stamp: a list that names a
+type which a newer version renamed raises ``AttributeError``. So each version of the sources has a folder of its own,
+and those of older ones are removed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import platformdirs
+from numba import config, njit
+from numba.core import event
+
+from verefine_viz import __version__
+from verefine_viz.core.clock import clock
+
+PACKAGE = Path(__file__).resolve().parents[1]
+OF_KERNELS = (b"@kernel", b"(NamedTuple)")
+"""What the source of a kernel, or of a type that is handed to one, holds."""
+OWNER = "verefine-viz.txt"
+"""A file in each folder: the package that made it."""
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def kernel(nogil: bool = False) -> Callable[[F], F]:
+    """Compile a function by numba when it is first called, and cache it on disk.
+
+    Args:
+        nogil: whether other threads run beside it.
+    """
+
+    def compiled(function: F) -> F:
+        # Numba decides here where to cache it; kernels of a user's program stay where they are.
+        before, config.CACHE_DIR = config.CACHE_DIR, str(cache_folder())  # pyright: ignore
+        try:
+            return cast(F, njit(cache=True, nogil=nogil)(function))
+        finally:
+            config.CACHE_DIR = before  # pyright: ignore
+
+    return compiled
+
+
+@cache
+def cache_folder() -> Path:
+    """Return the folder of this version's kernels, below NUMBA_CACHE_DIR where that is set; older ones are removed."""
+    chosen = config.CACHE_DIR  # pyright: ignore
+    root = Path(chosen) if chosen else platformdirs.user_cache_path("verefine-viz") / "kernels"
+    return made_folder(root, PACKAGE, __version__)
+
+
+def made_folder(root: Path, package: Path, version: str) -> Path:
+    """Make the folder of a package's kernels, and remove those of its older versions and of packages that are gone.
+
+    Args:
+        root: the folder in which such folders are.
+        package: the folder of the package's sources.
+        version: that of the package.
+
+    Returns:
+        The folder, named by version, place and sources. Where it cannot be made numba caches elsewhere.
+    """
+    source = hashlib.sha256(bytes(package))
+    for file in sorted(package.rglob("*.py")):
+        content = file.read_bytes()
+        if any(sign in content for sign in OF_KERNELS):
+            source.update(content)
+    folder = root / f"verefine-viz-{version}-{source.hexdigest()[:12]}"
+    with suppress(OSError):
+        if not folder.exists():
+            folder.mkdir(parents=True)
+            (folder / OWNER).write_bytes(bytes(package))
+            for owner in root.glob(f"*/{OWNER}"):
+                made_by = Path(owner.read_text(encoding="utf-8", errors="surrogateescape"))
+                if owner.parent != folder and (made_by == package or not made_by.is_dir()):
+                    shutil.rmtree(owner.parent, ignore_errors=True)
+    return folder
+
+
+class _StopsTheClock(event.Listener):
+    """Leaves the time in which kernels are compiled out of the times of a run."""
+
+    def on_start(self, event: event.Event) -> None:
+        clock.stop()
+
+    def on_end(self, event: event.Event) -> None:
+        clock.resume()
+
+
+event.register("numba:compile", _StopsTheClock())
