@@ -1,5 +1,4 @@
-"""Three tiers of tests, ``fast``, ``slow`` and ``browser``, and those on real ``data``: folder and fixtures decide, no test
-is marked.
+"""Three tiers of tests: ``fast``, ``slow``, ``browser``; and ``data``, on real frames. Folder and fixtures decide.
 
 Tests in tests/browser are ``browser``. A test that asks for the fixture ``processes`` or ``long_run``, itself or
 through other fixtures, is ``slow``. All others are ``fast``, and one of them that starts a process or a server fails.

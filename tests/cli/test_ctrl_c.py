@@ -55,7 +55,9 @@ def test_a_command_in_the_middle_of_its_work_says_one_line_and_leaves_nothing_ru
         finally:
             child.kill()
     errors = errors.removeprefix(f"{COMPILING}\n")
-    assert (child.returncode, output, errors) == (128 + number, "", "stopped\n")
+    assert (child.returncode, errors) == (128 + number, "stopped\n")
+    # A study whose first answers were there by then shows what they say.
+    assert output == "" or (command == "study" and "claims: robustness.md" in output)
     _, alive = psutil.wait_procs(workers, timeout=100)
     assert alive == []
 
