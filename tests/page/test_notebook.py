@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from urllib.request import urlopen
@@ -59,3 +61,15 @@ def test_what_cannot_be_shown_is_said(tmp_path: Path):
     for given, why in ((7, "int cannot be shown"), (tmp_path / "none.vfrun", "none.vfrun does not exist")):
         with pytest.raises(InputError, match=why):
             vv.show(given)
+
+
+@pytest.mark.usefixtures("processes")
+def test_open3d_prints_no_banner_into_a_notebook_and_starts_no_server() -> None:
+    program = """
+import builtins
+class ZMQInteractiveShell: pass
+builtins.get_ipython = lambda: ZMQInteractiveShell()
+import verefine_viz.observation.support_plane
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=100, check=True)
+    assert (done.stdout, done.stderr) == ("", "")

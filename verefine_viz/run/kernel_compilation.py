@@ -1,6 +1,5 @@
-"""Kernels are compiled once after installing, a minute or two in all: says so, and has one process do it for all.
-
-Numba caches them beside the source, or in the user's cache folder where the package cannot be written to.
+"""Kernels (core/kernels.py) are compiled once after installing, a minute or two in all: says so, and has one process do it
+for all.
 """
 
 from __future__ import annotations
