@@ -93,13 +93,18 @@ def difference(a: Group, b: Group, keys: Mapping[int, int]) -> Json:
 
 def wrong_in(a: Group, b: Group) -> dict[int, str]:
     """Which of two runs got an object wrong, in words, by the id of its answers."""
-    of_a, of_b = ({key(row) for row in group.failures} for group in (a, b))
+    of_a, of_b = ({key(row) for row in group.failures if _is_missed(row)} for group in (a, b))
     words = {(True, True): "both wrong", (True, False): f"only {a.name} wrong", (False, True): f"only {b.name} wrong"}
     return {
         id(row): words[key(row) in of_a, key(row) in of_b]
         for row in (*a.objects, *b.objects)
         if key(row) in of_a or key(row) in of_b
     }
+
+
+def _is_missed(row: Answer) -> bool:
+    """Whether an answer is missing, or known to be wrong."""
+    return row.status == "no_answer" or row.is_correct is False
 
 
 def _frames(changes: Sequence[PairChange]) -> list[Json]:

@@ -239,14 +239,17 @@ def _scene(objects: Sequence[Json]) -> Json:
     if not objects:
         return {"tone": "unknown", "words": "", "worst": None, "right": 0, "known": 0}
     known = [o for o in objects if o.get("err") is not None]
+    impossible = [o for o in objects if any(f["cause"] == Cause.IMPOSSIBLE for f in o["findings"])]
     if known:
-        worst = max(known, key=lambda o: o["err"] / o["limit"])
         right = sum(o["err"] < o["limit"] for o in known)
         asked = len(known) + sum(o["tone"] == "none" for o in objects)
-        tone = "right" if right == asked else "wrong"
-        return {"tone": tone, "words": f"{right} of {asked} right", "worst": worst["obj"], "right": right,
-                "known": asked}  # fmt: skip
-    impossible = [o for o in objects if any(f["cause"] == Cause.IMPOSSIBLE for f in o["findings"])]
+        unknown = len(objects) - asked
+        words = f"{right} of {asked} right" + (f", {unknown} without ground truth" if unknown else "")
+        worst = max(known, key=lambda o: o["err"] / o["limit"])
+        if right == len(known) and impossible:
+            worst = min(impossible, key=lambda o: o.get("score", 0.0))
+        tone = "wrong" if right < asked else "doubt" if impossible else "right"
+        return {"tone": tone, "words": words, "worst": worst["obj"], "right": right, "known": asked}
     worst = min(impossible or objects, key=lambda o: o.get("score", 0.0))
     n, some = len(objects), len(impossible)
     words = f"{some} of {n} objects cannot stand so" if some else f"{n} objects, no ground truth"

@@ -2,7 +2,7 @@
 import { html } from "./vendor/htm-preact.js";
 import { state, useStore, on, update } from "./store.js";
 import { Button, Icon, IconButton, Swatch, Table, number } from "./ui.js";
-import { Gallery, Plot, choose, openAnswer } from "./gallery.js";
+import { Gallery, Plot, choose, openAnswer, plotTitle } from "./gallery.js";
 import { addKeys, titled } from "./keys.js";
 import { applyTheme, presets, setPreset, switchTheme } from "./layout.js";
 import { Bars, Dot, Drawing, Forest, Key, LIMIT, Recall, Sorted, axis, colorOf, interval, log, pathOf,
@@ -102,7 +102,7 @@ function Section({ id, section, report, isNamed }) {
   const rows = useStore((s) => s.answers)?.rows.filter((row) => runs.has(row.run));
   const basis = [section.intervals, section.bop,
     groups.length > 1 && !section.same_objects ? "Not all runs have the same objects." : "",
-    section.has_truth ? "" : "No ground truth: errors, recall and causes are not known."];
+    section.has_truth ? "" : "No ground truth: errors, recall and BOP scores are not known."];
   const { next } = section;
   return html`<section class="data" id=${id}>
     ${isNamed && html`<h2 class="name">${section.data} <span class="dim">${section.session_title}</span></h2>`}
@@ -115,7 +115,7 @@ function Section({ id, section, report, isNamed }) {
     <div class="blocks">
       ${section.has_truth && html`<${Block} title="Recall" hint="share of objects whose ADD(-S) is below a limit">
         <${Recall} groups=${groups} thresholds=${report.thresholds} best=${section.best} /><//>`}
-      ${rows?.some((r) => r.err != null && r.score != null) && html`<${Block} title="Score over error">
+      ${plotTitle(rows ?? []) && html`<${Block} title=${plotTitle(rows)}>
         <${Plot} of=${rows} />${groups.length <= 2 && groups.map((g) => html`<${Misleads} groups=${groups} of=${g} />`)}
         <//>`}
       ${groups.some((g) => g.causes.length) && html`<${Block} title="Why answers are wrong">
@@ -241,7 +241,7 @@ function Objects({ section: { groups, objects, has_truth } }) {
   }
   const has = (id) => objects.some((o) => o.cells.some((c) => c?.[id] != null && c[id] !== ""));
   const values = [["right", "right [%]", 0], ["ar", "BOP AR [%]", 1], ["median_mm", "median ADD(-S) [mm]", 1],
-    ["score", "score", 2]].filter(([id]) => has(id));
+    ["score", "score", 2], ["undetermined_mm", "undetermined [mm]", 1]].filter(([id]) => has(id));
   const hint = groups.length > 1 ? groups.map((g) => g.name).join(" → ") : "";
   return html`<${Block} title="Object by object" hint=${hint} wide>
     <${Sorted} name="objects" rows=${objects} columns=${[...named,
