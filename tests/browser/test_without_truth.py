@@ -57,6 +57,11 @@ class Data:
     words: tuple[str, ...]
     """Of a command that solves them."""
 
+    @property
+    def sweep(self) -> Path:
+        """Batches by several methods, with two seeds."""
+        return self.batch.with_name("sweep")
+
 
 def write_trace(folder: Path, problem: Problem, mesh: Path, is_wrong: bool) -> None:
     """A recorded frame with ground truth of its first object only, whose answer is right unless ``is_wrong``."""
@@ -93,9 +98,8 @@ def partly(tmp_path_factory: pytest.TempPathFactory, chromium) -> Data:
 def solved(data: Data) -> Data:
     done = batch_here(data.frames, data.batch, "--workers", "1", "--recording.keep", "all", *data.words)
     assert done.returncode in (0, 1), done.stderr
-    other = data.batch.with_name("other")
-    words = (*QUICK, "--method.name", "sir")
-    done = batch_here(data.frames, other, "--workers", "1", "--recording.keep", "none", *words)
+    words = ("--recording.keep", "none", *QUICK, "--methods", "pir", "sir", "refine", "--seeds", "2")
+    done = batch_here(data.frames, data.sweep, "--workers", "1", *words)
     assert done.returncode in (0, 1), done.stderr
     return data
 
@@ -128,7 +132,8 @@ def walk_answer(screen: Screen, where: str) -> None:
             screen.until(SETTLED)
             look(screen, (where, "iteration", k, "object", obj, tab))
     screen.view(k=n, tab="score", together=True)
-    look(screen, (where, "all objects"))
+    text = look(screen, (where, "all objects"))
+    assert ("ground truth where known" in text) == screen.state("state.frame.objects.some((o) => o.has_gt)"), where
     for title in ("Hypotheses: what colours say, scores, filter", "Evidence and what to do about it"):
         menu = screen.page.get_by_title(title, exact=True).first
         menu.click()
@@ -139,7 +144,8 @@ def walk_answer(screen: Screen, where: str) -> None:
 def walk_gallery(screen: Screen, data: Data, where: str) -> None:
     """Look at the cards in every order, and at the plot under the pointer; open one."""
     screen.until("state.answers !== null && document.querySelectorAll('.card').length > 0")
-    rows = screen.state("state.answers.rows")
+    rows, outcome = screen.state("state.answers.rows"), screen.page.locator(".gallery-bar h2").inner_text()
+    assert (" right; 2 without ground truth" in outcome, " right" in outcome) == (bool(data.truths),) * 2
     if screen.state("Object.keys(state.gallery.only).length"):
         screen.click("All")
     for order in screen.state("state.answers.orders.map(o => o.id)"):
@@ -192,8 +198,8 @@ def test_a_shared_run_and_a_notebook_are_walked(pages: Pages, data: Data, tmp_pa
 
 
 def test_reports_are_walked(pages: Pages, data: Data, tmp_path: Path) -> None:
-    other = data.batch.with_name("other")
-    made = {"one": [data.batch, "--embed", "1"], "two": [data.batch, other], "sweep": [data.batch.parent]}
+    two = [data.sweep / "pir-0", data.sweep / "sir-0"]
+    made = {"one": [data.batch, "--embed", "1"], "two": two, "sweep": [data.sweep]}
     for name, words in made.items():
         assert main(["report", *map(str, words), "--out", str(tmp_path / f"{name}.html")]) == 0
         screen = pages.open_file(tmp_path / f"{name}.html")
@@ -201,6 +207,7 @@ def test_reports_are_walked(pages: Pages, data: Data, tmp_path: Path) -> None:
         text = look(screen, ("report", name))
         assert ("No ground truth" in text) == (data.truths == 0), name
         assert ("both wrong" in text) <= bool(data.truths), name
+        assert ("How far the answers are apart" in text) == (name == "two" and data.truths == 0), name
         if name == "one":
             screen.page.locator(".report .next .link").click()
             screen.until("moment?.isAnswer !== undefined && state.view.preset === 'inspect'")

@@ -60,8 +60,8 @@ COLUMNS = (
     GroupColumn("lifted", "lifted", "share of answers by which a simulated grasp succeeds", "%", 100, 0, 1,
            lambda row: float(row.grasp == "success") if row.grasp else None),
     GroupColumn("score", "score", "mean of the answers", "", 1, 2, 0, _solved("score")),
-    GroupColumn("undetermined_mm", "undetermined", "how far answers may be shifted without the score telling, mean", "mm",
-           1, 1, 0, _solved("undetermined_mm")),
+    GroupColumn("undetermined_mm", "undetermined", "how far answers may be shifted without the score telling, mean",
+           "mm", 1, 1, 0, _solved("undetermined_mm")),
     GroupColumn("ms_per_frame", "time a frame", "computing time of the iterations for all objects of a frame, without "
            "first scores; median", "ms", 1, 0, -1),
     GroupColumn("calls", "refiner calls", "for one object, mean", "", 1, 1, 0,

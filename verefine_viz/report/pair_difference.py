@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from verefine_viz.core.geometry import angle_between, apply
 from verefine_viz.report.groups import Group, key
 from verefine_viz.run.record import Answer
 
@@ -89,6 +90,32 @@ def difference(a: Group, b: Group, keys: Mapping[int, int]) -> Json:
         ],
         "frames": _frames(changes)[:MOST_ROWS],
     }  # fmt: skip
+
+
+def apart(a: Group, b: Group, keys: Mapping[int, int]) -> list[Json]:
+    """Objects that both runs have an answer for, those whose answers are the furthest apart first: all that is known of
+    a difference without ground truth.
+
+    Args:
+        a: one run.
+        b: another one.
+        keys: id of an answer → its key in the gallery.
+    """
+    of_b = {key(row): row for row in b.objects}
+    both = list[Json]()
+    for one in a.objects:
+        other = of_b.get(key(one))
+        if one.T_cam_obj is None or other is None or other.T_cam_obj is None:
+            continue
+        middle = np.zeros((1, 3)) if one.middle_m is None else one.middle_m[None]
+        (shift,) = apply(other.T_cam_obj, middle) - apply(one.T_cam_obj, middle)
+        turn = angle_between(one.T_cam_obj[:3, :3], other.T_cam_obj[:3, :3])
+        both.append({
+            "frame": one.frame, "name": one.name, "mm": round(1e3 * float(np.linalg.norm(shift)), 2),
+            "deg": round(math.degrees(turn), 2), "scores": [one.score, other.score],
+            "keys": [keys[id(one)], keys[id(other)]],
+        })  # fmt: skip
+    return sorted(both, key=lambda one: (-one["mm"], one["frame"]))[:MOST_ROWS]
 
 
 def wrong_in(a: Group, b: Group) -> dict[int, str]:

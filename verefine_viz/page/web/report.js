@@ -124,6 +124,7 @@ function Section({ id, section, report, isNamed }) {
         <${Stages} groups=${groups} /><//>`}
       ${groups.some((g) => g.grasps.length) && html`<${Block} title="How grasps end">
         <${Grasps} groups=${groups} /><//>`}
+      ${section.apart.length > 0 && html`<${Apart} rows=${section.apart} />`}
       ${section.change && html`<${Change} change=${section.change} groups=${groups} />`}
       <${Objects} section=${section} />
       ${section.hardest.length > 0 && html`<${Hardest} section=${section} />`}
@@ -267,6 +268,18 @@ function Hardest({ section: { hardest, n_hard } }) {
       { title: "most frequent cause", left: true, value: (h) => h.cause },
     ]} /><//>`;
 }
+
+// Two runs of which no error is known: where their answers are not the same.
+const Apart = ({ rows }) => html`<${Block} wide title="How far the answers are apart" hint=${`${rows.length} objects`}>
+  <${Sorted} name="apart" rows=${rows} columns=${[
+    { title: "frame", left: true, value: (o) => o.frame },
+    { title: "object", left: true, value: (o) => o.name },
+    { title: "moved [mm]", hint: "of the model's middle, from A to B", value: (o) => o.mm, of: (o) => number(o.mm, 1) },
+    { title: "turned [°]", hint: "as it is, also where the shape looks the same after the turn", value: (o) => o.deg,
+      of: (o) => number(o.deg, 1) },
+    ...["A", "B"].map((side, i) => ({ title: `score ${side}`, hint: "opens this answer", value: (o) => o.scores[i],
+      of: (o) => html`<${Answer} of=${o.keys[i]}>${number(o.scores[i], 2)}<//>` })),
+  ]} /><//>`;
 
 // Two runs, object by object.
 function Change({ change, groups: [a, b] }) {
