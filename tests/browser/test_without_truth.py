@@ -152,7 +152,7 @@ def walk_gallery(screen: Screen, data: Data, where: str) -> None:
         screen.state("(await import('/web/gallery.js')).choose({ order: arg })", order)
         look(screen, (where, order))
     plot = screen.page.locator(".facets .plot")
-    title = "Score over error" if data.truths else "Score over what is undetermined"
+    title = "Score over error" if data.truths else "Score over uncertainty"
     assert plot.locator("h3").inner_text() == title
     assert f"{data.truths or len(rows)} with" in plot.locator("p").inner_text()
     point = plot.locator("canvas").bounding_box()
@@ -205,7 +205,7 @@ def test_reports_are_walked(pages: Pages, data: Data, tmp_path: Path) -> None:
         screen = pages.open_file(tmp_path / f"{name}.html")
         screen.until("state.report && document.querySelectorAll('.card').length > 0")
         text = look(screen, ("report", name))
-        assert ("No ground truth" in text) == (data.truths == 0), name
+        assert ("No ground truth: errors" in text) == (data.truths == 0), name
         assert ("both wrong" in text) <= bool(data.truths), name
         assert ("How far the answers are apart" in text) == (name == "two" and data.truths == 0), name
         if name == "one":

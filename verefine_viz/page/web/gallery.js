@@ -325,7 +325,7 @@ const AXES = [
   { title: "Score over error", words: "error [share of the diameter]", of: (row) => (row.limit && row.err != null ? (0.1 * row.err) / row.limit : null),
     at: (share) => Math.log(Math.max(LOW, Math.min(HIGH, share)) / LOW) / Math.log(HIGH / LOW), limit: 0.1,
     ticks: [[0.01, "1 %"], [0.1, "10 %"], [1, "100 %"]], counted: "with ground truth" },
-  { title: "Score over what is undetermined", words: "undetermined [mm]", of: (row) => row.undetermined_mm,
+  { title: "Score over uncertainty", words: "undetermined [mm]", of: (row) => row.undetermined_mm,
     at: (mm) => Math.min(MOST_MM, mm) / MOST_MM, limit: null, ticks: [[0, "0"], [10, "10"], [20, "20"], [MOST_MM, `${MOST_MM}`]], counted: "without ground truth" },
 ];
 const REACH = 14; // pixels from a point within which the pointer is about it
