@@ -124,12 +124,13 @@ def look(screen: Screen, where: object) -> str:
 
 
 def walk_answer(screen: Screen, where: str) -> None:
-    """Look at the end of the run that is open, in every tab of every object, then at its first iteration."""
+    """Look at the end of the run that is open, in every tab of every object, then, in the program, at its start."""
     screen.until("moment !== null && state.view.preset === 'inspect'")
     folder = "/web/" if screen.state("state.file === null") else "web/"
     tabs = screen.state(f"(await import('{folder}tabs/all.js')).tabs.map(t => t.title.toLowerCase())")
     n, objects = screen.state("moment.run.rows.length"), screen.state("state.frame.objects.map(o => o.id)")
-    for k, obj in [*((n, obj) for obj in objects), (1, objects[0])]:
+    started = [(1, objects[0])] if screen.state("state.file === null") else []
+    for k, obj in [*((n, obj) for obj in objects), *started]:
         screen.view(k=k, stage=None, obj=obj)
         for tab in tabs:
             screen.tab(tab)
@@ -152,7 +153,9 @@ def walk_gallery(screen: Screen, data: Data, where: str) -> None:
     assert (" right; 2 without ground truth" in outcome, " right" in outcome) == (bool(data.truths),) * 2
     if screen.state("Object.keys(state.gallery.only).length"):
         screen.click("All")
-    for order in screen.state("state.answers.orders.map(o => o.id)"):
+    orders = screen.state("state.answers.orders.map(o => o.id)")
+    assert ("misleading" in orders) == bool(data.truths)
+    for order in orders:
         screen.state("(await import('/web/gallery.js')).choose({ order: arg })", order)
         look(screen, (where, order))
     plot = screen.page.locator(".facets .plot")

@@ -33,9 +33,8 @@ ORDERS: dict[Order, str] = {
     "undetermined": "least certain turn",
 }
 """Each with its words."""
-WITHOUT_TRUTH: dict[Order, str] = {"error": "most doubtful"} | {
-    order: words for order, words in ORDERS.items() if order not in ("error", "misleading")
-}
+WITHOUT_TRUTH: dict[Order, str] = {**ORDERS, "error": "most doubtful"}
+del WITHOUT_TRUTH["misleading"]
 """Those that mean something where no error is known."""
 
 
