@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.report.runs import row
 from tests.report.sections import NO_ANSWER, WRONG, run
+from verefine_viz.core.geometry import transform
 from verefine_viz.report.groups import Group
-from verefine_viz.report.pair_difference import SAME, difference, wrong_in
+from verefine_viz.report.pair_difference import SAME, apart, difference, wrong_in
 from verefine_viz.run.record import Answer
 
 
@@ -57,6 +59,19 @@ def test_turned_round_better_is_worse(errors: list[tuple[float | None, float | N
     unchanged = sum(o["by"] is not None and abs(o["by"]) <= 100 * SAME for o in there["objects"])
     both_missing = sum(o["errors"] == [None, None] for o in there["objects"])
     assert there["better"] + there["worse"] + max(unchanged, both_missing) <= there["n"]
+
+
+def test_without_ground_truth_none_is_wrong_and_how_far_answers_are_apart_is_listed() -> None:
+    unknown = {"has_truth": False, "add_s_mm": None}
+    shifts = {1: 0.0, 2: 0.03, 3: 0.01}
+    a, b, keys = pair(
+        [row(k, T_cam_obj=np.eye(4), **unknown) for k in shifts],
+        [row(k, T_cam_obj=transform(np.eye(3), [shift, 0, 0]), **unknown) for k, shift in shifts.items()],
+    )
+    assert wrong_in(a, b) == {}
+    assert [(one["frame"], one["mm"], one["deg"]) for one in apart(a, b, keys)] == [
+        ("1/2", 30.0, 0.0), ("1/3", 10.0, 0.0), ("1/1", 0.0, 0.0)
+    ]  # fmt: skip
 
 
 def test_an_object_is_wrong_in_one_run_or_in_both() -> None:

@@ -140,7 +140,7 @@ def test_without_ground_truth_it_says_so(tmp_path: Path) -> None:
     assert not only["has_truth"]
     assert only["change"] is None
     assert all(group["curve"] is None for group in only["groups"])
-    assert only["bop"] == "BOP scores need ground truth, which this data does not have."
+    assert only["bop"] == ""
 
 
 def test_a_run_of_failed_frames_only_has_a_report(tmp_path: Path) -> None:

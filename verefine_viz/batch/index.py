@@ -33,6 +33,9 @@ ORDERS: dict[Order, str] = {
     "undetermined": "least certain turn",
 }
 """Each with its words."""
+WITHOUT_TRUTH: dict[Order, str] = {**ORDERS, "error": "most doubtful"}
+del WITHOUT_TRUTH["misleading"]
+"""Those that mean something where no error is known."""
 
 
 @dataclass(frozen=True)

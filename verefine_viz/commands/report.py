@@ -32,8 +32,8 @@ class ReportCommand:
     out: Path | None = None
     """The file to write; by default report.html in RUN_DIR, for two of them report-against-NAME.html."""
     embed: int = 8
-    """Frames with a wrong answer that open in the file, the worst first, at most 200: 1 to 3 MB and a few seconds
-    each. The others name the command that opens them. 0 = none."""
+    """Frames with a wrong answer, without ground truth the most doubtful ones, that open in the file, the worst first,
+    at most 200: 1 to 3 MB and a few seconds each. The others name the command that opens them. 0 = none."""
     beside: int = 0
     """Further frames with a wrong answer that get a file each, in a folder beside the report that the report opens, at
     most 200."""

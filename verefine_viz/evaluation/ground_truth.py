@@ -186,7 +186,7 @@ class BopGroundTruth:
         return tuple(notes)
 
     def _instances(self, scene_id: int, im_id: int) -> tuple[GtInstance, ...]:
-        """Instances of an image; all count as visible where the scene has no scene_gt_info.json."""
+        """Instances of an image with a pose; all count as visible where the scene has no scene_gt_info.json."""
         truths, infos = self._dataset.truths(scene_id), self._dataset.infos(scene_id)
         assert truths is not None
         entries, where = truths[im_id], truths.where(im_id)
@@ -203,6 +203,7 @@ class BopGroundTruth:
         instances = tuple(
             _instance(k, entry, visib_fract, f"{where}, entry {k}")
             for k, (entry, visib_fract) in enumerate(zip(entries, shares, strict=True))
+            if not entry.is_without_pose
         )
         for gt in instances:
             with suppress(InputError):  # Models are missing only where they are asked for.

@@ -164,12 +164,9 @@ class Frame:
             The frame's name there, as "1/17"; ``verefine-viz view FOLDER --scene.frames 1/17`` opens it alone.
 
         Raises:
-            InputError: a mesh is another one than its name had before, ground truth is known of some objects only, or
-                the folder holds something else or cannot be written.
+            InputError: a mesh is another one than its name had before, or the folder holds something else or cannot be
+                written.
         """
-        n, n_true = len(self._recorded.objects), sum(one.T_cam_obj_gt is not None for one in self._recorded.objects)
-        if n_true not in (0, n):
-            raise InputError(f"{n_true} of {n} objects have a ground-truth pose; give all of them one, or none")
         source = self.tools({})[0].source
         frame = captured(source.problem(source.frames[0]))
         axes = {one.name: one.symmetry_axis for one in self._recorded.objects}

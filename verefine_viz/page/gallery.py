@@ -19,6 +19,7 @@ from verefine_viz.batch.runs import RUN_FILE, Runs
 from verefine_viz.batch.totals import describe_doubts
 from verefine_viz.core.errors import InputError, unknown
 from verefine_viz.core.settings import Session
+from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.page.workspace import Records
 from verefine_viz.run.record import WAITING, Answer
 from verefine_viz.run.run_file import SUFFIX, read_run_file
@@ -208,6 +209,10 @@ def outcome_words(rows: Sequence[Answer], n_runs: int) -> str:
     words = f"{n_right} of {len(known)} object{'s' * (len(known) != 1)}" if known else f"{len(objects)} objects"
     words += f" of {n_runs} runs" if n_runs > 1 else f" in {n_frames} frame{'s' * (n_frames != 1)}"
     words += f" {'is' if len(known) == 1 else 'are'} right" if known else ""
+    unknown = [row for row in objects if row.status == "ok" and not row.can_be_right]
+    words += f"; {len(unknown)} without ground truth" if known and unknown else ""
+    impossible = sum(row.cause == Cause.IMPOSSIBLE for row in unknown)
+    words += f"; {impossible} cannot stand as answered" if impossible else ""
     words += f"; {missing} {'has' if missing == 1 else 'have'} no answer" if missing else ""
     words += f"; {failed} frame{'s' * (failed != 1)} failed" if failed else ""
     n_waiting = len(rows) - len(solved)

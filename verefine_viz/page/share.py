@@ -340,7 +340,7 @@ def _wants(
         yield {"what": "recorded", "branch": index, "obj": obj, "done": n}
         yield {"what": "track", "obj": obj, "done": True}
     if only is None and len(objects) > 1:
-        for poses in (answers, truths):
+        for poses in (answers, answers | truths if truths else {}):
             if poses:
                 shown = [[o["id"], poses[o["id"]]] for o in objects if o["id"] in poses]
                 yield {"what": "maps", "branch": index, "k": scored(n), "obj": None, "poses": shown}

@@ -220,9 +220,9 @@ def _curves(layout: Layout) -> list[rrb.Container]:
 
 def _curves_by_object(layout: Layout) -> Iterator[rrb.Grid]:
     """A tab per group of curves, in it a view per object that has hypotheses."""
-    names = [b.name for b in layout.branches if b.n_arms]
     for group in PER_OBJECT:
-        if (group == "ucb" and not layout.has_choice) or (group == "error" and not layout.has_ground_truth):
+        names = [b.name for b in layout.branches if b.n_arms and (b.has_truth or group != "error")]
+        if not names or (group == "ucb" and not layout.has_choice):
             continue
         legend = _legend(group, layout)
         views = (rrb.TimeSeriesView(origin=entities.curve(group, n), name=n, plot_legend=legend) for n in names)

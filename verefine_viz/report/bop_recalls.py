@@ -29,7 +29,6 @@ from verefine_viz.scenes.frames import parse_frame
 from verefine_viz.scenes.results_csv import ResultRow
 from verefine_viz.scenes.source import open_scene
 
-NO_GROUND_TRUTH = "BOP scores need ground truth, which this data does not have."
 Place = tuple[Path, str, int]
 """Folder of a run, frame, obj_id."""
 
@@ -41,7 +40,7 @@ class BopRecalls:
     by_place: dict[Place, tuple[int, float]] = field(default_factory=dict)
     """Instances asked for, AR over them. An AR over more is their mean, weighted by instances."""
     note: str = ""
-    """What was asked for; or, without recalls, what is missing for them."""
+    """What was asked for; or, without recalls, what is missing for them; empty where no ground truth is known."""
 
 
 def bop_recalls(
@@ -53,7 +52,7 @@ def bop_recalls(
     Runs whose data cannot be read, or without ground truth, have none; that is no error.
     """
     if not any(row.can_be_right for run in runs for row in run.rows):
-        return BopRecalls(note=NO_GROUND_TRUTH)
+        return BopRecalls()
     having: dict[str, list[BatchIndex]] = {}
     for run in runs:
         for frame in dict.fromkeys(row.frame for row in run.rows):

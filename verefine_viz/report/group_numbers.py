@@ -60,6 +60,8 @@ COLUMNS = (
     GroupColumn("lifted", "lifted", "share of answers by which a simulated grasp succeeds", "%", 100, 0, 1,
            lambda row: float(row.grasp == "success") if row.grasp else None),
     GroupColumn("score", "score", "mean of the answers", "", 1, 2, 0, _solved("score")),
+    GroupColumn("undetermined_mm", "undetermined", "how far answers may be shifted without the score telling, mean",
+           "mm", 1, 1, 0, _solved("undetermined_mm")),
     GroupColumn("ms_per_frame", "time a frame", "computing time of the iterations for all objects of a frame, without "
            "first scores; median", "ms", 1, 0, -1),
     GroupColumn("calls", "refiner calls", "for one object, mean", "", 1, 1, 0,
@@ -242,6 +244,7 @@ def _object_cell(line: GroupLine, obj_id: int, place: int) -> Json | None:
     mine = [row for row in line.group.objects if (row.obj_id or 0) == obj_id]
     errors = [row.add_s_mm for row in mine if row.status == "ok" and row.add_s_mm is not None]
     scores = [row.score for row in mine if row.status == "ok" and row.score is not None]
+    widths = [row.undetermined_mm for row in mine if row.status == "ok" and row.undetermined_mm is not None]
     causes = Counter(row.cause for row in mine if row.cause)
 
     def share(cells: CellSums) -> float | None:
@@ -254,6 +257,7 @@ def _object_cell(line: GroupLine, obj_id: int, place: int) -> Json | None:
         "ar": share(line.ar),
         "median_mm": round(float(np.median(errors)), 2) if errors else None,
         "score": round(float(np.mean(scores)), 3) if scores else None,
+        "undetermined_mm": round(float(np.mean(widths)), 2) if widths else None,
         "cause": cause_title(causes.most_common(1)[0][0]) if causes else "",
     } if mine else None  # fmt: skip
 

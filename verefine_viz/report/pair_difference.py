@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from verefine_viz.core.geometry import angle_between, apply
 from verefine_viz.report.groups import Group, key
 from verefine_viz.run.record import Answer
 
@@ -91,15 +92,46 @@ def difference(a: Group, b: Group, keys: Mapping[int, int]) -> Json:
     }  # fmt: skip
 
 
+def apart(a: Group, b: Group, keys: Mapping[int, int]) -> list[Json]:
+    """Objects that both runs have an answer for, those whose answers are the furthest apart first: all that is known of
+    a difference without ground truth.
+
+    Args:
+        a: one run.
+        b: another one.
+        keys: id of an answer → its key in the gallery.
+    """
+    of_b = {key(row): row for row in b.objects}
+    both = list[Json]()
+    for one in a.objects:
+        other = of_b.get(key(one))
+        if one.T_cam_obj is None or other is None or other.T_cam_obj is None:
+            continue
+        middle = np.zeros((1, 3)) if one.middle_m is None else one.middle_m[None]
+        (shift,) = apply(other.T_cam_obj, middle) - apply(one.T_cam_obj, middle)
+        turn = angle_between(one.T_cam_obj[:3, :3], other.T_cam_obj[:3, :3])
+        both.append({
+            "frame": one.frame, "name": one.name, "mm": round(1e3 * float(np.linalg.norm(shift)), 2),
+            "deg": round(math.degrees(turn), 2), "scores": [one.score, other.score],
+            "keys": [keys[id(one)], keys[id(other)]],
+        })  # fmt: skip
+    return sorted(both, key=lambda one: (-one["mm"], one["frame"]))[:MOST_ROWS]
+
+
 def wrong_in(a: Group, b: Group) -> dict[int, str]:
     """Which of two runs got an object wrong, in words, by the id of its answers."""
-    of_a, of_b = ({key(row) for row in group.failures} for group in (a, b))
+    of_a, of_b = ({key(row) for row in group.failures if _is_missed(row)} for group in (a, b))
     words = {(True, True): "both wrong", (True, False): f"only {a.name} wrong", (False, True): f"only {b.name} wrong"}
     return {
         id(row): words[key(row) in of_a, key(row) in of_b]
         for row in (*a.objects, *b.objects)
         if key(row) in of_a or key(row) in of_b
     }
+
+
+def _is_missed(row: Answer) -> bool:
+    """Whether an answer is missing, or known to be wrong."""
+    return row.status == "no_answer" or row.is_correct is False
 
 
 def _frames(changes: Sequence[PairChange]) -> list[Json]:

@@ -31,7 +31,7 @@ from verefine_viz.report.group_numbers import (
     stage_times,
 )
 from verefine_viz.report.groups import Group, Section, differing
-from verefine_viz.report.pair_difference import difference
+from verefine_viz.report.pair_difference import apart, difference
 from verefine_viz.run.session_file import session_toml
 
 Json = dict[str, Any]
@@ -108,6 +108,7 @@ def _section(section: Section, bop: BopRecalls, keys: Mapping[int, int], names: 
         "n_hard": len(hard),
         "differing": [[name, values] for name, values in differing([g.session for g in section.groups]).items()],
         "change": None if pair is None or not comparison.has_truth else difference(*pair, keys),
+        "apart": [] if pair is None or comparison.has_truth else apart(*pair, keys),
         "tracks": [_track(run, track, k < MOST_TRACKS) for k, (run, track) in enumerate(tracks)],
     }  # fmt: skip
 

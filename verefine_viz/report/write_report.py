@@ -152,14 +152,16 @@ def _pictures(gallery: Gallery, answers: Json, most: int, notes: list[str], prog
 def _frames(
     gallery: Gallery, answers: Json, embed: int, beside: int, folder: Path, notes: list[str], progress: StepProgress
 ) -> list[str]:
-    """The worst frames as parts of the file, as ``verefine-viz share`` has them; of a good run the worst one.
+    """The worst frames as parts of the file, as ``verefine-viz share`` has them; of a good run the worst one, without
+    ground truth the most doubtful ones.
 
     So many more are written into ``folder``, a file each.
     """
     entries = gallery.entries
     worst = [key for key in answers["orders"][0]["keys"] if entries[key].can_be_opened]
-    # Where there is no answer there is less to see.
-    wrong = sorted((k for k in worst if entries[k].is_wrong), key=lambda k: entries[k].row.status != "ok") or worst[:1]
+    # Where there is no answer there is less to see. Where no ground truth is known, any answer may be wrong.
+    wrong = sorted((k for k in worst if entries[k].is_wrong), key=lambda k: entries[k].row.status != "ok")
+    wrong = wrong or (worst[:1] if any(entry.row.can_be_right for entry in entries) else worst)
     frames: dict[tuple[str, str, str, int | None], list[int]] = {}
     for key in wrong:
         row = entries[key].row
@@ -173,7 +175,7 @@ def _frames(
             debugger = opened_answer(gallery, entries[keys[0]])
             known = shared(debugger, answers["rows"][keys[0]]["command"], "end", objects, f"p{done}-")
         except VerefineError as error:
-            notes.append(f"Wrong answers cannot be opened in the report: {error}.")
+            notes.append(f"Frames cannot be opened in the report: {error}.")
             continue
         if done >= embed:
             file = folder / f"{run}_{frame.replace('/', '_')}_{done}.html"

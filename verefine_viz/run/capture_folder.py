@@ -64,20 +64,19 @@ class CapturedFrame:
 
 
 def captured(problem: Problem) -> CapturedFrame:
-    """A frame that was read from somewhere else, with ground truth where all its objects have some."""
-    has_gt = all(target.instance.T_cam_obj_gt is not None for target in problem.targets)
+    """A frame that was read from somewhere else."""
     observation = problem.observation
     support = observation.support
     is_given = support is not None and support.gravity_source == "given"
     down = -support.T_world_cam[2, :3] if support is not None and is_given else None
-    objects = [_captured_object(target, has_gt) for target in problem.targets]
+    objects = [_captured_object(target) for target in problem.targets]
     depth_m = np.where(observation.depth_m > FARTHEST_M, 0.0, observation.depth_m.astype(np.float64))
     place = {target.instance.instance_id: k for k, target in enumerate(problem.targets)}
     order = [[place[i] for i in cluster] for cluster in problem.order]
     return CapturedFrame(observation.camera.K, depth_m, observation.rgb, objects, down, order)
 
 
-def _captured_object(target: Target, has_gt: bool) -> CapturedObject:
+def _captured_object(target: Target) -> CapturedObject:
     """With its initial poses by what estimated them, and the last one recorded, which another program answered with."""
     model, instance = target.model, target.instance
     mesh = Mesh(model.vertices, model.faces, model.vertex_colors, (), model.texture)
@@ -87,8 +86,7 @@ def _captured_object(target: Target, has_gt: bool) -> CapturedObject:
     last = instance.recorded[-1].T_cam_obj if instance.recorded else None
     if last is not None and not (instance.hypotheses and np.array_equal(last, instance.hypotheses[0].T_cam_obj)):
         poses["recorded_answer"] = [last]
-    T_gt = instance.T_cam_obj_gt if has_gt else None
-    return CapturedObject(model.name, mesh, instance.mask, poses, T_gt, None)
+    return CapturedObject(model.name, mesh, instance.mask, poses, instance.T_cam_obj_gt, None)
 
 
 def _ply(mesh: Mesh, texture: Path) -> bytes:
@@ -106,8 +104,10 @@ def _info_entry(one: CapturedObject) -> dict[str, Any]:
     return entry
 
 
-def _ground_truth_entry(T_cam_obj_gt: Float, obj_id: int) -> dict[str, Any]:
-    """Entry of an object in ``scene_gt.json``."""
+def _ground_truth_entry(T_cam_obj_gt: Float | None, obj_id: int) -> dict[str, Any]:
+    """Entry of an object in ``scene_gt.json``; without a pose where it is unknown, as the file says what is there."""
+    if T_cam_obj_gt is None:
+        return {"obj_id": obj_id}
     t_mm = (T_cam_obj_gt[:3, 3] * 1e3).tolist()
     return {"cam_R_m2c": T_cam_obj_gt[:3, :3].ravel().tolist(), "cam_t_m2c": t_mm, "obj_id": obj_id}
 
@@ -301,11 +301,8 @@ class CaptureFolder:
             write_results(path, rows)
 
     def _write_ground_truth(self, number: int, objects: Sequence[CapturedObject]) -> None:
-        known = [(one.T_cam_obj_gt, self._id(one.name)) for one in objects]
-        entries = [
-            _ground_truth_entry(T_cam_obj_gt, obj_id) for T_cam_obj_gt, obj_id in known if T_cam_obj_gt is not None
-        ]
-        if entries:
+        if any(one.T_cam_obj_gt is not None for one in objects):
+            entries = [_ground_truth_entry(one.T_cam_obj_gt, self._id(one.name)) for one in objects]
             write_json(self._gt_entries, _json_or({}, self._gt_entries) | {str(number): entries})
 
     def _write_order(self, number: int, frame: CapturedFrame) -> None:

@@ -33,6 +33,11 @@ class TruthEntry(msgspec.Struct, frozen=True):
     cam_t_m2c: Any = None
     """[mm]."""
 
+    @property
+    def is_without_pose(self) -> bool:
+        """Whether it says that the object is there, and not where."""
+        return self.cam_R_m2c is None and self.cam_t_m2c is None
+
 
 class InfoEntry(msgspec.Struct, frozen=True):
     """An instance's entry in scene_gt_info.json."""
@@ -58,13 +63,15 @@ class GroundTruth:
     """Its place in the image's list; second number of the mask files."""
     obj_id: int
     T_cam_obj: Float | None
-    """(4, 4) [m]; None where the file's numbers are no pose, for the reason ``fault``."""
+    """(4, 4) [m]; None where the file gives none, or numbers that are no pose, for the reason ``fault``."""
     visib_fract: float | None
     fault: str = ""
 
 
 def ground_truth_of(entry: TruthEntry, gt_id: int, visib_fract: float | None, where: str) -> GroundTruth:
     """The ground truth of an entry of scene_gt.json, at its place ``gt_id`` in the image's list."""
+    if entry.is_without_pose:
+        return GroundTruth(gt_id, entry.obj_id, None, visib_fract)
     try:
         R, t_mm = pose_of(entry, where)
         pose = as_rigid(transform(R, t_mm * 1e-3), f"{where}: the pose")

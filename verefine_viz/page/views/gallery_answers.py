@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from verefine_viz.batch.index import ORDERS, Order, sort_key
+from verefine_viz.batch.index import ORDERS, WITHOUT_TRUTH, Order, sort_key
 from verefine_viz.diagnosis.causes import cause_title
 from verefine_viz.page.gallery import Gallery, GalleryEntry
 
@@ -13,6 +13,7 @@ Json = dict[str, Any]
 
 def answers_message(gallery: Gallery) -> Json:
     """Return the answers of all runs, and how they can be sorted and filtered."""
+    orders = ORDERS if any(entry.row.can_be_right for entry in gallery.entries) else WITHOUT_TRUTH
     return {
         "t": "answers",
         "outcome": gallery.outcome,
@@ -22,7 +23,9 @@ def answers_message(gallery: Gallery) -> Json:
         "unfinished": gallery.n_unfinished,
         "faults": list(gallery.tag_faults.values()),
         "first": gallery.first_filter,
-        "orders": [{"id": order, "words": ORDERS[order], "keys": _sorted_keys(gallery, order)} for order in ORDERS],
+        "orders": [
+            {"id": order, "words": words, "keys": _sorted_keys(gallery, order)} for order, words in orders.items()
+        ],
         "rows": [_row(gallery, key, entry) for key, entry in enumerate(gallery.entries)],
     }
 
@@ -35,9 +38,6 @@ def _sorted_keys(gallery: Gallery, order: Order) -> list[int]:
 
 def _row(gallery: Gallery, key: int, entry: GalleryEntry) -> Json:
     row = entry.row
-    tone = "waiting" if entry.is_waiting else "none" if row.status != "ok" else (
-        "unknown" if row.is_correct is None else "right" if row.is_correct else "wrong"
-    )  # fmt: skip
     return {
         "key": key,
         "run": entry.run,
@@ -46,7 +46,7 @@ def _row(gallery: Gallery, key: int, entry: GalleryEntry) -> Json:
         "object": row.obj_id,
         "name": row.name,
         "method": row.method,
-        "tone": tone,
+        "tone": _tone(entry),
         "result": entry.result,
         "score": row.score,
         "err": row.add_s_mm,
@@ -58,7 +58,19 @@ def _row(gallery: Gallery, key: int, entry: GalleryEntry) -> Json:
         "message": row.message,
         "visible": row.visib_fract,
         "undetermined_mm": row.undetermined_mm,
+        "undetermined_deg": row.undetermined_deg,
         "tags": list(gallery.tags_of(entry)),
         "opens": entry.can_be_opened,
         "thumb": row.was_asked_for,
     }
+
+
+def _tone(entry: GalleryEntry) -> str:
+    row = entry.row
+    if entry.is_waiting:
+        return "waiting"
+    if row.status != "ok":
+        return "none"
+    if row.is_correct is None:
+        return "doubt" if row.cause else "unknown"
+    return "right" if row.is_correct else "wrong"

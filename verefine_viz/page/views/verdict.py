@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -40,13 +40,14 @@ def verdict_message(branch: Branch, entry: Mapping[int, Any] | None = None) -> J
     """
     objects = finished_objects(branch)
     shown = [_object(branch, o, (entry or {}).get(o.instance_id)) for o in objects]
+    truths = {o.instance_id for o in objects if o.target.instance.T_cam_obj_gt is not None}
     return {
         "t": "verdict",
         "branch": branch.index,
         "over": branch.is_over,
         "missing": branch.missing,
         "objects": shown,
-        "scene": _scene(shown),
+        "scene": _scene(shown, truths),
         "doubts": branch.doubts(),
         "notes": _notes(branch),
     }
@@ -120,7 +121,10 @@ def _object(branch: Branch, o: FinishedObject, batch: Any | None) -> Json:
     best, limit = o.answer, 1e3 * CORRECT * o.target.model.diameter_m
     if best is None:
         title = TITLES[Cause.NO_HYPOTHESIS]
-        return {"obj": o.instance_id, "label": o.label, "tone": "none", "words": title, "limit": limit, "findings": []}
+        nothing = dict.fromkeys(("score", "gt_score", "err", "deg", "mm", "way", "k", "arm", "stage", "T", "runner_up",
+                                 "also_fits"))  # fmt: skip
+        return {"obj": o.instance_id, "label": o.label, "tone": "none", "words": title, "limit": limit, "findings": [],
+                **nothing}  # fmt: skip
     refiner = branch.run.method_of(branch.run.length).refiner
     named = list(signs(o, branch.settings, refiner))
     findings = [_finding(sign, branch) for sign in named]
@@ -234,24 +238,24 @@ def _doubt_of_batch(row: Any) -> Json:
     }
 
 
-def _scene(objects: Sequence[Json]) -> Json:
-    """Return the verdict on all objects; the worst is named first."""
+def _scene(objects: Sequence[Json], truths: Collection[int]) -> Json:
+    """Return the verdict on all objects, of which those in ``truths`` have ground truth; the worst is named first."""
     if not objects:
         return {"tone": "unknown", "words": "", "worst": None, "right": 0, "known": 0}
-    known = [o for o in objects if o.get("err") is not None]
-    if known:
-        worst = max(known, key=lambda o: o["err"] / o["limit"])
-        right = sum(o["err"] < o["limit"] for o in known)
-        asked = len(known) + sum(o["tone"] == "none" for o in objects)
-        tone = "right" if right == asked else "wrong"
-        return {"tone": tone, "words": f"{right} of {asked} right", "worst": worst["obj"], "right": right,
-                "known": asked}  # fmt: skip
+    known = [o for o in objects if o["err"] is not None]
     impossible = [o for o in objects if any(f["cause"] == Cause.IMPOSSIBLE for f in o["findings"])]
-    worst = min(impossible or objects, key=lambda o: o.get("score", 0.0))
-    n, some = len(objects), len(impossible)
+    lowest = min(impossible or objects, key=lambda o: o["score"] or 0.0)
+    n, some, asked = len(objects), len(impossible), len(truths)
+    if asked:
+        right = sum(o["err"] < o["limit"] for o in known)
+        words = f"{right} of {asked} right" + (f", {n - asked} without ground truth" if asked < n else "")
+        farthest = max(known, key=lambda o: o["err"] / o["limit"], default=lowest)
+        worst = lowest if impossible and right == asked else farthest
+        tone = "wrong" if right < asked else "doubt" if impossible else "right"
+        return {"tone": tone, "words": words, "worst": worst["obj"], "right": right, "known": asked}
     words = f"{some} of {n} objects cannot stand so" if some else f"{n} objects, no ground truth"
     tone = "doubt" if some or any(o["tone"] == "doubt" for o in objects) else "unknown"
-    return {"tone": tone, "words": words, "worst": worst["obj"], "right": 0, "known": 0}
+    return {"tone": tone, "words": words, "worst": lowest["obj"], "right": 0, "known": 0}
 
 
 def _notes(branch: Branch) -> list[str]:

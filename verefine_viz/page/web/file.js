@@ -14,8 +14,8 @@ const keyOf = (of) => JSON.stringify(Object.entries(of).sort(([a], [b]) => (a < 
 const poseKey = (obj, T) => `${obj} ${T.join()}`;
 
 const MAPS = {
-  end: "The file holds the maps of the answer, of the ground truth and of the iterations that the verdict names.",
-  marked: "The file holds the maps of the answer, the ground truth, the initial poses and the marked iterations, switches aside.",
+  end: "The file holds the maps of the answer, of ground truth where it is known, and of the iterations that the verdict names.",
+  marked: "The file holds the maps of the answer, of ground truth where it is known, of the initial poses and of the marked iterations, switches aside.",
 };
 
 function answer(of) {

@@ -1,4 +1,4 @@
-// The answers of a batch: cards with filters, a plot of score over error, and tags. Sorts and filters without the server.
+// The answers of a batch: cards with filters, a plot of their scores, and tags. Sorts and filters without the server.
 import { html, useState, useEffect, useMemo, useRef } from "./vendor/htm-preact.js";
 import { state, useStore, update, listen, send, addressOf } from "./store.js";
 import { momentOf } from "./moment.js";
@@ -8,7 +8,7 @@ import { setPreset } from "./layout.js";
 
 export const TONES = {
   wrong: ["cross", "wrong", "--bad"], none: ["cross", "no answer", "--doubt"], right: ["check", "right", "--good"],
-  unknown: ["question", "no ground truth", "--dim"], waiting: ["dot", "not solved yet", "--faint"],
+  doubt: ["warn", "impossible, no ground truth", "--doubt"], unknown: ["question", "no ground truth", "--dim"], waiting: ["dot", "not solved yet", "--faint"],
 };
 const FACETS = [["result", "Result"], ["object", "Object"], ["cause", "Cause"], ["tag", "Tag"], ["run", "Run"], ["method", "Method"],
   ["group", "Group"], ["compared", "Compared"]]; // the last two of a report
@@ -54,7 +54,7 @@ export function openRow(s) {
   return opened.rows.find((row) => row.obj === obj) ?? opened.rows[0] ?? null;
 }
 
-const isFailure = (row) => row.opens && (row.tone === "wrong" || row.tone === "none");
+const isFailure = (row) => row.opens && ["wrong", "none", "doubt"].includes(row.tone);
 let failed = { rows: [] };
 function failures(s) {
   const { answers } = s;
@@ -115,9 +115,11 @@ listen(() => {
 const errorWords = (row) =>
   row.tone === "waiting" ? "not solved yet"
   : row.status === "failed" ? "frame failed" : row.status === "left_out" ? "left out" : row.status !== "ok" ? "no answer"
-  : row.err == null ? "" : `${number(row.err, 1)} of ${number(row.limit, 1)} mm`;
+  : row.err != null ? `${number(row.err, 1)} of ${number(row.limit, 1)} mm`
+  : row.undetermined_mm != null ? `± ${number(row.undetermined_mm, 1)} mm, ${number(row.undetermined_deg, 0)}°` : "no ground truth";
 const tipOf = (row) => [
   `${row.name || "all objects"} · frame ${row.frame} · ${row.run}`,
+  row.err == null && row.undetermined_mm != null ? "No ground truth. ±: by so much it may be off without the score telling." : "",
   row.cause, row.evidence || row.message, !row.opens ? "Cannot be opened."
     : row.command && row.part == null && !row.file ? row.command : row.k ? `Opens at iteration ${row.k}.` : "Opens before iteration 1.",
 ].filter(Boolean).join("\n");
@@ -264,7 +266,7 @@ function Card({ row, place, several, selected, current, open }) {
       ${open && html`<b class="open-mark">open</b>`}
       <input type="checkbox" checked=${selected} title="Select (X, or Ctrl and click)" onChange=${() => toggle(row.key)} /></div>
     <div class="line"><b>${row.name || "all objects"}</b><span class="dim">${row.frame}</span></div>
-    <div class="line"><span class="error">${errorWords(row) || words}</span><span>${row.score != null && number(row.score, 2)}</span></div>
+    <div class="line"><span class="error">${errorWords(row)}</span><span>${row.score != null && number(row.score, 2)}</span></div>
     <div class="line cause dim"><span>${row.cause || (row.status !== "ok" ? row.message : "")}</span></div>
     <div class="line dim"><span>${several ? row.run : row.method}</span><span class="tags">${row.tags.map((tag) => html`
       <button key=${tag} title=${`Take the tag ${tag} away`} onClick=${() => send({ verb: "tag", answers: [row.key], tag, on: false })}>${tag}</button>`)}</span></div>
@@ -316,17 +318,35 @@ function Facet({ value, count = { all: 0 }, most, on, dim, onClick }) {
     <span class="n">${count.all}</span></button>`;
 }
 
-const LOW = 0.003; // ends of the axis of errors, as a share of the diameter; what lies beyond is drawn at the end
-const HIGH = 2;
+const [LOW, HIGH] = [0.003, 2]; // of the diameter
+const MOST_MM = 30; // of what is undetermined
+// What scores are drawn over: errors, or where none is known how far the answers are undetermined. `at`: from 0 to 1.
+const AXES = [
+  { title: "Score over error", words: "error [share of the diameter]", of: (row) => (row.limit && row.err != null ? (0.1 * row.err) / row.limit : null),
+    at: (share) => Math.log(Math.max(LOW, Math.min(HIGH, share)) / LOW) / Math.log(HIGH / LOW), limit: 0.1,
+    ticks: [[0.01, "1 %"], [0.1, "10 %"], [1, "100 %"]], counted: "with ground truth" },
+  { title: "Score over uncertainty", words: "undetermined [mm]", of: (row) => row.undetermined_mm,
+    at: (mm) => Math.min(MOST_MM, mm) / MOST_MM, limit: null, ticks: [[0, "0"], [10, "10"], [20, "20"], [MOST_MM, `${MOST_MM}`]], counted: "without ground truth" },
+];
 const REACH = 14; // pixels from a point within which the pointer is about it
+const isOn = (axis) => (row) => row.score != null && axis.of(row) != null;
+const axisOf = (rows) => AXES.find((axis) => rows.some(isOn(axis)));
+export const plotTitle = (rows) => axisOf(rows)?.title;
+
 // of: some of the answers; all of them where it is left out.
 export function Plot({ of }) {
+  const answers = useStore((s) => s.answers);
+  const axis = axisOf(of ?? answers.rows);
+  return axis ? html`<${Points} of=${of} axis=${axis} />` : null;
+}
+
+function Points({ of, axis }) {
   const [answers, gallery, theme, open] = useStore((s) => [s.answers, s.gallery, s.theme, openRow(s)?.key]);
   const canvas = useRef();
   const [near, setNear] = useState(null);
   const points = useRef([]);
   const rows = visible(state);
-  const known = useMemo(() => (of ?? answers.rows).filter((row) => row.err != null && row.limit && row.score != null), [answers, of?.length]);
+  const known = useMemo(() => (of ?? answers.rows).filter(isOn(axis)), [answers, of?.length, axis]);
   useEffect(() => {
     const draw = () => {
       const c = canvas.current;
@@ -340,7 +360,7 @@ export function Plot({ of }) {
       const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
       const [left, right, low, high] = [2.4 * rem, w - 0.6 * rem, h - 2.5 * rem, 0.6 * rem];
       const floor = Math.min(0.9, Math.floor(10 * Math.min(...known.map((row) => row.score), 0.9)) / 10);
-      const x = (share) => left + (Math.log(Math.max(LOW, Math.min(HIGH, share)) / LOW) / Math.log(HIGH / LOW)) * (right - left);
+      const x = (value) => left + axis.at(value) * (right - left);
       const y = (score) => low - ((Math.max(floor, Math.min(1, score)) - floor) / (1 - floor)) * (low - high);
       ctx.font = `${0.85 * rem}px ${css.fontFamily}`;
       ctx.strokeStyle = color("--line");
@@ -360,20 +380,20 @@ export function Plot({ of }) {
       }
       ctx.textAlign = "center";
       ctx.textBaseline = "top";
-      for (const [share, words] of [[0.01, "1 %"], [0.1, "10 %"], [1, "100 %"]]) {
-        ctx.setLineDash(share === 0.1 ? [4, 3] : []);
-        ctx.strokeStyle = color(share === 0.1 ? "--dim" : "--line");
-        line(x(share), high, x(share), low);
-        ctx.fillText(words, x(share), low + 0.25 * rem);
+      for (const [value, words] of axis.ticks) {
+        ctx.setLineDash(value === axis.limit ? [4, 3] : []);
+        ctx.strokeStyle = color(value === axis.limit ? "--dim" : "--line");
+        line(x(value), high, x(value), low);
+        ctx.fillText(words, x(value), low + 0.25 * rem);
       }
       ctx.setLineDash([]);
-      ctx.fillText("error [share of the diameter]", (left + right) / 2, low + 1.3 * rem);
+      ctx.fillText(axis.words, (left + right) / 2, low + 1.3 * rem);
       const strong = new Set(of ?? rows);
-      points.current = known.map((row) => ({ row, x: x((0.1 * row.err) / row.limit), y: y(row.score) }));
+      points.current = known.map((row) => ({ row, x: x(axis.of(row)), y: y(row.score) }));
       const size = (known.length > 1000 ? 0.25 : 0.42) * rem;
       for (const isStrong of [false, true]) {
         ctx.globalAlpha = isStrong ? 0.8 : 0.15;
-        for (const tone of ["right", "wrong"]) {
+        for (const tone of ["right", "unknown", "doubt", "wrong"]) {
           ctx.fillStyle = color(TONES[tone][2]);
           ctx.beginPath();
           for (const p of points.current) {
@@ -391,8 +411,7 @@ export function Plot({ of }) {
     const observer = new ResizeObserver(draw); // draws at once, too
     observer.observe(canvas.current);
     return () => observer.disconnect();
-  }, [rows, theme, known.length]);
-  if (!known.length) return null;
+  }, [rows, theme, known]);
   const find = (e) => {
     const box = canvas.current.getBoundingClientRect();
     const [u, v] = [e.clientX - box.left, e.clientY - box.top];
@@ -401,10 +420,10 @@ export function Plot({ of }) {
     const best = points.current.reduce((a, b) => (a && distance(a) <= distance(b) ? a : b), null);
     return best && distance(best) <= REACH ? best : null;
   };
-  return html`<section class="plot">${!of && html`<h3>Score over error</h3>`}
+  return html`<section class="plot">${!of && html`<h3>${axis.title}</h3>`}
     <div class="rings">${points.current.filter((p) => p.row.key === open || p.row.key === near?.row.key).map((p) => html`
       <i key=${p.row.key} style=${{ transform: `translate(${p.x}px, ${p.y}px)` }} />`)}</div>
     <canvas ref=${canvas} class=${near ? "near" : ""} onPointerMove=${(e) => setNear(find(e))} onPointerLeave=${() => setNear(null)} onClick=${(e) => openAnswer(find(e)?.row)} />
-    <p>${near ? html`<b>${near.row.name}</b> ${near.row.frame} · ${errorWords(near.row)} · score ${number(near.row.score, 2)}` : html`<span class="dim">${known.length} with ground truth</span>`}</p>
+    <p>${near ? html`<b>${near.row.name}</b> ${near.row.frame} · ${errorWords(near.row)} · score ${number(near.row.score, 2)}` : html`<span class="dim">${known.length} ${axis.counted}</span>`}</p>
   </section>`;
 }

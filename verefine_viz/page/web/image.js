@@ -275,7 +275,7 @@ const KEYS = [
   { id: "hypotheses", keys: ["h"], title: "Outlines of the hypotheses on or off", group: "Image",
     action: () => toggleOutline("hypotheses") },
   { id: "truth", keys: ["u"], title: "Outline of the ground truth on or off", group: "Image",
-    action: () => toggleOutline("ground truth") },
+    action: () => toggleOutline("ground truth"), when: () => Boolean(momentOf(state)?.object.gt) },
   { id: "fit", keys: ["o"], title: "Fit the object, or the whole image", group: "Image", action: fitNext },
 ];
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };

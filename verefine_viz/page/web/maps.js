@@ -106,7 +106,7 @@ function Tools({ moment }) {
     ${sides.same ? html`<span class="dim">A and B are the same pose</span>`
       : html`<${Posed} moment=${moment} letter="b" side=${sides.b} />`}
     ${moment.scene.length > 1 && html`<${Button} on=${together}
-      title="all objects in one depth buffer: as they stand, and ground truth"
+      title=${`all objects in one depth buffer: as they stand${moment.scene.some((o) => o.object.gt) ? ", and ground truth" : ""}`}
       onClick=${() => setView({ together: !together })}>All objects<//>`}
     ${large ? html`<${Button} title="all maps" onClick=${() => setView({ largeMap: null })}>All maps<//>`
       : html`<${Menu} label="Maps" title="which maps are shown" align="right">${() => namesOf(sides).map(item)}<//>`}`;

@@ -2,7 +2,7 @@
 import { html } from "./vendor/htm-preact.js";
 import { state, useStore, on, update } from "./store.js";
 import { Button, Icon, IconButton, Swatch, Table, number } from "./ui.js";
-import { Gallery, Plot, choose, openAnswer } from "./gallery.js";
+import { Gallery, Plot, choose, openAnswer, plotTitle } from "./gallery.js";
 import { addKeys, titled } from "./keys.js";
 import { applyTheme, presets, setPreset, switchTheme } from "./layout.js";
 import { Bars, Dot, Drawing, Forest, Key, LIMIT, Recall, Sorted, axis, colorOf, interval, log, pathOf,
@@ -102,7 +102,7 @@ function Section({ id, section, report, isNamed }) {
   const rows = useStore((s) => s.answers)?.rows.filter((row) => runs.has(row.run));
   const basis = [section.intervals, section.bop,
     groups.length > 1 && !section.same_objects ? "Not all runs have the same objects." : "",
-    section.has_truth ? "" : "No ground truth: errors, recall and causes are not known."];
+    section.has_truth ? "" : "No ground truth: errors, recall and BOP scores are not known."];
   const { next } = section;
   return html`<section class="data" id=${id}>
     ${isNamed && html`<h2 class="name">${section.data} <span class="dim">${section.session_title}</span></h2>`}
@@ -115,7 +115,7 @@ function Section({ id, section, report, isNamed }) {
     <div class="blocks">
       ${section.has_truth && html`<${Block} title="Recall" hint="share of objects whose ADD(-S) is below a limit">
         <${Recall} groups=${groups} thresholds=${report.thresholds} best=${section.best} /><//>`}
-      ${rows?.some((r) => r.err != null && r.score != null) && html`<${Block} title="Score over error">
+      ${plotTitle(rows ?? []) && html`<${Block} title=${plotTitle(rows)}>
         <${Plot} of=${rows} />${groups.length <= 2 && groups.map((g) => html`<${Misleads} groups=${groups} of=${g} />`)}
         <//>`}
       ${groups.some((g) => g.causes.length) && html`<${Block} title="Why answers are wrong">
@@ -124,6 +124,7 @@ function Section({ id, section, report, isNamed }) {
         <${Stages} groups=${groups} /><//>`}
       ${groups.some((g) => g.grasps.length) && html`<${Block} title="How grasps end">
         <${Grasps} groups=${groups} /><//>`}
+      ${section.apart.length > 0 && html`<${Apart} rows=${section.apart} />`}
       ${section.change && html`<${Change} change=${section.change} groups=${groups} />`}
       <${Objects} section=${section} />
       ${section.hardest.length > 0 && html`<${Hardest} section=${section} />`}
@@ -241,7 +242,7 @@ function Objects({ section: { groups, objects, has_truth } }) {
   }
   const has = (id) => objects.some((o) => o.cells.some((c) => c?.[id] != null && c[id] !== ""));
   const values = [["right", "right [%]", 0], ["ar", "BOP AR [%]", 1], ["median_mm", "median ADD(-S) [mm]", 1],
-    ["score", "score", 2]].filter(([id]) => has(id));
+    ["score", "score", 2], ["undetermined_mm", "undetermined [mm]", 1]].filter(([id]) => has(id));
   const hint = groups.length > 1 ? groups.map((g) => g.name).join(" → ") : "";
   return html`<${Block} title="Object by object" hint=${hint} wide>
     <${Sorted} name="objects" rows=${objects} columns=${[...named,
@@ -267,6 +268,18 @@ function Hardest({ section: { hardest, n_hard } }) {
       { title: "most frequent cause", left: true, value: (h) => h.cause },
     ]} /><//>`;
 }
+
+// Two runs of which no error is known: where their answers are not the same.
+const Apart = ({ rows }) => html`<${Block} wide title="How far the answers are apart" hint=${`${rows.length} objects`}>
+  <${Sorted} name="apart" rows=${rows} columns=${[
+    { title: "frame", left: true, value: (o) => o.frame },
+    { title: "object", left: true, value: (o) => o.name },
+    { title: "moved [mm]", hint: "of the model's middle, from A to B", value: (o) => o.mm, of: (o) => number(o.mm, 1) },
+    { title: "turned [°]", hint: "as it is, also where the shape looks the same after the turn", value: (o) => o.deg,
+      of: (o) => number(o.deg, 1) },
+    ...["A", "B"].map((side, i) => ({ title: `score ${side}`, hint: "opens this answer", value: (o) => o.scores[i],
+      of: (o) => html`<${Answer} of=${o.keys[i]}>${number(o.scores[i], 2)}<//>` })),
+  ]} /><//>`;
 
 // Two runs, object by object.
 function Change({ change, groups: [a, b] }) {

@@ -20,7 +20,8 @@ export function wantOfMaps(moment, pose) {
   return wanted.get(pose);
 }
 
-// What is compared: poses of the object, or with `together` all objects as they stand and as they truly are.
+// What is compared: poses of the object, or with `together` all objects as they stand and as they truly are; one whose
+// ground truth is unknown stays where it is, so that both scenes have the same objects.
 const pairs = new WeakMap(); // moment → pair
 function pairOf(moment) {
   if (!state.view.together || moment.scene.length < 2) return moment;
@@ -29,9 +30,11 @@ function pairOf(moment) {
 }
 function wholeScene(moment) {
   const posed = (of) => moment.scene.map((o) => [o.object.id, of(o)]).filter(([, T]) => T);
-  const [stands, true_] = [posed((o) => o.T), posed((o) => o.object.gt)];
+  const known = moment.scene.filter((o) => o.object.gt).length;
+  const [stands, true_] = [posed((o) => o.T), known ? posed((o) => o.object.gt ?? o.T) : []];
+  const label = known < moment.scene.length ? "ground truth where known" : "ground truth";
   return { a: stands.length ? { name: "scene", label: "as they stand", poses: stands } : null, same: false,
-    b: true_.length ? { name: "true scene", label: "ground truth", poses: true_ } : null };
+    b: true_.length ? { name: "true scene", label, poses: true_ } : null };
 }
 
 // The arrays with those that the images of the frame give: the depth difference [m], NaN where either depth is missing,

@@ -90,6 +90,9 @@ const STOPS = [
   ["physics_worse", "the simulated pose scores far less"],
   ["empty_render", "a pose renders to nothing"],
 ];
+const knowsErrors = (s) => s.frame?.objects.some((o) => o.has_gt) ?? false;
+// What colours say: of errors that nothing is known of, none.
+const colorByOf = (s) => (s.colorBy === "error" && !knowsErrors(s) ? "score" : s.colorBy);
 const stopsOf = (frame) => STOPS.filter(([name]) => ![null, undefined, false].includes(frame?.breakpoints?.[name]));
 
 function Breakpoints({ stops }) {
@@ -102,7 +105,7 @@ function Breakpoints({ stops }) {
   const words = stops.map(([, w]) => w).join("; ");
   return html`<${Menu} kind=${stops.length ? "armed" : ""} icon="stop" label=${stops.length || ""}
     title=${stops.length ? `A run stops when ${words}` : "Breakpoints: none set, a run goes to its end"}>
-    <div class="form"><h3>A run stops when</h3>${STOPS.map(([name, w, offered, unit]) => {
+    <div class="form"><h3>A run stops when</h3>${STOPS.filter(([name]) => name !== "error_grows_by_mm" || knowsErrors(state)).map(([name, w, offered, unit]) => {
       const value = values[name];
       const on = value != null && value !== false;
       const threshold = on ? value : values.waiting?.[name] ?? offered; // of one that is off, what it had
@@ -153,8 +156,9 @@ const PATHS = {};
 // The hypotheses of the object at the cursor, best first; a click marks one on the timeline and shows its history.
 function Legend() {
   const [text, setText] = useState("");
-  const [moment, arm, by] = useStore((s) => [momentOf(s), s.view.arm, s.colorBy]);
+  const [moment, arm, by] = useStore((s) => [momentOf(s), s.view.arm, colorByOf(s)]);
   if (!moment) return null;
+  const hasErrors = moment.arms.some((a) => a.err != null);
   const order = ranksOf(moment, by);
   const scale = scaleOf(moment.run, by);
   const list = moment.arms.map((a, j) => ({ ...a, j, source: sourceOf(moment, j) }))
@@ -166,18 +170,18 @@ function Legend() {
       <div class="row"><${Select} value=${by} label="colour" title="what the colours on the timeline say"
         onChange=${(v) => remember({ colorBy: v })}
         options=${[["score", "score of the pose"], ["rank", "rank of the hypothesis"],
-          ["error", "error of the pose"]]} />
+          ["error", "error of the pose"]].filter(([id]) => id !== "error" || knowsErrors(state))} />
         <span class="ramp">${[0, 0.25, 0.5, 0.75, 1].map((t) => html`<i
           style=${{ background: rampColor(t) }} />`)}</span><span class="dim">good</span></div>
       <input placeholder="filter" value=${text} onInput=${(e) => setText(e.currentTarget.value)} />
       <div class="scroll"><table class="table"><thead><tr><th
-        class="left">hypothesis</th><th>plays</th><th>score</th><th>mm</th></tr></thead>
+        class="left">hypothesis</th><th>plays</th><th>score</th>${hasErrors && html`<th>mm</th>`}</tr></thead>
       <tbody>${list.map((a) => html`<tr key=${a.j} class=${`clickable ${arm === a.j ? "current" : ""}`}
         onClick=${() => setView({ arm: arm === a.j ? null : a.j })}>
         <td class="left"><${Swatch}
           color=${by === "rank" ? armColor(moment, a.j) : rampColor(scale(a))} /> ${a.j + 1} <span
             class="dim">${a.source}</span></td>
-        <td>${number(a.plays, 0)}</td><td>${number(a.score, 3)}</td><td>${number(a.err, 1)}</td></tr>`)}
+        <td>${number(a.plays, 0)}</td><td>${number(a.score, 3)}</td>${hasErrors && html`<td>${number(a.err, 1)}</td>`}</tr>`)}
       </tbody></table></div>
     </div>
   <//>`;
@@ -244,7 +248,7 @@ function Strip() {
   const [size, setSize] = useState(null);
   const [hover, setHover] = useState(null);
   const [frame, runData, obj, by, hidden, arm, theme] = useStore((s) => [
-    s.frame, runOf(s), s.view.obj, s.colorBy, hiddenOf(s), s.view.arm, s.theme,
+    s.frame, runOf(s), s.view.obj, colorByOf(s), hiddenOf(s), s.view.arm, s.theme,
   ]);
   const model = useMemo(() => frame && modelOf(frame, runData, obj, by, hidden, arm),
     [frame, runData, obj, by, hidden, arm]);

@@ -41,7 +41,8 @@ export function render() {
     .map(([c, color]) => [c, s.counts[c], color]) : []);
   return html`<div class="tab score">
     ${together
-      ? html`<p class="dim">All objects together. A: ${a?.label}. B: ${b?.label}.</p>`
+      ? html`<p class="dim">All objects together.${[["A", a], ["B", b]].filter(([, pose]) => pose)
+        .map(([letter, pose]) => ` ${letter}: ${pose.label}.`).join("")}</p>`
       : html`<div class="pair">
       <${Select} label="A" value=${a?.name} options=${names} onChange=${choose("a")} title=${STAGE_MEANINGS[a?.name]} />
       <${Select} label="B" value=${b?.name} options=${names} onChange=${choose("b")} title=${STAGE_MEANINGS[b?.name]} />
