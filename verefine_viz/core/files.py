@@ -214,17 +214,23 @@ class Numbered(Mapping[int, T], Generic[T]):
         of: what the keys number, for messages: "image", "object".
 
     Raises:
-        InputError: as :func:`read_json`, or a key is no number.
+        InputError: as :func:`read_json`, or no key is a number.
     """
 
     def __init__(self, path: Path, kind: type[T], of: str) -> None:
         self._path, self._kind, self._of = path, kind, of
         self._raw: dict[int, msgspec.Raw] = {}
+        self.faults: tuple[str, ...] = ()
+        """About keys that are no number; their entries are left out."""
         for key, raw in read_json(path, dict[str, msgspec.Raw]).items():
             number = id_of(key)
             if number is None:
-                raise InputError(f"{path}: {quoted(key, 40)} is no {of}, expected its number, as in {{'0': …, '1': …}}")
-            self._raw[number] = raw
+                expected = "expected its number, as in {'0': …, '1': …}"
+                self.faults += (f"{path}: {quoted(key, 40)} is no {of}, {expected}",)
+            else:
+                self._raw[number] = raw
+        if self.faults and not self._raw:
+            raise InputError(self.faults[0])
 
     def where(self, number: int) -> str:
         """Name an entry in a message."""

@@ -11,8 +11,8 @@ import msgspec
 from msgspec import Meta
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, ShapeError
-from verefine_viz.core.files import Id, Numbers3, Numbers3x3, Real, array_of, first_line, read_json
+from verefine_viz.core.errors import InputError, ShapeError, quoted
+from verefine_viz.core.files import Id, Numbers3, Numbers3x3, array_of, first_line, read_json
 from verefine_viz.core.geometry import as_rigid, check_reach, transform
 
 Task = Literal["localization", "detection"]
@@ -26,9 +26,9 @@ _YEARS: dict[Task | None, tuple[str, ...]] = {
 
 
 class TruthEntry(msgspec.Struct, frozen=True):
-    """An instance's entry in scene_gt.json; its numbers are checked by :func:`pose_of`, as one entry may be damaged."""
+    """An instance's entry in scene_gt.json, checked by :func:`object_of` and :func:`pose_of`: one may be damaged."""
 
-    obj_id: Id
+    obj_id: Any = None
     cam_R_m2c: Any = None
     cam_t_m2c: Any = None
     """[mm]."""
@@ -37,8 +37,13 @@ class TruthEntry(msgspec.Struct, frozen=True):
 class InfoEntry(msgspec.Struct, frozen=True):
     """An instance's entry in scene_gt_info.json."""
 
-    visib_fract: Real | None = None
-    """None where it is NaN."""
+    visib_fract: Any = None
+
+    @property
+    def share(self) -> float | None:
+        """The visible share; None where it is no number."""
+        is_number = isinstance(self.visib_fract, int | float) and abs(self.visib_fract) < 1e300
+        return float(self.visib_fract) if is_number else None
 
 
 class TargetEntry(msgspec.Struct, frozen=True):
@@ -64,13 +69,26 @@ class GroundTruth:
 
 
 def ground_truth_of(entry: TruthEntry, gt_id: int, visib_fract: float | None, where: str) -> GroundTruth:
-    """The ground truth of an entry of scene_gt.json, at its place ``gt_id`` in the image's list."""
+    """The ground truth of an entry of scene_gt.json, at its place ``gt_id`` in the image's list.
+
+    Raises:
+        InputError: nothing says whose it is.
+    """
+    obj_id = object_of(entry, where)
     try:
         R, t_mm = pose_of(entry, where)
         pose = as_rigid(transform(R, t_mm * 1e-3), f"{where}: the pose")
     except (InputError, ShapeError) as error:
-        return GroundTruth(gt_id, entry.obj_id, None, visib_fract, str(error))
-    return GroundTruth(gt_id, entry.obj_id, pose, visib_fract)
+        return GroundTruth(gt_id, obj_id, None, visib_fract, str(error))
+    return GroundTruth(gt_id, obj_id, pose, visib_fract)
+
+
+def object_of(entry: TruthEntry, where: str) -> int:
+    """The object that an entry of scene_gt.json is of; InputError where it names none."""
+    try:
+        return msgspec.convert(entry.obj_id, Id, strict=False)
+    except msgspec.ValidationError:
+        raise InputError(f"{where}: 'obj_id' is {quoted(entry.obj_id, 40)}, expected the number of an object") from None
 
 
 def pose_of(entry: TruthEntry, where: str) -> tuple[Float, Float]:

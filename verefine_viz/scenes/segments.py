@@ -112,12 +112,13 @@ def segments_of_detections(
     as in BOP's localization task. Ground truth goes to the detection that its outline overlaps most.
 
     Raises:
-        InputError: the frame has no detections, or their run lengths are damaged.
+        InputError: the frame has no detections, or none that can be used.
     """
     detections, notes = file.of_image(scene_id, im_id, camera.shape)
     if not detections:
         there = listed(frame_name(ids) for ids in file.images)
-        raise InputError(f"{file.path} has no masks for frame {scene_id}/{im_id}; it has {there}")
+        why = f"; {notes[0]}" if notes else f"; it has {there}"
+        raise InputError(f"{file.path} has no masks for frame {scene_id}/{im_id}{why}")
     empty = sum(not d.mask.any() for d in detections)
     if empty:
         notes += (f"{empty} detections in {file.path.name} have an empty mask; they are left out",)

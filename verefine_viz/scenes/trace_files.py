@@ -17,7 +17,7 @@ from verefine_viz.core.array_cache import NPZ_READING
 from verefine_viz.core.arrays import Float, plain_array
 from verefine_viz.core.errors import InputError, ShapeError, one_line
 from verefine_viz.core.files import Numbers3, Numbers3x3, Numbers4x4, Real, decoded_json, first_line, reading
-from verefine_viz.core.geometry import as_rigid, check_reach
+from verefine_viz.core.geometry import as_rigid, check_reach, rounding_note
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.scenes.image_files import DEEPEST_M
 from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, frame_ids, natural_key
@@ -139,10 +139,20 @@ def recorded_answers(folder: Path) -> dict[str, tuple[Float, float | None]]:
     calls, _ = _calls(folder)
     answers: dict[str, tuple[Float, float | None]] = {}
     for name, own in _poses_by_name(calls).items():
-        T = own[-1][1]
+        T = next(filter(_is_rigid, (pose for _, pose in reversed(own))), None)
+        if T is None:
+            continue
         scored = (o.score for o, pose in reversed(own) if o.score is not None and np.allclose(pose, T, atol=1e-5))
         answers[name] = T, next(scored, None)
     return answers
+
+
+def _is_rigid(T: Float) -> bool:
+    try:
+        as_rigid(T, "pose")
+    except ShapeError:
+        return False
+    return True
 
 
 def _poses_by_name(calls: Sequence[Call]) -> dict[str, list[tuple[Call, Float]]]:
@@ -165,9 +175,10 @@ def read_trace(folder: Path) -> RecordedFrame:
     if head.K is None:
         raise InputError(f"trace {folder} has no camera; record it again")
     depth = _loaded(folder / "depth.npy", np.float32)
+    depth = np.where(np.isfinite(depth), depth, np.float32(0))
     rgb = _loaded(folder / "rgb.npy", np.uint8) if head.rgb else None
     if not ((depth >= 0) & (depth <= DEEPEST_M)).all():
-        raise InputError(f"{folder / 'depth.npy'}: depth that is negative, not finite, or beyond {DEEPEST_M:g} m")
+        raise InputError(f"{folder / 'depth.npy'}: depth that is negative, or beyond {DEEPEST_M:g} m")
     if depth.ndim != 2 or (rgb is not None and rgb.shape != (*depth.shape, 3)):
         raise InputError(f"trace {folder}: its images do not have one size; record it again")
     problems = [call.problem for call in calls if call.problem is not None]
@@ -180,6 +191,8 @@ def read_trace(folder: Path) -> RecordedFrame:
     if len(begun) > MOST_OBJECTS:
         raise InputError(f"trace {folder} has {len(begun)} objects, expected at most {MOST_OBJECTS}")
     own = _poses_by_name(calls)
+    given = [T for call in calls for T in (call.T, call.truth) if T is not None]
+    notes += rounding_note("poses of the trace", (T[:3, :3] for T in given))
     objects = [_object(folder, call, own.get(one_line(call.name), ()), depth.shape, notes) for call in begun]
     return RecordedFrame(name, head.K, depth, rgb, tuple(objects), head.gravity_cam, tuple(notes))
 
