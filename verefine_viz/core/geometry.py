@@ -95,7 +95,7 @@ def rounding_note(
 
     Args:
         what: what the file is called.
-        rotations: all of the file, (3, 3) each, as they are written.
+        rotations: all of the file, (3, 3) each, as they are written; those that are none do not count.
         use: what becomes of them.
 
     Returns:
@@ -103,10 +103,11 @@ def rounding_note(
     """
     R = np.array([*rotations], dtype=np.float64).reshape(-1, 3, 3)
     off = rotation_faults(R)
-    rounded = off[(off >= ROUNDED) & (off <= RIGID_TOLERANCE)]
+    off = off[off <= RIGID_TOLERANCE]
+    rounded = off[off >= ROUNDED]
     if not len(rounded):
         return ()
-    how = f"{len(rounded)} of {len(R)}, RᵀR up to {rounded.max():.2g} from the identity"
+    how = f"{len(rounded)} of {len(off)}, RᵀR up to {rounded.max():.2g} from the identity"
     return (f"{what}: rounded rotations; {use} ({how})",)
 
 

@@ -19,6 +19,7 @@ from verefine_viz.core.errors import InputError, ShapeError, one_line
 from verefine_viz.core.files import Numbers3, Numbers3x3, Numbers4x4, Real, decoded_json, first_line, reading
 from verefine_viz.core.geometry import as_rigid, check_reach, rounding_note
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
+from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.image_files import DEEPEST_M
 from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, frame_ids, natural_key
 from verefine_viz.trace import CALLS, FORMAT
@@ -210,12 +211,13 @@ def _object(
     """Poses of each hypothesis, as the program numbered them."""
     index: dict[int, int] = {}
     steps: list[RecordedStep] = []
+    faults: list[str] = []
     for call, pose in own:
         try:
             T = as_rigid(pose, "pose")
             check_reach(T[:3, 3], "pose")
         except ShapeError as error:
-            notes.append(f"{name}: a recorded pose is left out: {error}")
+            faults.append(str(error))
             continue
         given = (number for number in (call.hypothesis, call.step) if number is not None)
         h = next(given, None)
@@ -229,6 +231,7 @@ def _object(
             what = ANSWER if call.answer else "new initial pose" if call.hypothesis is not None else call.name
             text = one_line(what) or "refined"
             steps.append(RecordedStep(index[h], T, text, call.score, call.ms, one_line(call.note)))
+    notes += unusable("pose", name, faults)
     if len(poses) > MOST_HYPOTHESES or len(steps) > MOST_STEPS:
         raise InputError(
             f"trace {folder}: {name} has {len(poses)} hypotheses and {len(steps)} steps, expected at most "
