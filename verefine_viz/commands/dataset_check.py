@@ -199,7 +199,7 @@ def _check_truths(dataset: BopDataset, frames: Sequence[FrameIds], opened: Seque
         faults.append(f"there is no model of object {', '.join(map(str, without_model))}; its instances are left out")
     without = "damaged" if damage else "none: nothing can be measured, only shown"
     result = f"in {n_with} of {len(opened)} frames checked" if n_with else without
-    result += "".join(f"; {note}" for note in rounded)  # As published files are: nothing to mend.
+    result += "".join(f"; {note.partition(': ')[2]}" for note in rounded)  # As published files are: nothing to mend.
     parts.add("ground truth", result, "; ".join(faults))
 
 

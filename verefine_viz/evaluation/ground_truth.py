@@ -188,7 +188,10 @@ class BopGroundTruth:
         notes = [*self._models.notes]
         faults = [self._left_out[key] for key in sorted(self._left_out)]
         name, use = f"the ground truth of {self.name}", "errors are measured with them as they are written"
-        notes += (*unusable("instance", name, faults), *rounding_note(name, self._rotations.values(), use))
+        left_out = (
+            f"{note}; scores over the others are no official ones" for note in unusable("instance", name, faults)
+        )
+        notes += (*left_out, *rounding_note(name, self._rotations.values(), use))
         if self._without_info:
             scenes = ", ".join(map(str, sorted(self._without_info)))
             notes.append(f"scene {scenes} has no scene_gt_info.json; all its instances count as visible")

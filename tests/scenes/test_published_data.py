@@ -1,4 +1,4 @@
-"""Rotations as published files have them: one rule at every door, the nearest one up to 0.05, left out beyond."""
+"""Published files as they are: one rule for rotations at every door, and the smallest bad part is left out."""
 
 from __future__ import annotations
 
@@ -14,14 +14,24 @@ import numpy as np
 import pytest
 import scipy.io
 import trimesh
+from PIL import Image
 
 import verefine_viz as vv
 from tests.batch.frames import make_frames
 from tests.fakes import BOX_M, box_problem
-from tests.scenes.bop_folder import OBJ_IDS, Made
+from tests.scenes.bop_folder import OBJ_IDS, Made, cut, make
 from tests.scenes.test_foundation_pose import write_sequence
 from tests.scenes.test_graspa_layout import OBJECT
-from tests.scenes.test_layouts import write_linemod, write_sam6d, write_ycb_video, yml_of
+from tests.scenes.test_layouts import (
+    ERASER,
+    write_deepim,
+    write_extended_apc,
+    write_linemod,
+    write_megapose,
+    write_sam6d,
+    write_ycb_video,
+    yml_of,
+)
 from tests.scenes.test_trace import pose, write_box, write_trace
 from verefine_viz import trace
 from verefine_viz.commands.dataset_check import check_split
@@ -31,10 +41,11 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import RIGID_TOLERANCE, rotation_of_quat_wxyz, transform
 from verefine_viz.evaluation.ground_truth import BopGroundTruth
 from verefine_viz.evaluation.results_scores import evaluate_files
+from verefine_viz.library.frame_checks import checked_depth
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.graspa_layout import read_layout
 from verefine_viz.scenes.hypothesis_pool import file_notes, open_results
-from verefine_viz.scenes.layouts import foundation_pose, linemod_preprocessed, sam6d, ycb_video
+from verefine_viz.scenes.layouts import foundation_pose, linemod_preprocessed, recording_in, sam6d, ycb_video
 from verefine_viz.scenes.results_csv import ResultRow, write_results
 from verefine_viz.scenes.trace_files import read_trace
 
@@ -246,3 +257,80 @@ def test_scores_keep_the_digits_of_the_file_and_leave_out_what_is_no_rotation(tm
     assert "errors are measured with them as they are written (3 of 4, RᵀR up to 0.03" in rounded
     assert (evaluation.coverage[0].rounded, evaluation.coverage[0].not_rigid) == (1, 1)
     assert evaluation.scores[0].counts.rows == 3
+
+
+# Depth that is no number was not measured, at every door.
+
+
+def test_infinite_depth_was_not_measured(tmp_path: Path) -> None:
+    made = make(tmp_path / "made")
+    depth_m = np.array(made.problem.observation.depth_m)
+    depth_m[0, :3] = [np.inf, -np.inf, np.nan]
+    expected = np.where(np.isfinite(depth_m), depth_m, 0)
+    (made.scene / "depth" / "000003.png").unlink()
+    Image.fromarray((depth_m * 1e4).astype(np.float32)).save(made.scene / "depth" / "000003.tif")
+    K = made.problem.observation.camera.K
+    with trace.Trace(tmp_path / "drop", K=K, depth_m=depth_m):
+        pass
+    np.save(tmp_path / "drop" / "depth.npy", depth_m)  # As another program may write it.
+    sequence = write_sequence(tmp_path / "mustard", 1)
+    (png,) = (sequence / "depth").iterdir()
+    Image.fromarray((depth_m * 1e3).astype(np.float32)).save(png.with_suffix(".tif"))
+    png.unlink()
+    (sequence / "masks" / "1581120424100262100.png").unlink()
+    (rgb,) = (sequence / "rgb").iterdir()
+    rgb.unlink()
+    reader = foundation_pose.Reader(sequence)
+    truth = BopGroundTruth(BopDataset(made.root, "test")).image(7, 3, with_depth=True)
+    for door, seen in (
+        ("bop", made.read().observation.depth_m),
+        ("scores", truth.depth_mm / 1e3),
+        ("trace", read_trace(tmp_path / "drop").depth_m),
+        ("foundation_pose", reader.frame(reader.names[0]).depth_m),
+        ("library", checked_depth(depth_m)),
+    ):
+        np.testing.assert_allclose(seen, expected, atol=1e-6, err_msg=door)
+
+
+def test_one_bad_part_of_a_foreign_frame_leaves_the_others(tmp_path: Path) -> None:
+    write_sequence(tmp_path / "mustard", 1)
+    cut(tmp_path / "mustard" / "masks" / "1581120424100262100.png")
+    write_sam6d(tmp_path / "sam6d")
+    found = tmp_path / "sam6d" / "outputs" / "sam6d_results" / "detection_pem.json"
+    entries = json.loads(found.read_text())
+    entries[1]["segmentation"]["counts"] = [9]
+    found.write_text(json.dumps([*entries, {**entries[0], "R": [1]}, {"score": 0.1}]))
+    write_megapose(tmp_path / "megapose")
+    answered = tmp_path / "megapose" / "outputs" / "object_data.json"
+    answered.write_text(json.dumps([*json.loads(answered.read_text()), {"label": "cup", "TWO": [[0, 1], [0]]}]))
+    write_deepim(tmp_path / "deepim")
+    refined = tmp_path / "deepim" / "demo" / "deepim_results_RGBD" / "000000-color.png.mat"
+    poses = scipy.io.loadmat(refined)["poses_est"]
+    poses[0, 0, 2:6] = np.nan
+    scipy.io.savemat(refined, {"poses_est": poses})
+    write_linemod(tmp_path / "linemod")
+    for kind in ("rgb", "depth", "mask"):
+        of_kind = tmp_path / "linemod" / "data" / "06" / kind
+        shutil.copy(of_kind / "0000.png", of_kind / "0001.png")
+    for name in ("gt.yml", "info.yml"):
+        file = tmp_path / "linemod" / "data" / "06" / name
+        file.write_text(file.read_text() + "1: none\n")
+    write_extended_apc(tmp_path / "xapc")
+    info = tmp_path / "xapc" / "scene-0004" / "gt_info.yml"
+    info.write_text(re.sub(r"(object_1:\n.*\n    pose: )\[[^,]*,", r"\1[", info.read_text()))
+    for folder, words in (
+        ("mustard", "the mask is left out: "),
+        ("sam6d", "2 detections of detection_pem.json cannot be used and are left out; the first: entry 2: "),
+        ("sam6d", "1 mask of the detections cannot be used and is left out: entry 1: "),
+        ("megapose", "1 entry of outputs/object_data.json cannot be used and is left out: entry 1: "),
+        ("deepim/demo", "iteration 1 of DeepIM is left out: "),
+        ("linemod", ""),
+        ("xapc", f"{ERASER} has no ground truth: Expected 7 numbers, got 6"),
+    ):
+        reader = recording_in(tmp_path / folder)
+        frame = reader.frame(reader.names[0])
+        notes = (*reader.notes, *frame.notes)
+        assert sum(words in note for note in notes if words) == bool(words), (folder, notes)
+        assert len(frame.objects) == 1, folder
+        has_pose = bool(frame.objects[0].hypotheses) or frame.objects[0].T_cam_obj_gt is not None
+        assert has_pose == (folder != "xapc"), folder
