@@ -113,7 +113,7 @@ def rounding_note(
 
 def rotation_faults(R: Float) -> Float:
     """How far RᵀR is from the identity (N,), given R (N, 3, 3); infinite where R is mirrored or not finite."""
-    is_finite = (np.abs(R) < 1e100).all(axis=(1, 2))
+    is_finite = np.all(np.abs(R) < 1e100, axis=(1, 2))
     R = np.where(is_finite[:, None, None], R, 0.0)
     off = np.abs(R.transpose(0, 2, 1) @ R - np.eye(3)).max(axis=(1, 2), initial=0.0)
     return np.where(is_finite & (np.linalg.det(R) > 0), off, np.inf)

@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -177,21 +177,18 @@ class BopDataset:
         of = f"the ground truth of {self.name}/{self.split}{part}"
         faults: list[str] = []
         taken: list[Float] = []
-        damaged, seen = set[int](), set[int]()
+        files: dict[int, list[Numbered[Any]]] = {}
         for scene_id, im_id in chosen:
-            if scene_id in damaged:
-                continue
-            try:
-                truths = self.truths(scene_id)
-            except InputError as error:
-                damaged.add(scene_id)
-                faults.append(str(error))
-                continue
-            if truths is not None and truths.faults and scene_id not in seen:
-                faults += truths.faults
-            seen.add(scene_id)
-            if truths is not None and im_id in truths:
-                _sort_out(truths, im_id, faults, taken)
+            if scene_id not in files:
+                files[scene_id] = []
+                for read in (self.truths, self.infos):
+                    try:
+                        files[scene_id] += filter(None, (read(scene_id),))
+                    except InputError as error:
+                        faults.append(str(error))
+                faults += (fault for file in files[scene_id] for fault in file.faults)
+            for file in files[scene_id]:
+                _sort_out(file, im_id, faults, taken)
         return unusable("entry", of, faults), rounding_note(of, taken)
 
     def image_ids(self, scene_id: int) -> tuple[int, ...]:
@@ -321,11 +318,14 @@ class BopDataset:
         Raises:
             InputError: scene_gt.json is damaged.
         """
-        truths, infos = self.truths(scene_id), self.infos(scene_id)
+        truths = self.truths(scene_id)
         if truths is None or im_id not in truths:
             return None
         entries, where = truths[im_id], truths.where(im_id)
-        of_image = () if infos is None or im_id not in infos else infos[im_id]
+        of_image: tuple[InfoEntry, ...] = ()
+        with suppress(InputError):  # Then visible shares are not known, as without the file.
+            infos = self.infos(scene_id)
+            of_image = () if infos is None or im_id not in infos else infos[im_id]
         # Visible masks that were drawn, not rendered, may be larger than the rendered silhouette.
         visible = {k: min(max(info.share, 0.0), 1.0) for k, info in enumerate(of_image) if info.share is not None}
         known: list[GroundTruth] = []
@@ -395,15 +395,19 @@ class BopDataset:
         return rgb, ()
 
 
-def _sort_out(truths: Numbered[tuple[TruthEntry, ...]], im_id: int, faults: list[str], taken: list[Float]) -> None:
-    """Add the rotations of an image's entries, and what is wrong with those that cannot be used."""
+def _sort_out(file: Numbered[Any], im_id: int, faults: list[str], taken: list[Float]) -> None:
+    """Add what is wrong with an image's entries in scene_gt.json or scene_gt_info.json, and rotations that are good."""
+    if im_id not in file:
+        return
     try:
-        entries = truths[im_id]
+        entries = file[im_id]
     except InputError as error:
         faults.append(str(error))
         return
     for gt_id, entry in enumerate(entries):
-        where = f"{truths.where(im_id)}, entry {gt_id}"
+        if not isinstance(entry, TruthEntry):
+            return
+        where = f"{file.where(im_id)}, entry {gt_id}"
         try:
             fault = ground_truth_of(entry, gt_id, None, where).fault
         except InputError as error:

@@ -65,11 +65,10 @@ def _rows_of_arrays(path: Path) -> Estimates:
         if len(lengths) != 1 or not 0 < len(poses) <= MOST_ROWS:
             raise ValueError(f"its arrays have {', '.join(map(str, sorted(lengths)))} entries, expected one number")
         own = np.stack(ids, axis=1)
-        is_known = (np.abs(own) < 2**53).all(axis=1)  # False for NaN as well.
-        numbers = np.where(is_known[:, None], own, 0).astype(np.int64).tolist()
+        numbers = [[int(n) if abs(n) < 2**53 else None for n in row] for row in own.tolist()]  # None for NaN as well.
         given = (
-            (f"entry {k}", own if known else [None] * 3, score, T)
-            for k, (own, known, score, T) in enumerate(zip(numbers, is_known, scores.tolist(), poses, strict=True))
+            (f"entry {k}", row, score, T)
+            for k, (row, score, T) in enumerate(zip(numbers, scores.tolist(), poses, strict=True))
         )
         return _usable(path, given, "no poses")
 
@@ -95,8 +94,8 @@ def _usable(path: Path, given: Iterable[tuple[str, Sequence[int | None], float, 
 
 
 def _row(where: str, ids: Sequence[int | None], score: float, T: Any) -> ResultRow:
-    known = [number for number in ids if number is not None]
-    if len(known) < len(IDS):
+    scene_id, im_id, obj_id = ids
+    if scene_id is None or im_id is None or obj_id is None:
         raise ValueError(f"{where}: expected the numbers of scene, image and object")
     if not math.isfinite(score):
         raise ValueError(f"{where}: its score is NaN or infinite")
@@ -104,7 +103,7 @@ def _row(where: str, ids: Sequence[int | None], score: float, T: Any) -> ResultR
         pose = array_of(Numbers4x4, T)
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from None
-    return ResultRow(*known, score, as_rigid(pose, f"{where}: the pose"))
+    return ResultRow(scene_id, im_id, obj_id, score, as_rigid(pose, f"{where}: the pose"))
 
 
 def _column(arrays: Mapping[str, NDArray[Any]], names: tuple[str, ...]) -> Float:
