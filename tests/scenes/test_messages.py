@@ -194,6 +194,11 @@ def test_trouble_with_detections(tmp_path: Path) -> None:
         assert [i.obj_id for i in problem.instances] == [2, 2]
         file.write_text(json.dumps(entries[1:2]))
         assert words.removeprefix("entry 1: ") in refusal(made, masks=str(file))
+    file.write_text(json.dumps(detections(made)))
+    made.edit("scene_gt.json", lambda c: c.update({"3": "none"}))
+    problem = made.read(masks=str(file))  # Which does without ground truth.
+    assert len(problem.instances) == 3
+    assert any("the frame has no ground truth: " in note for note in problem.notes)
     file.write_text(json.dumps(detections(made, "box")))
     assert "has no masks for frame 7/3" in refusal(made, masks=str(file))
 
