@@ -130,10 +130,10 @@ def checked_object(
     turns = chain.from_iterable(zip_longest(*([(T, who) for T in some] for who, some in checked.items())))
     given = [one for one in turns if one is not None]
     own = [None] * len(given) if scores is None else finite(scores, f"scores of {name}", (len(given),)).tolist()
-    kept = [(T, who, score) for (T, who), score in zip(given, own, strict=True) if T is not None]
-    hypotheses = tuple(Hypothesis(T, score or 0.0, who) for T, who, score in kept)
+    used = [(T, who, score) for (T, who), score in zip(given, own, strict=True) if T is not None]
+    hypotheses = tuple(Hypothesis(T, score or 0.0, who) for T, who, score in used)
     notes = (*unusable("pose", name, faults), *rounding_note(f"poses of {name}", taken))
-    return RecordedObject(name, path, unit_m, seen, hypotheses, tuple(s for *_, s in kept), (), T_gt, axis), notes
+    return RecordedObject(name, path, unit_m, seen, hypotheses, tuple(s for *_, s in used), (), T_gt, axis), notes
 
 
 def _by_estimator(poses: Poses, name: str) -> Mapping[str, ArrayLike]:
