@@ -77,7 +77,7 @@ def test_a_results_file_that_breaks_the_format(bad_input: BadInput) -> None:
 
 BAD_TARGETS: tuple[tuple[dict[str, Any], str], ...] = (
     ({"inst_count": 0}, "mine.json asks for no instance: every 'inst_count' is 0, expected 1 or more somewhere"),
-    ({"inst_count": -1}, "mine.json: Expected `int` >= 0 (at $[0].inst_count)"),
+    ({"inst_count": -1}, "mine.json: entry 0: Expected `int` >= 0 (at $.inst_count)"),
 )
 
 

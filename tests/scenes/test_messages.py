@@ -63,7 +63,6 @@ FRAMES: tuple[tuple[Spoil, str], ...] = (
     (camera(cam_K=[90, 1e30, 40, 0, 90, 30, 0, 0, 1]), "cam_K has a skew of 1e+30, 0; expected pixels"),
     (camera(depth_scale=0), "image 3: Expected `float` >= 1e-06 (at $.depth_scale)"),
     (lambda m: shutil.rmtree(m.scene / "mask_visib"), "mask_visib is missing; set scene.masks to 'mask'"),
-    (written("../../test_targets_bop19.json", '[{"scene_id": 7}]'), "bop19.json: Object missing required field"),
 )  # fmt: skip
 OBJECTS: tuple[tuple[Spoil, str], ...] = (
     (lambda m: image(m, MASK, np.full((64, 48), 255, np.uint8)), "is 48×64 pixels, expected 80×60 as the depth image"),
@@ -111,6 +110,12 @@ SOURCE_NOTED: tuple[tuple[Spoil, str], ...] = (
     ),
 )
 """What a data set does without: said once, when it is opened."""
+TARGET = '{"scene_id": 7, "im_id": 3, "obj_id": 5, "inst_count": 1}'
+TARGETS_NOTED: tuple[tuple[str, str], ...] = (
+    ('[{"scene_id": 7}]', "1 entry of test_targets_bop19.json cannot be used and is left out: entry 0: Object missing"),
+    (f'[{TARGET}, {{"scene_id": 7, "im_id": 3}}]', "entry 1 has no 'obj_id' or no 'inst_count', as the first one has"),
+    ("[", "bop19.json: not JSON: "),
+)
 
 
 def test_trouble_with_a_frame_is_one_line(tmp_path: Path) -> None:
@@ -148,6 +153,12 @@ def test_what_a_frame_or_a_data_set_does_without_is_noted_once(tmp_path: Path) -
         assert sum(words in note for note in source.notes) == bool(words), (words, source.notes)
         assert {i.obj_id for i in source.problem("7/3").instances} >= {2}, words
         assert made.open(objects=(2,)).frames == source.frames, words
+    for k, (text, words) in enumerate(TARGETS_NOTED):
+        made = make(tmp_path / f"targets/{k}")
+        written("../../test_targets_bop19.json", text)(made)
+        source = made.open()
+        assert source.frames == ("7/3",), words
+        assert sum(words in note for note in source.notes) == 1, (words, source.notes)
 
 
 def test_one_bad_frame_does_not_close_a_data_set_in_which_objects_are_chosen(tmp_path: Path) -> None:

@@ -32,11 +32,10 @@ from tests.scenes.test_layouts import (
     write_ycb_video,
     yml_of,
 )
-from tests.scenes.test_trace import pose, write_box, write_trace
+from tests.scenes.test_trace import K, picture, pose, write_box, write_trace
 from verefine_viz import trace
 from verefine_viz.commands.dataset_check import check_split
 from verefine_viz.commands.datasets import Datasets
-from verefine_viz.core import geometry
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import RIGID_TOLERANCE, rotation_of_quat_wxyz, transform
 from verefine_viz.evaluation.ground_truth import BopGroundTruth
@@ -220,8 +219,17 @@ def test_exact_rotations_are_not_accused(tmp_path: Path) -> None:
     assert open_results(tmp_path / "a.csv").notes == ()
 
 
-def test_a_trace_takes_what_its_reader_takes() -> None:
-    assert trace.RIGID_TOLERANCE == geometry.RIGID_TOLERANCE == RIGID_TOLERANCE
+def test_a_trace_takes_what_its_reader_takes(tmp_path: Path) -> None:
+    assert trace.RIGID_TOLERANCE == RIGID_TOLERANCE
+    depth, mask = picture()
+    with trace.Trace(tmp_path / "drop", K=K, depth_m=depth) as written:
+        box = written.object("box", write_box(tmp_path / "box.obj"), mask, 0.001)
+        for k in (5, 4, 3, 2, 1, 0):
+            box.hypothesis(k, POSES[k])
+    assert written.n_problems == 2
+    frame = read_trace(tmp_path / "drop")
+    assert len(frame.objects[0].hypotheses) == N_TAKEN
+    assert any("2 not recorded: " in note and "(a mirror image)" in note for note in frame.notes), frame.notes
 
 
 def test_a_data_set_with_rounded_rotations_needs_no_look(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -95,10 +95,9 @@ def _check_frames(dataset: BopDataset, parts: Parts) -> list[FrameIds]:
     parts.before_all = "" if frames else f"frames ({why}); nothing else was checked"
     for note in dataset.sensor_notes(dict.fromkeys(scene_id for scene_id, _ in frames)):
         parts.add("sensor", note)
-    try:
-        targets = dataset.targets or {}
-    except VerefineError as error:
-        parts.add("targets", "damaged", str(error))
+    targets = dataset.targets or {}
+    if dataset.target_notes:
+        parts.add("targets", "damaged", "; ".join(dataset.target_notes))
         return frames
     missing = sorted(targets.keys() - set(frames))
     if len(missing) == len(targets) > 0:

@@ -9,7 +9,7 @@ import math
 import os
 import re
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -143,6 +143,27 @@ def read_json(path: Path, kind: type[T], what: str = "") -> T:
     """
     with reading(path, what, MOST_JSON_BYTES) as file:
         return decoded_json(file.read(), kind)
+
+
+def read_entries(path: Path, kind: type[T]) -> tuple[list[tuple[int, T]], list[str]]:
+    """The entries of a JSON list that are what they should be, each with its place; and what is wrong with the others.
+
+    Raises:
+        InputError: as :func:`read_json`, where it is no list.
+    """
+    return sorted_out(read_json(path, tuple[msgspec.Raw, ...]), kind)
+
+
+def sorted_out(raw: Sequence[msgspec.Raw], kind: type[T]) -> tuple[list[tuple[int, T]], list[str]]:
+    """:func:`read_entries` of a list that was read."""
+    entries: list[tuple[int, T]] = []
+    faults: list[str] = []
+    for k, one in enumerate(raw):
+        try:
+            entries.append((k, decoded_json(bytes(one), kind)))
+        except (ValueError, RecursionError) as error:
+            faults.append(f"entry {k}: {first_line(error)}")
+    return entries, faults
 
 
 def read_yaml(path: Path, kind: type[T], what: str = "") -> T:

@@ -12,7 +12,7 @@ from msgspec import Meta
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError, quoted
-from verefine_viz.core.files import Id, Numbers3, Numbers3x3, array_of, first_line, read_json
+from verefine_viz.core.files import Id, Numbers3, Numbers3x3, array_of, first_line, read_entries
 from verefine_viz.core.geometry import as_rigid, check_reach, transform
 
 Task = Literal["localization", "detection"]
@@ -133,13 +133,26 @@ def target_counts(path: Path) -> dict[tuple[int, int], dict[int, int]]:
     Raises:
         InputError: the file is missing or damaged, or an entry lacks a number; the entry is named.
     """
+    counts, faults = usable_targets(path)
+    if faults:
+        raise InputError(f"{path}: {faults[0]}")
+    return counts
+
+
+def usable_targets(path: Path) -> tuple[dict[tuple[int, int], dict[int, int]], list[str]]:
+    """:func:`target_counts` of the entries that can be used, and what is wrong with the others.
+
+    Raises:
+        InputError: the file is missing or damaged.
+    """
     counts: dict[tuple[int, int], dict[int, int]] = {}
-    entries = read_json(path, tuple[TargetEntry, ...])
-    for k, entry in enumerate(entries):
+    entries, faults = read_entries(path, TargetEntry)
+    for k, entry in entries:
         of_image = counts.setdefault((entry.scene_id, entry.im_id), {})
-        if entries[0].obj_id is None:
+        if entries[0][1].obj_id is None:
             continue
         if entry.obj_id is None or entry.inst_count is None:
-            raise InputError(f"{path}: entry {k} has no 'obj_id' or no 'inst_count', as the first one has")
-        of_image[entry.obj_id] = entry.inst_count
-    return counts
+            faults.append(f"entry {k} has no 'obj_id' or no 'inst_count', as the first one has")
+        else:
+            of_image[entry.obj_id] = entry.inst_count
+    return counts, faults

@@ -29,8 +29,8 @@ from verefine_viz.scenes.annotations import (
     TruthEntry,
     ground_truth_of,
     pose_of,
-    target_counts,
     targets_path,
+    usable_targets,
 )
 from verefine_viz.scenes.bop_files import (
     MaskFolder,
@@ -115,6 +115,8 @@ class BopDataset:
         self._files: dict[int, SceneFiles] = {}
         self._coco: dict[int, CocoMasks] = {}
         self._cameras: dict[int, Numbered[CameraEntry]] = {}
+        self.target_notes: tuple[str, ...] = ()
+        """About the targets file, once :attr:`targets` were asked for."""
         self._scene_faults: dict[int, str] = {}
         """Why a scene's frames cannot be listed."""
         self._truths: dict[int, Numbered[tuple[TruthEntry, ...]] | None] = {}
@@ -365,13 +367,18 @@ class BopDataset:
     @cached_property
     def targets(self) -> Mapping[tuple[int, int], Mapping[int, int]] | None:
         """What the benchmark asks for, as ``target_counts`` of the targets file that ``evaluate`` takes as well; None
-        without one.
-
-        Raises:
-            InputError: the file is damaged.
+        without one, or where nothing of it can be used (:attr:`target_notes`).
         """
         path = targets_path(self.folder, self.split)
-        return None if path is None else target_counts(path)
+        if path is None:
+            return None
+        try:
+            counts, faults = usable_targets(path)
+        except InputError as error:
+            self.target_notes = (f"{error}; all images count",)
+            return None
+        self.target_notes = unusable("entry", path.name, faults)
+        return counts or None
 
     def detection_files(self) -> tuple[str, ...]:
         """JSON files in the data set's folder that look like detections, for hints in errors."""

@@ -75,6 +75,7 @@ class BopSource:
         chosen, notes = named_frames(self._dataset, scene.frames) if scene.frames else all_frames(self._dataset)
         self.notes: tuple[str, ...] = (
             *notes,
+            *self._dataset.target_notes,
             *self._dataset.scene_notes(),
             *self._dataset.models.faults,
             *chain.from_iterable(self._dataset.truth_notes(chosen)),

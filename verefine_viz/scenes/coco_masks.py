@@ -11,9 +11,9 @@ from scipy.optimize import linear_sum_assignment
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.files import Id, Real, read_json
+from verefine_viz.core.files import Id, Real, read_json, sorted_out
 from verefine_viz.scenes.annotations import GroundTruth
-from verefine_viz.scenes.detections import mask_of, read_entries
+from verefine_viz.scenes.detections import mask_of
 
 UNKNOWN_PX = 1e6
 """Distance between a box and an instance of which one is not known [px]."""
@@ -49,7 +49,7 @@ class CocoMasks:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._annotations: dict[int, list[tuple[int, Annotation]]] = {}
-        annotations, self._faults = read_entries(read_json(path, Content).annotations, Annotation)
+        annotations, self._faults = sorted_out(read_json(path, Content).annotations, Annotation)
         for k, annotation in annotations:
             self._annotations.setdefault(annotation.image_id, []).append((k, annotation))
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -13,7 +12,7 @@ from pycocotools import mask as coco
 
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.files import Id, Real, decoded_json, first_line, read_json
+from verefine_viz.core.files import Id, Real, decoded_json, first_line, read_entries
 from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.image_files import size_text
 
@@ -36,7 +35,6 @@ class RunLengths(msgspec.Struct, frozen=True):
     counts: str | list[int]
 
 
-T = TypeVar("T")
 NO_MASK = (b"null", b"{}", b"[]", b'""')
 """What stands for a box without a mask."""
 
@@ -64,7 +62,7 @@ class DetectionsFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._entries: dict[tuple[int, int], list[tuple[int, DetectionEntry]]] = {}
-        entries, faults = read_entries(read_json(path, tuple[msgspec.Raw, ...]), DetectionEntry)
+        entries, faults = read_entries(path, DetectionEntry)
         for k, entry in entries:
             self._entries.setdefault((entry.scene_id, entry.image_id), []).append((k, entry))
         if faults and not entries:
@@ -108,18 +106,6 @@ class DetectionsFile:
         if boxes:
             notes += (f"{boxes} detections in {self.path.name} have a box but no mask; they are left out",)
         return tuple(sorted(detections, key=lambda d: -d.score)), notes
-
-
-def read_entries(raw: Sequence[msgspec.Raw], kind: type[T]) -> tuple[list[tuple[int, T]], list[str]]:
-    """The entries of a list that are what they should be, each with its place; and what is wrong with the others."""
-    entries: list[tuple[int, T]] = []
-    faults: list[str] = []
-    for k, one in enumerate(raw):
-        try:
-            entries.append((k, decoded_json(bytes(one), kind)))
-        except (ValueError, RecursionError) as error:
-            faults.append(f"entry {k}: {first_line(error)}")
-    return entries, faults
 
 
 def mask_of(segmentation: msgspec.Raw, shape: tuple[int, int], where: str) -> Mask:

@@ -15,11 +15,10 @@ from msgspec import Meta
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import InputError, ShapeError, one_line
-from verefine_viz.core.files import Numbers3x3, Real, read_json
+from verefine_viz.core.files import Numbers3x3, Real, read_entries, read_json
 from verefine_viz.core.geometry import inverse
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.core.text_format import unusable
-from verefine_viz.scenes.detections import read_entries
 from verefine_viz.scenes.image_files import find_image, read_depth, size_text
 from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, color_of, meshes_in, pose_of_quat
 
@@ -113,8 +112,7 @@ class Reader:
 
     def _listed(self, kind: str) -> tuple[list[ObjectData], tuple[str, ...]]:
         path = self._folder / kind / OBJECTS
-        raw = read_json(path, tuple[msgspec.Raw, ...]) if path.is_file() else ()
-        entries, faults = read_entries(raw, ObjectData)
+        entries, faults = read_entries(path, ObjectData) if path.is_file() else ([], [])
         return [one for _, one in entries], unusable("entry", f"{kind}/{OBJECTS}", faults)
 
 

@@ -14,11 +14,11 @@ import msgspec
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import InputError, ShapeError, one_line
-from verefine_viz.core.files import Numbers3, Numbers3x3, Real, read_json
+from verefine_viz.core.files import Numbers3, Numbers3x3, Real, read_entries, read_json
 from verefine_viz.core.geometry import as_rigid, rounding_note, transform
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.core.text_format import unusable
-from verefine_viz.scenes.detections import mask_of, read_entries
+from verefine_viz.scenes.detections import mask_of
 from verefine_viz.scenes.image_files import CameraEntry, depth_scale_of, find_image, intrinsics_of, read_depth
 from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, color_of, image_of, meshes_in
 
@@ -101,7 +101,7 @@ class Reader:
         """Those that can be used, the best first; and notes about the others, and about rounded rotations."""
         if self._results is None:
             return [], ()
-        entries, faults = read_entries(read_json(self._results, tuple[msgspec.Raw, ...]), Sam6dDetection)
+        entries, faults = read_entries(self._results, Sam6dDetection)
         used: list[_Detection] = []
         taken: list[Float] = []
         for k, one in entries:
