@@ -303,6 +303,9 @@ def test_infinite_depth_was_not_measured(tmp_path: Path) -> None:
 def test_one_bad_part_of_a_foreign_frame_leaves_the_others(tmp_path: Path) -> None:
     write_sequence(tmp_path / "mustard", 1)
     cut(tmp_path / "mustard" / "masks" / "1581120424100262100.png")
+    write_trace(tmp_path / "drop", write_box(tmp_path / "box.obj"))
+    (mask,) = (tmp_path / "drop").glob("*mask*")
+    cut(mask)
     write_sam6d(tmp_path / "sam6d")
     found = tmp_path / "sam6d" / "outputs" / "sam6d_results" / "detection_pem.json"
     entries = json.loads(found.read_text())
@@ -328,6 +331,7 @@ def test_one_bad_part_of_a_foreign_frame_leaves_the_others(tmp_path: Path) -> No
     info.write_text(re.sub(r"(object_1:\n.*\n    pose: )\[[^,]*,", r"\1[", info.read_text()))
     for folder, words in (
         ("mustard", "the mask is left out: "),
+        ("drop", "box: its mask is left out: "),
         ("sam6d", "2 detections of detection_pem.json cannot be used and are left out; the first: entry 2: "),
         ("sam6d", "1 mask of the detections cannot be used and is left out: entry 1: "),
         ("megapose", "1 entry of outputs/object_data.json cannot be used and is left out: entry 1: "),

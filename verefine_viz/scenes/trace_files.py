@@ -14,7 +14,7 @@ from msgspec import Meta
 from numpy.typing import DTypeLike, NDArray
 
 from verefine_viz.core.array_cache import NPZ_READING
-from verefine_viz.core.arrays import Float, plain_array
+from verefine_viz.core.arrays import Float, frozen, plain_array
 from verefine_viz.core.errors import InputError, ShapeError, one_line
 from verefine_viz.core.files import Numbers3, Numbers3x3, Numbers4x4, Real, decoded_json, first_line, reading
 from verefine_viz.core.geometry import as_rigid, check_reach, rounding_note
@@ -204,9 +204,10 @@ def _object(
     """An object, given the call that began it and those about its poses."""
     name, mask = one_line(begun.name), None
     if begun.mask:
-        mask = _loaded(folder / begun.mask, np.bool_)
-        if mask.shape != shape:
-            raise InputError(f"trace {folder}: the mask of {name} has another size than depth; record it again")
+        try:
+            mask = frozen(_loaded(folder / begun.mask, np.bool_), "the mask", shape, np.bool_)
+        except (InputError, ShapeError) as error:
+            notes.append(f"{name}: its mask is left out: {error}")
     poses: dict[int, list[tuple[Call, Float]]] = {}
     """Poses of each hypothesis, as the program numbered them."""
     index: dict[int, int] = {}
