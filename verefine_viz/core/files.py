@@ -241,13 +241,13 @@ class Numbered(Mapping[int, T], Generic[T]):
     def __init__(self, path: Path, kind: type[T], of: str) -> None:
         self._path, self._kind, self._of = path, kind, of
         self._raw: dict[int, msgspec.Raw] = {}
-        self.faults: tuple[str, ...] = ()
+        self.faults: list[str] = []
         """About keys that are no number; their entries are left out."""
         for key, raw in read_json(path, dict[str, msgspec.Raw]).items():
             number = id_of(key)
             if number is None:
                 expected = "expected its number, as in {'0': …, '1': …}"
-                self.faults += (f"{path}: {quoted(key, 40)} is no {of}, {expected}",)
+                self.faults.append(f"{path}: {quoted(key, 40)} is no {of}, {expected}")
             else:
                 self._raw[number] = raw
         if self.faults and not self._raw:

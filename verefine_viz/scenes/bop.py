@@ -58,7 +58,7 @@ from verefine_viz.scenes.models import ModelLibrary
 NO_COLOR = "the frame has no rgb or gray image; it is drawn without colour"
 """A note of images without; colour is optional."""
 MOST_CHECKED = 2000
-"""Frames whose ground truth is looked through when a data set is opened, spread evenly: at most a second."""
+"""Frames whose ground truth is looked through when a data set is opened, spread evenly: a second at most."""
 T = TypeVar("T")
 
 
@@ -436,10 +436,10 @@ def _camera_pose(entry: CameraEntry, where: str) -> tuple[Float | None, Float | 
             return None, None, ()
         R_cam_world = array_of(Numbers3x3, entry.cam_R_w2c)
         R_world_cam = as_rigid(transform(R_cam_world, np.zeros(3)), f"{where}: 'cam_R_w2c'")[:3, :3].T
-    except ValueError as error:
-        return None, None, (f"{where}: 'cam_R_w2c': {error}; the camera's pose is left out",)
     except ShapeError as error:
         return None, None, (f"{error}; the camera's pose is left out",)
+    except ValueError as error:
+        return None, None, (f"{where}: 'cam_R_w2c': {error}; the camera's pose is left out",)
     if entry.cam_t_w2c is None:
         return R_world_cam, None, ()
     try:
