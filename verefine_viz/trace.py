@@ -39,8 +39,8 @@ _LOG = logging.getLogger(__name__)
 CALLS = "calls.jsonl"
 """A JSON object per call; the first line is about the frame."""
 FORMAT = 1
-RIGID_TOLERANCE = 1e-3
-"""Largest deviation of RᵀR from the identity in a pose that is written."""
+RIGID_TOLERANCE = 0.05
+"""Largest deviation of RᵀR from the identity in a pose that is written; what reads the trace takes the nearest."""
 FARTHEST_M = 60.0
 """A median depth, or a pose, further away is in millimetres."""
 SHOWN = 3
@@ -335,8 +335,10 @@ def _pose(T_cam_obj: Any) -> list[float]:
     if not all(map(math.isfinite, values)):
         raise ValueError("the pose is not finite")
     R = T[:3, :3]
-    if np.abs(R.T @ R - np.eye(3)).max() > RIGID_TOLERANCE or np.linalg.det(R) < 0 or values[12:] != [0, 0, 0, 1]:
-        raise ValueError("the pose is not rigid, expected a rotation, and 0 0 0 1 as the last row")
+    off, determinant = float(np.abs(R.T @ R - np.eye(3)).max()), float(np.linalg.det(R))
+    if off > RIGID_TOLERANCE or determinant < 0 or values[12:] != [0, 0, 0, 1]:
+        wrong = "a mirror image" if determinant < 0 else f"RᵀR is {off:.2g} from the identity"
+        raise ValueError(f"the pose is not rigid ({wrong}), expected a rotation, and 0 0 0 1 as the last row")
     if math.hypot(*values[3:12:4]) > FARTHEST_M:
         raise ValueError(f"the pose is {math.hypot(*values[3:12:4]):.3g} m away, expected metres")
     return values

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from verefine_viz.batch.totals import Notes
+from verefine_viz.core.geometry import rounding_note
 
 LACKS = "mug (#{}) has no hypothesis: no row for object 5"
 
@@ -23,6 +26,18 @@ def test_an_object_is_reported_once_whatever_its_number() -> None:
     assert counted((LACKS.format(0),), (LACKS.format(3),), (LACKS.format(0),)) == {said: 3}
     # Two of them in one frame are one frame.
     assert counted((LACKS.format(0), LACKS.format(1))) == {said: 1}
+
+
+def test_what_differs_by_its_numbers_alone_is_one_note() -> None:
+    rounded = rounding_note("ground truth", [np.diag([1, 1, 1.002])])
+    assert rounded[0].endswith(" (1 of 1, RᵀR up to 0.004 from the identity)")
+    assert counted(rounded, rounding_note("ground truth", [np.diag([1, 1, 1.01])] * 2)) == {
+        "ground truth: rounded rotations; the nearest exact ones are taken": 2
+    }
+    faults = ("image 1, entry 0: the pose is not rigid", "image 2, entry 1: the pose holds NaN")
+    notes = [f"mug (#{k}) has no ground truth: {fault}" for k, fault in enumerate(faults)]
+    assert counted(notes[:1]) == {notes[0]: 1}
+    assert counted(*zip(notes, strict=True)) == {"mug has no ground truth": 2}
 
 
 def test_notes_of_other_objects_and_other_reasons_stay_apart() -> None:

@@ -63,7 +63,7 @@ def bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: p
 
 @pytest.mark.usefixtures("processes")
 def test_a_results_file_that_breaks_the_format(bad_input: BadInput) -> None:
-    for content, words in ((GOOD.encode("utf-16"), "no text file"), (f"{ROW}\n\n{ROW}", "line 2: found a blank line")):
+    for content, words in ((GOOD.encode("utf-16"), "no text file"), (f"\n{ROW[:-3]}", "line 1: found a blank line")):
         path = bad_input.file("bad_boxes-test.csv", content)
         line = bad_input.refused(*bad_input.evaluated(path))
         assert line.startswith(f"{path}: {words}")
@@ -77,7 +77,7 @@ def test_a_results_file_that_breaks_the_format(bad_input: BadInput) -> None:
 
 BAD_TARGETS: tuple[tuple[dict[str, Any], str], ...] = (
     ({"inst_count": 0}, "mine.json asks for no instance: every 'inst_count' is 0, expected 1 or more somewhere"),
-    ({"inst_count": -1}, "mine.json: Expected `int` >= 0 (at $[0].inst_count)"),
+    ({"inst_count": -1}, "mine.json: entry 0: Expected `int` >= 0 (at $.inst_count)"),
 )
 
 

@@ -184,7 +184,7 @@ def test_how_much_of_the_targets_a_file_covers(bad_input: BadInput) -> None:
     (whole,) = bad_input.json()["results"]
     assert whole["coverage"] == {
         "images": 1, "images_asked": 1, "objects": 2, "objects_asked": 2,
-        "not_finite": 0, "not_ranked": 0, "not_rigid": 0,
+        "not_finite": 0, "not_ranked": 0, "rounded": 0, "not_rigid": 0,
     }  # fmt: skip
     assert "has estimates for" not in bad_input.run()
     half = bad_input.file("half_boxes-test.csv", f"7,3,5,1,{POSE},-1\n")

@@ -81,7 +81,9 @@ def test_the_nearest_rotation_is_a_rotation_and_leaves_one_alone(T) -> None:  # 
     [
         (np.eye(3), r"pose has shape \(3, 3\), expected 4×4"),
         (np.full((4, 4), np.nan), "pose holds NaN or infinity"),
-        (np.diag([1.0, 1, -1, 1]), r"det\(R\) = -1.000, expected a rotation"),
+        (np.diag([1.0, 1, -1, 1]), r"det\(R\) = -1.000, it is a mirror image; expected a rotation"),
+        (np.diag([1.0, 1, 1.03, 1]), r"det\(R\) = 1.030, RᵀR is 0.061 from the identity; .* off by 0.05 at most"),
+        (np.zeros((4, 4)), r"det\(R\) = 0.000, RᵀR is 1 from the identity"),
         (np.diag([2.0, 2, 2, 1]), r"det\(R\) = 8.000"),
         (np.vstack([np.eye(4)[:3], [0, 0, 1, 1]]), "last row"),
         ("pose", "is not an array"),

@@ -207,3 +207,18 @@ def test_the_picture_of_a_frame_is_there_before_anything_is_prepared():
 
     space = Workspace(SESSION, None, Listed, seen=events.append)
     assert events[:2] == [space.problem.observation, "prepared"]
+
+
+def test_a_first_frame_that_cannot_be_read_is_passed_over_and_noted():
+    class WithoutTheFirst(FakeTools):
+        def problem(self, frame):
+            if frame == "0/1":
+                raise InputError("depth/000001.png is cut off")
+            return super().problem(frame)
+
+    space = Workspace(SESSION, None, WithoutTheFirst)
+    assert space.frame == "0/2"
+    assert space.frames == ("0/1", "0/2")
+    assert space.problem.notes[-1] == "frame 0/1 cannot be read and is passed over: depth/000001.png is cut off"
+    with pytest.raises(InputError, match=r"^depth/000001.png is cut off$"):  # It is asked for by its name.
+        Workspace(SESSION, None, WithoutTheFirst, frame="0/1")

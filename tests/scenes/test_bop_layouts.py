@@ -142,6 +142,9 @@ def test_a_mask_that_is_missing_or_damaged_leaves_its_instance_out(tmp_path: Pat
     assert masks_are(problem, made, 0, 2)
     assert [left.instance_id for left in problem.left_out] == [1]
     assert any("annotation 1: 'segmentation': the run lengths are damaged" in note for note in problem.notes)
+    made.edit("scene_gt_coco.json", lambda c: c["annotations"][1].update(category_id="mug"))
+    assert masks_are(problem := made.read(), made, 0, 2)
+    assert any("annotation of entry 1: Expected `int`, got `str`" in note for note in problem.notes), problem.notes
     made.edit("scene_gt_coco.json", lambda c: c.update(annotations=[]))
     assert "scene_gt_coco.json has no mask of entry 0 of image 3" in refusal(made)
 

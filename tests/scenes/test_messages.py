@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +16,7 @@ from tests.scenes.bop_folder import Made, box_ply, cut, detections, image, make,
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import HypothesesSettings
 from verefine_viz.evaluation.results_scores import evaluate_files
-from verefine_viz.scenes.results_csv import HEADER, read_results
+from verefine_viz.scenes.results_csv import HEADER, read_poses, read_results
 
 Spoil = Callable[[Made], Any]
 MASK = "mask_visib/000003_000001.png"
@@ -53,7 +54,6 @@ FRAMES: tuple[tuple[Spoil, str], ...] = (
     (lambda m: image(m, "rgb/000003.png", np.ones((48, 64, 3), np.uint8)), "is 64×48 pixels, but the depth image is"),
     (written("scene_camera.json", '{"3": {"cam_K": [1, 2,,]}}'), "scene_camera.json: not JSON: invalid character in "),
     (written("scene_camera.json", "[]"), "scene_camera.json: Expected `object`, got `array`"),
-    (edited("scene_camera.json", lambda c: c.update(left=1)), "'left' is no image, expected its number"),
     (edited("scene_camera.json", lambda c: c["3"].pop("cam_K")), "scene_camera.json, image 3 has no 'cam_K'"),
     (edited("scene_camera.json", lambda c: c.update({"3": {"cam_model": {}}})), "'cam_model' (fisheye); only pinhole"),
     (camera(cam_K=[1] * 8), "image 3: Expected 9 numbers, got 8 (at $.cam_K)"),
@@ -62,11 +62,7 @@ FRAMES: tuple[tuple[Spoil, str], ...] = (
     (camera(cam_K=[90, 0, 40, 0, 90, -1e30, 0, 0, 1]), "cam_K has the principal point 40, -1e+30; expected pixels"),
     (camera(cam_K=[90, 1e30, 40, 0, 90, 30, 0, 0, 1]), "cam_K has a skew of 1e+30, 0; expected pixels"),
     (camera(depth_scale=0), "image 3: Expected `float` >= 1e-06 (at $.depth_scale)"),
-    (camera(cam_R_w2c=[2] * 9), "'cam_R_w2c' is not rigid"),
-    (edited("scene_gt.json", lambda c: c["3"][1].pop("obj_id")), "missing required field `obj_id` (at $[1])"),
     (lambda m: shutil.rmtree(m.scene / "mask_visib"), "mask_visib is missing; set scene.masks to 'mask'"),
-    (written("../../test_targets_bop19.json", '[{"scene_id": 7}]'), "bop19.json: Object missing required field"),
-    (written("../../models/obj_names.json", '{"a": "b"}'), "obj_names.json: 'a': 'b' does not name an object id"),
 )  # fmt: skip
 OBJECTS: tuple[tuple[Spoil, str], ...] = (
     (lambda m: image(m, MASK, np.full((64, 48), 255, np.uint8)), "is 48×64 pixels, expected 80×60 as the depth image"),
@@ -91,6 +87,35 @@ NOTED: tuple[tuple[Spoil, str], ...] = (
     (truth(cam_t_m2c=None), "entry 1 has no 'cam_R_m2c' or no 'cam_t_m2c'"),
     (truth(cam_R_m2c=[1] * 8), "image 3, entry 1: 'cam_R_m2c': Expected 9 numbers, got 8"),
 )
+FRAME_NOTED: tuple[tuple[Spoil, str], ...] = (
+    (camera(cam_R_w2c=[2] * 9), "'cam_R_w2c' is not rigid"),
+    (camera(cam_R_w2c=[float("nan")] * 9), "'cam_R_w2c': Expected finite numbers; the camera's pose is left out"),
+    (camera(cam_R_w2c=np.eye(3).tolist(), cam_t_w2c=[1]), "'cam_t_w2c': Expected 3 numbers, got 1; the camera's pos"),
+    (lambda m: cut(m.scene / "rgb/000003.png"), "image file is truncated"),
+)
+"""What a frame does without."""
+SOURCE_NOTED: tuple[tuple[Spoil, str], ...] = (
+    (edited("scene_camera.json", lambda c: c.update(left=1)), "'left' is no image, expected its number"),
+    (edited("scene_gt.json", lambda c: c.update(left=1)), "'left' is no image, expected its number"),
+    (edited("scene_gt.json", lambda c: c["3"][1].pop("obj_id")), "image 3, entry 1: 'obj_id' is None, expected the nu"),
+    (edited("scene_gt.json", lambda c: c["3"][1].update(obj_id="mug")), "image 3, entry 1: 'obj_id' is 'mug'"),
+    (truth(cam_t_m2c=[float("nan"), 0, 1]), "1 entry of the ground truth of 4/test cannot be used and is left out: "),
+    (written("../../models/obj_names.json", '{"a": "b", "5": "mug"}'), "'a': 'b' does not name an object id"),
+    (edited("../../models/models_info.json", lambda c: c.update(mug={})), "'mug' is no object, expected its number"),
+    (edited("scene_gt_info.json", lambda c: c["3"][1].update(visib_fract="all")), ""),
+    (lambda m: shutil.copytree(m.scene, m.scene.with_name("000008")) / "scene_camera.json", ""),
+    (
+        lambda m: (shutil.copytree(m.scene, m.scene.with_name("000008")) / "scene_camera.json").write_text("{"),
+        "1 scene of 9/test cannot be used and is left out: ",
+    ),
+)
+"""What a data set does without: said once, when it is opened."""
+TARGET = '{"scene_id": 7, "im_id": 3, "obj_id": 5, "inst_count": 1}'
+TARGETS_NOTED: tuple[tuple[str, str], ...] = (
+    ('[{"scene_id": 7}]', "1 entry of test_targets_bop19.json cannot be used and is left out: entry 0: Object missing"),
+    (f'[{TARGET}, {{"scene_id": 7, "im_id": 3}}]', "entry 1 has no 'obj_id' or no 'inst_count', as the first one has"),
+    ("[", "bop19.json: not JSON: "),
+)
 
 
 def test_trouble_with_a_frame_is_one_line(tmp_path: Path) -> None:
@@ -112,6 +137,38 @@ def test_trouble_with_an_object_is_a_note_and_the_others_go_on(
         assert any(words in note for note in problem.notes), (words, problem.notes)
         if cases is NOTED:
             assert [i.T_cam_obj_gt is None for i in problem.instances] == [False, True, False]
+
+
+def test_what_a_frame_or_a_data_set_does_without_is_noted_once(tmp_path: Path) -> None:
+    for k, (spoil, words) in enumerate(FRAME_NOTED):
+        made = make(tmp_path / f"frame/{k}")
+        spoil(made)
+        problem = made.read()
+        assert len(problem.instances) == 3, words
+        assert sum(words in note for note in problem.notes) == 1, (words, problem.notes)
+    for k, (spoil, words) in enumerate(SOURCE_NOTED):
+        made = make(tmp_path / f"source/{k}", targets=False)
+        spoil(made)
+        source = made.open()
+        assert sum(words in note for note in source.notes) == bool(words), (words, source.notes)
+        assert {i.obj_id for i in source.problem("7/3").instances} >= {2}, words
+        assert made.open(objects=(2,)).frames == source.frames, words
+    for k, (text, words) in enumerate(TARGETS_NOTED):
+        made = make(tmp_path / f"targets/{k}")
+        written("../../test_targets_bop19.json", text)(made)
+        source = made.open()
+        assert source.frames == ("7/3",), words
+        assert sum(words in note for note in source.notes) == 1, (words, source.notes)
+
+
+def test_one_bad_frame_does_not_close_a_data_set_in_which_objects_are_chosen(tmp_path: Path) -> None:
+    made = make(tmp_path, targets=False)
+    for file in ("scene_camera.json", "scene_gt.json"):
+        made.edit(file, lambda c: c.update({"4": c["3"]}))
+    made.edit("scene_gt.json", lambda c: c.update({"3": "none"}))
+    source = made.open(objects=(5,))
+    assert source.frames == ("7/4",)
+    assert sum("image 3: Expected `array`, got `str`" in note for note in source.notes) == 1
 
 
 def test_a_principal_point_outside_of_the_image_is_noted(tmp_path: Path) -> None:
@@ -136,18 +193,28 @@ def test_trouble_with_detections(tmp_path: Path) -> None:
         ({"segmentation": {"size": [80, 60], "counts": [4800]}}, "made for [h, w] = [80, 60], but the image is 80×60"),
         ({"segmentation": {"size": [60, 80], "counts": [9]}}, "run lengths are damaged, expected a sum of 4800 pixels"),
         ({"segmentation": [[1, 2, 3, 4]]}, "entry 1: 'segmentation': Expected `object`, got `array`; polygons are not"),
-        ({"score": "high"}, "Expected `float`, got `str` (at $[1].score)"),
-        ({"category_id": "mug"}, "Expected `int`, got `str` (at $[1].category_id)"),
+        ({"score": "high"}, "entry 1: Expected `float`, got `str` (at $.score)"),
+        ({"category_id": "mug"}, "entry 1: Expected `int`, got `str` (at $.category_id)"),
     ):
         entries = detections(made)
         entries[1].update(change)
         file.write_text(json.dumps(entries))
-        assert words in refusal(made, masks=str(file))
+        source = made.open(masks=str(file))
+        problem = source.problem(made.frame)
+        assert sum(words in note for note in (*source.notes, *problem.notes)) == 1, (source.notes, problem.notes)
+        assert [i.obj_id for i in problem.instances] == [2, 2]
+        file.write_text(json.dumps(entries[1:2]))
+        assert words.removeprefix("entry 1: ") in refusal(made, masks=str(file))
+    file.write_text(json.dumps(detections(made)))
+    made.edit("scene_gt.json", lambda c: c.update({"3": "none"}))
+    problem = made.read(masks=str(file))  # Which does without ground truth.
+    assert len(problem.instances) == 3
+    assert any("the frame has no ground truth: " in note for note in problem.notes)
     file.write_text(json.dumps(detections(made, "box")))
     assert "has no masks for frame 7/3" in refusal(made, masks=str(file))
 
 
-def test_a_bad_line_of_a_results_file_is_named(tmp_path: Path) -> None:
+def test_a_bad_line_of_a_results_file_is_left_out_and_the_first_is_named(tmp_path: Path) -> None:
     path, good = tmp_path / "est_x-test.csv", f"7,3,5,1.0,{POSE},-1"
     for line, words in (
         (f"7,3,5,nan,{POSE},-1", "line 3: score holds NaN or infinity"),
@@ -158,9 +225,17 @@ def test_a_bad_line_of_a_results_file_is_named(tmp_path: Path) -> None:
         (good.replace("3", "3.0", 1), "line 3: im_id is '3.0', expected an integer"),
     ):
         path.write_text("\n".join([HEADER, good, line, good]))
-        with pytest.raises(InputError) as caught:
+        read = read_poses(path)
+        assert len(read.rows) == 2
+        (note,) = read.notes
+        assert note.startswith(f"1 row of {path.name} cannot be used and is left out: {words}")
+        with pytest.raises(InputError, match=re.escape(words)):  # It would be lost when the file is written again.
             read_results(path)
-        assert str(caught.value).startswith(f"{path}: {words}")
+        path.write_text("\n".join([HEADER, good, line, line, good]))
+        assert read_poses(path).notes[0].startswith(f"2 rows of {path.name} cannot be used and are left out; the first")
+        path.write_text("\n".join([HEADER, HEADER, line]))
+        with pytest.raises(InputError, match=re.escape(f"{path}: line 2: ")):
+            read_poses(path)
     path.write_text("\n".join([HEADER.replace(",", ";"), good]))
     with pytest.raises(InputError, match=f"line 1: the header is .*, expected {HEADER} or none"):
         read_results(path)

@@ -19,7 +19,7 @@ MOST_FAILURES = 10
 """Failed frames whose reason is quoted."""
 MOST_NOTES = 20
 """Different notes that are shown."""
-_NUMBER = re.compile(r" \(#\d+\)")
+_NUMBER = re.compile(r" \(#\d+\)| \(\d+ of \d+, RᵀR [^)]*\)$|(?<= has no ground truth): .*$")
 """The number behind an object's name: it differs between frames, and is left out where frames are counted."""
 
 
@@ -92,7 +92,8 @@ def describe_doubts(runs: Sequence[tuple[str, Iterable[Answer]]]) -> str:
 class Notes:
     """Counts in how many frames, or runs, something is noted: the first ``most`` different notes.
 
-    A note of an object is the same whatever its number in a frame.
+    A note of an object is the same whatever its number in a frame, one of rounded rotations whatever their number, and
+    one of ground truth that cannot be used whatever is wrong with it.
     """
 
     def __init__(self, most: int = MOST_NOTES) -> None:

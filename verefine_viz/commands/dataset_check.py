@@ -56,14 +56,14 @@ def check_split(folder: Path, split: str, sensor: str = "") -> Parts:
     opened = [frames[int(k)] for k in np.linspace(0, len(frames) - 1, min(N_OPENED, len(frames))).round()]
     _check_images(dataset, opened, parts)
     _check_masks(dataset, opened, parts)
-    _check_truths(dataset, opened, parts)
+    _check_truths(dataset, frames, opened, parts)
     _check_scoring(dataset, opened, parts)
     _check_plausibility(dataset, opened, parts)
     return parts
 
 
 def _check_models(dataset: BopDataset, parts: Parts) -> None:
-    library, faults, n_read = dataset.models, list[str](), 0
+    library, faults, n_read = dataset.models, [*dataset.models.faults], 0
     for obj_id in library.ids:
         try:
             faults += library.notes(obj_id)
@@ -95,10 +95,9 @@ def _check_frames(dataset: BopDataset, parts: Parts) -> list[FrameIds]:
     parts.before_all = "" if frames else f"frames ({why}); nothing else was checked"
     for note in dataset.sensor_notes(dict.fromkeys(scene_id for scene_id, _ in frames)):
         parts.add("sensor", note)
-    try:
-        targets = dataset.targets or {}
-    except VerefineError as error:
-        parts.add("targets", "damaged", str(error))
+    targets = dataset.targets or {}
+    if dataset.target_notes:
+        parts.add("targets", "damaged", "; ".join(dataset.target_notes))
         return frames
     missing = sorted(targets.keys() - set(frames))
     if len(missing) == len(targets) > 0:
@@ -175,8 +174,8 @@ def _check_masks(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts) 
     parts.add("masks", ", ".join(kind + listed * (kind == "mask_visib") for kind in parts.masks), "; ".join(faults))
 
 
-def _check_truths(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts) -> None:
-    """Add what is there and what is wrong; frames whose ground truth is damaged do not stop the others."""
+def _check_truths(dataset: BopDataset, frames: Sequence[FrameIds], opened: Sequence[FrameIds], parts: Parts) -> None:
+    """Add what is there and what is wrong; an entry, or a frame, that is damaged does not stop the others."""
     truths: list[Sequence[GroundTruth]] = []
     damage: list[str] = []
     for ids in opened:
@@ -187,8 +186,8 @@ def _check_truths(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts)
     n_with, damage = sum(map(bool, truths)), list(dict.fromkeys(damage))
     parts.ground_truth = n_with > 0
     parts.damaged_ground_truth = damage[0] if damage and not parts.ground_truth else ""
-    faults = [first_of(damage, MOST_FAULTS, "; ")] * bool(damage)
-    faults += [t.fault for entries in truths for t in entries if t.fault][:MOST_FAULTS]
+    left_out, rounded = dataset.truth_notes(frames)
+    faults = [*left_out]
     if parts.masks and not parts.names_objects and not damage:
         faults.append(
             "nothing says which object is where: add scene_gt.json to the scenes, or a detections JSON (its name "
@@ -199,6 +198,7 @@ def _check_truths(dataset: BopDataset, opened: Sequence[FrameIds], parts: Parts)
         faults.append(f"there is no model of object {', '.join(map(str, without_model))}; its instances are left out")
     without = "damaged" if damage else "none: nothing can be measured, only shown"
     result = f"in {n_with} of {len(opened)} frames checked" if n_with else without
+    result += "".join(f"; {note.partition(': ')[2]}" for note in rounded)  # As published files are: nothing to mend.
     parts.add("ground truth", result, "; ".join(faults))
 
 

@@ -283,6 +283,11 @@ def _covered(covered: Coverage, score: BopScores) -> list[str]:
         lines.append(
             f"{covered.not_ranked} rows have no number as score, so which of several rows come first is chance"
         )
+    if covered.rounded:
+        lines.append(
+            f"in {covered.rounded} rows R is a rounded rotation; errors are measured with R as it is written, as the "
+            "official ones are"
+        )
     if covered.not_rigid:
         lines.append(f"in {covered.not_rigid} rows R is no rotation; errors are measured with R as it is written")
     return lines

@@ -9,7 +9,7 @@ import math
 import os
 import re
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -145,6 +145,27 @@ def read_json(path: Path, kind: type[T], what: str = "") -> T:
         return decoded_json(file.read(), kind)
 
 
+def read_entries(path: Path, kind: type[T]) -> tuple[list[tuple[int, T]], list[str]]:
+    """The entries of a JSON list that are what they should be, each with its place; and what is wrong with the others.
+
+    Raises:
+        InputError: as :func:`read_json`, where it is no list.
+    """
+    return sorted_out(read_json(path, tuple[msgspec.Raw, ...]), kind)
+
+
+def sorted_out(raw: Sequence[msgspec.Raw], kind: type[T]) -> tuple[list[tuple[int, T]], list[str]]:
+    """:func:`read_entries` of a list that was read."""
+    entries: list[tuple[int, T]] = []
+    faults: list[str] = []
+    for k, one in enumerate(raw):
+        try:
+            entries.append((k, decoded_json(bytes(one), kind)))
+        except (ValueError, RecursionError) as error:
+            faults.append(f"entry {k}: {first_line(error)}")
+    return entries, faults
+
+
 def read_yaml(path: Path, kind: type[T], what: str = "") -> T:
     """Return the content of a YAML file as ``kind``; as :func:`read_json`."""
     with reading(path, what, MOST_YAML_BYTES) as file:
@@ -214,17 +235,23 @@ class Numbered(Mapping[int, T], Generic[T]):
         of: what the keys number, for messages: "image", "object".
 
     Raises:
-        InputError: as :func:`read_json`, or a key is no number.
+        InputError: as :func:`read_json`, or no key is a number.
     """
 
     def __init__(self, path: Path, kind: type[T], of: str) -> None:
         self._path, self._kind, self._of = path, kind, of
         self._raw: dict[int, msgspec.Raw] = {}
+        self.faults: list[str] = []
+        """About keys that are no number; their entries are left out."""
         for key, raw in read_json(path, dict[str, msgspec.Raw]).items():
             number = id_of(key)
             if number is None:
-                raise InputError(f"{path}: {quoted(key, 40)} is no {of}, expected its number, as in {{'0': …, '1': …}}")
-            self._raw[number] = raw
+                expected = "expected its number, as in {'0': …, '1': …}"
+                self.faults.append(f"{path}: {quoted(key, 40)} is no {of}, {expected}")
+            else:
+                self._raw[number] = raw
+        if self.faults and not self._raw:
+            raise InputError(self.faults[0])
 
     def where(self, number: int) -> str:
         """Name an entry in a message."""

@@ -36,6 +36,22 @@ def first_of(names: Sequence[object], most: int, between: str = ", ") -> str:
     return f"{shown}{';' * (between == '; ')} and {n_more} more" if n_more > 0 else shown
 
 
+def unusable(what: str, of: str, faults: Sequence[str]) -> tuple[str, ...]:
+    """A note about entries of a file that cannot be used; empty where there are none.
+
+    Args:
+        what: an entry, as "row".
+        of: the file's name.
+        faults: what is wrong with each, the place in front.
+    """
+    if not faults:
+        return ()
+    n = len(faults)
+    are = "cannot be used and is left out" if n == 1 else "cannot be used and are left out; the first"
+    plural = f"{what[:-1]}ies" if what.endswith("y") else f"{what}s"
+    return (f"{n} {what if n == 1 else plural} of {of} {are}: {faults[0]}",)
+
+
 def _ranges(numbers: Iterable[int]) -> list[str]:
     """["1-21", "30", "31"] of 1, 2, …, 21, 30, 31: from four numbers on, those that follow each other are one."""
     runs: list[list[int]] = []

@@ -13,10 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.errors import InputError, ShapeError, unknown
+from verefine_viz.core.geometry import as_rigid, rounding_note, transform
 from verefine_viz.core.problem import Problem
+from verefine_viz.core.text_format import unusable
 from verefine_viz.evaluation.bop_model import EvalModel, EvalModels, eval_model
-from verefine_viz.scenes.annotations import Task, TruthEntry, pose_of, target_counts, targets_names, targets_path
+from verefine_viz.scenes.annotations import (
+    Task,
+    TruthEntry,
+    object_of,
+    pose_of,
+    target_counts,
+    targets_names,
+    targets_path,
+)
 from verefine_viz.scenes.bop import BopDataset
 from verefine_viz.scenes.bop_files import SceneFiles, nearby_hint
 from verefine_viz.scenes.image_files import depth_scale_of, image_width, intrinsics_of, read_steps
@@ -69,8 +79,6 @@ def find_targets(dataset: Path, split: str, task: Task | None = None) -> Path:
 
 VISIB_FRACT = 0.1
 """Instances that are less visible are no targets (BOP)."""
-SKEWED = 0.02
-"""Largest entry of RᵀR − I of a ground-truth rotation; the toolkit takes any numbers, and scores nonsense."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +130,9 @@ class GtSource(Protocol):
 
 
 class BopGroundTruth:
-    """The ground truth of a data set's split, as the official toolkit reads it: no digit is changed.
+    """The ground truth of a data set's split, as the official toolkit reads it: no digit is changed, also where R is
+    rounded. An instance whose numbers are no pose (``core.geometry.as_rigid``) is left out, as the toolkit would score
+    nonsense for it.
 
     Raises:
         InputError: the data set has no models.
@@ -135,6 +145,9 @@ class BopGroundTruth:
         self._without_info: set[int] = set()
         self._at_camera: dict[str, str] = {}
         """Instances within whose own size the camera would be, each with its distance."""
+        self._left_out: dict[tuple[int, int, int], str] = {}
+        """By scene, image and entry what is wrong with an instance."""
+        self._rotations: dict[tuple[int, int, int], Float] = {}
 
     def image(self, scene_id: int, im_id: int, with_depth: bool) -> GtImage:
         files = self._dataset.files(scene_id)
@@ -173,6 +186,12 @@ class BopGroundTruth:
     @property
     def notes(self) -> tuple[str, ...]:
         notes = [*self._models.notes]
+        faults = [self._left_out[key] for key in sorted(self._left_out)]
+        name, use = f"the ground truth of {self.name}", "errors are measured with them as they are written"
+        left_out = (
+            f"{note}; scores over the others are no official ones" for note in unusable("instance", name, faults)
+        )
+        notes += (*left_out, *rounding_note(name, self._rotations.values(), use))
         if self._without_info:
             scenes = ", ".join(map(str, sorted(self._without_info)))
             notes.append(f"scene {scenes} has no scene_gt_info.json; all its instances count as visible")
@@ -194,32 +213,35 @@ class BopGroundTruth:
         if infos is None:
             self._without_info.add(scene_id)
         else:
-            shares = [info.visib_fract for info in infos[im_id]] if im_id in infos else []
+            shares = [info.share for info in infos[im_id]] if im_id in infos else []
         if len(shares) != len(entries):
             raise InputError(
                 f"{self._dataset.files(scene_id).json('scene_gt_info')}, image {im_id} does not describe the "
                 f"{len(entries)} instances of scene_gt.json one by one"
             )
-        instances = tuple(
-            _instance(k, entry, visib_fract, f"{where}, entry {k}")
-            for k, (entry, visib_fract) in enumerate(zip(entries, shares, strict=True))
-            if not entry.is_without_pose
-        )
+        instances: list[GtInstance] = []
+        for k, (entry, visib_fract) in enumerate(zip(entries, shares, strict=True)):
+            if entry.is_without_pose:
+                continue
+            try:
+                instances.append(_instance(k, entry, visib_fract, f"{where}, entry {k}"))
+            except (InputError, ShapeError) as error:
+                self._left_out[scene_id, im_id, k] = str(error)
+        self._rotations |= {(scene_id, im_id, gt.gt_id): gt.R for gt in instances}
         for gt in instances:
             with suppress(InputError):  # Models are missing only where they are asked for.
                 distance_mm = float(np.linalg.norm(gt.t_mm))
                 if distance_mm < self._models.diameter_mm(gt.obj_id) / 2:
                     self._at_camera[f"{where}, entry {gt.gt_id}"] = f"{distance_mm:.3g} mm"
-        return instances
+        return tuple(instances)
 
 
 def _instance(k: int, entry: TruthEntry, visib_fract: float | None, where: str) -> GtInstance:
     R, t_mm = pose_of(entry, where)
     if visib_fract is None:
         raise InputError(f"{where} has no 'visib_fract' in scene_gt_info.json")
-    if not (np.abs(R.T @ R - np.eye(3)).max() < SKEWED and np.linalg.det(R) > 0):
-        raise InputError(f"{where}: 'cam_R_m2c' is no rotation")
-    return GtInstance(k, entry.obj_id, R, t_mm, visib_fract)
+    as_rigid(transform(R, t_mm), f"{where}: the pose")
+    return GtInstance(k, object_of(entry, where), R, t_mm, visib_fract)
 
 
 class ProblemGroundTruth:

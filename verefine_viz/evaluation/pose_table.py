@@ -11,7 +11,8 @@ from typing import Literal
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.geometry import RIGID_TOLERANCE
+from verefine_viz.core.geometry import RIGID_TOLERANCE, ROUNDED, rotation_faults
+from verefine_viz.core.text_format import unusable
 from verefine_viz.evaluation.ground_truth import Targets
 from verefine_viz.scenes.results_csv import ResultRow, method_of, read_lines
 
@@ -35,6 +36,8 @@ class PoseTable:
     """(N, 3) [mm]."""
     time_s: Float
     """(N,) seconds for the whole image; negative = unknown."""
+    notes: tuple[str, ...] = ()
+    """About lines of its file that are left out."""
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -63,12 +66,16 @@ class PoseTable:
 
 
 def read_pose_table(path: Path | str) -> PoseTable:
-    """A results file as the official toolkit reads it.
+    """A results file as the official toolkit reads it; lines for which its format check refuses the file are noted and
+    left out.
 
     Raises:
-        InputError: the official format check refuses it; the line and the reason are named.
+        InputError: no line can be used; the first line and the reason are named.
     """
-    lines = read_lines(path)
+    path = Path(path)
+    read = read_lines(path)
+    lines, faults = read.lines, [read.faults[number] for number in sorted(read.faults)]
+    notes = (*unusable("row", path.name, faults), *read.time_notes(path))
     return PoseTable(
         method_of(path),
         tuple((line.scene_id, line.im_id, line.obj_id) for line in lines),
@@ -76,6 +83,7 @@ def read_pose_table(path: Path | str) -> PoseTable:
         np.stack([line.R for line in lines]),
         np.stack([line.t_mm for line in lines]),
         np.array([line.time_s for line in lines]),
+        tuple(f"{note}; the official toolkit refuses such a file" for note in notes),
     )
 
 
@@ -106,6 +114,8 @@ class Coverage:
     """Rows with NaN or infinity in the pose: accepted by the official check, never right."""
     not_ranked: int
     """Rows whose score is NaN: accepted by the official check, but which of several rows comes first is unknown."""
+    rounded: int
+    """Rows whose R is a rounded rotation: errors are measured with R as it is."""
     not_rigid: int
     """Rows whose R is no rotation: accepted by the official check, errors are measured with R as it is."""
 
@@ -149,8 +159,7 @@ def coverage(table: PoseTable, targets: Targets) -> Coverage:
         images += bool(estimated) if targets.task == "localization" else bool(there)
         objects |= estimated
     finite = (np.abs(table.R) < 1e100).all(axis=(1, 2)) & (np.abs(table.t_mm) < 1e100).all(axis=1)
-    R = table.R[finite]
-    apart = np.abs(R.transpose(0, 2, 1) @ R - np.eye(3)).max(axis=(1, 2), initial=0.0)
+    off = rotation_faults(table.R[finite])
     return Coverage(
         images,
         len(targets.counts),
@@ -158,7 +167,8 @@ def coverage(table: PoseTable, targets: Targets) -> Coverage:
         len({obj_id for asked in targets.counts.values() for obj_id in asked}),
         int((~finite).sum()),
         int(np.isnan(table.scores).sum()),
-        int(((apart > RIGID_TOLERANCE) | (np.linalg.det(R) < 0)).sum()),
+        int(((off >= ROUNDED) & (off <= RIGID_TOLERANCE)).sum()),
+        int((off > RIGID_TOLERANCE).sum()),
     )
 
 

@@ -124,6 +124,7 @@ def evaluate_files(
         (
             *_targets_file_fault(asked, folder),
             *folder.sensor_notes(sorted({scene_id for scene_id, _ in asked.counts})),
+            *(note for table in tables for note in table.notes),
             *truth.notes,
             *_unknown_instances(asked, scores[0]),
         ),

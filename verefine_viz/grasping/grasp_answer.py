@@ -184,6 +184,7 @@ def answer_grasps(
             pairs[instance_id] = GraspPair(
                 scene.attempt(instance_id, T_cam_obj, progress), scene.attempt(instance_id, T_gt, progress)
             )
+            notes += (note for note in pairs[instance_id].answer.grasps.notes if note not in notes)
         except InputError as error:
             notes.append(f"no grasp of {target.model.name}: {error}")
     return AnswerGrasps(pairs, tuple(notes))

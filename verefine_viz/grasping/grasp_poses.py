@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from verefine_viz.core.algorithm_settings import GraspSettings
 from verefine_viz.core.array_cache import NPZ_READING, Arrays, cached
 from verefine_viz.core.arrays import Float, finite, plain_array
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.files import reading
-from verefine_viz.core.geometry import as_rigid, axis_angle, transform
+from verefine_viz.core.geometry import as_rigid, axis_angle, rounding_note, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
+from verefine_viz.core.text_format import unusable
 from verefine_viz.grasping.gripper import FINGER_M, PALM_FRONT_M, PINCH_M, TIP_M, is_blocked
 
 FORMAT = 1
@@ -50,6 +51,8 @@ class Grasps:
     T_obj_gripper: Float
     """(N, 4, 4) [m]."""
     source: Literal["annotated", "sampled"]
+    notes: tuple[str, ...] = ()
+    """About annotated ones that are left out, and about rounded rotations."""
 
 
 def grasps_of(model: ObjectModel, settings: GraspSettings, progress: ProgressToken = NEVER_CANCELLED) -> Grasps:
@@ -62,7 +65,7 @@ def grasps_of(model: ObjectModel, settings: GraspSettings, progress: ProgressTok
     if settings.folder:
         file = annotated_file(Path(settings.folder), model)
         if file is not None:
-            return Grasps(read_annotated(file, model, settings), "annotated")
+            return read_annotated(file, model, settings)
     key = f"{model.mesh_hash} {settings.samples} {settings.seed} {settings.opening_m}"
     name = hashlib.sha256(key.encode()).hexdigest()[:32]
     path = platformdirs.user_cache_path("verefine-viz") / "grasps" / f"{name}-{FORMAT}.npz"
@@ -110,8 +113,8 @@ def annotated_file(folder: Path, model: ObjectModel) -> Path | None:
     return None
 
 
-def read_annotated(file: Path, model: ObjectModel, settings: GraspSettings) -> Float:
-    """Annotated grasps (N, 4, 4) [m].
+def read_annotated(file: Path, model: ObjectModel, settings: GraspSettings) -> Grasps:
+    """The annotated grasps of a file; what is no transform is left out.
 
     Raises:
         InputError: the file is no array of transforms in metres, or its grasps have none of ``model`` between the
@@ -122,14 +125,24 @@ def read_annotated(file: Path, model: ObjectModel, settings: GraspSettings) -> F
             numbers = plain_array(np.load(opened, allow_pickle=False), np.float64).reshape(-1, 4, 4)
         if not 0 < len(numbers) <= MOST:
             raise ValueError(f"{len(numbers)} grasps, expected 1 to {MOST}")
-        poses = np.array([as_rigid(T, f"grasp {k + 1}, 4×4 in metres, row by row,") for k, T in enumerate(numbers)])
+        rigid: list[Float] = []
+        faults: list[str] = []
+        for k, T in enumerate(numbers):
+            try:
+                rigid.append(as_rigid(T, f"grasp {k + 1}, 4×4 in metres, row by row,"))
+            except ShapeError as error:
+                faults.append(str(error))
+        if not rigid:
+            raise ValueError(faults[0])
+        poses = np.array(rigid)
     share = float(np.mean(_between(poses, model.points, settings.opening_m)))
     if share < AGREES:
         raise InputError(
             f"{file}: {1 - share:.0%} of the grasps have nothing of {model.name} ({model.obj_id}) between the fingers; "
             "they belong to another object, or are not in metres in its frame"
         )
-    return poses
+    notes = (*unusable("grasp", file.name, faults), *rounding_note(file.name, numbers[:, :3, :3]))
+    return Grasps(poses, "annotated", notes)
 
 
 def _between(poses: Float, points: Float, opening_m: float) -> NDArray[np.bool_]:

@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from verefine_viz.core.arrays import Float, Mask, finite, frozen
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, ShapeError, one_line
-from verefine_viz.core.geometry import apply, as_rigid
+from verefine_viz.core.geometry import apply, as_rigid, rounding_note
 from verefine_viz.core.problem import Hypothesis
+from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.image_files import CameraEntry, intrinsics_of
 from verefine_viz.scenes.meshes import Mesh, read_mesh
 from verefine_viz.scenes.recorded_frame import RecordedObject
@@ -82,12 +83,15 @@ def checked_object(
     unit_m: float,
     T_cam_obj_gt: ArrayLike | None,
     symmetry_axis: ArrayLike | None,
-) -> RecordedObject:
+) -> tuple[RecordedObject, tuple[str, ...]]:
     """An object of a frame, checked against the measured points (H, W, 3) [m], 0 where nothing was measured.
+
+    Returns:
+        The object; and notes about poses that are left out as they are none, and about rounded rotations.
 
     Raises:
         InputError: the mesh cannot be read, or what is given does not fit together.
-        ShapeError: an array has another shape.
+        ShapeError: an array has another shape, or no pose is one.
     """
     if not isinstance(name, str) or not (name := one_line(name).strip()):
         raise InputError(f"name of an object is {name!r}, expected a text")
@@ -105,9 +109,13 @@ def checked_object(
     by_estimator = _by_estimator(poses, name)
     if covered is not None:
         _check_size(shape.diameter_m, covered, path, unit_m, _first_distance_m(T_cam_obj_gt, *by_estimator.values()))
-    checked = {who: _poses(who, given, name, covered) for who, given in by_estimator.items()}
+    faults: list[str] = []
+    taken: list[Float] = []
+    checked = {who: _poses(who, given, name, covered, faults, taken) for who, given in by_estimator.items()}
+    if faults and not taken:
+        raise ShapeError(faults[0])
     for who, some in checked.items():
-        for T_cam_obj in some:
+        for T_cam_obj in (T for T in some if T is not None):
             _check_seen(T_cam_obj, shape, camera, f"pose of {name} by {who}")
     T_gt = None
     if T_cam_obj_gt is not None:
@@ -121,9 +129,11 @@ def checked_object(
     # Estimators take turns: the best pose of each, then the second best.
     turns = chain.from_iterable(zip_longest(*([(T, who) for T in some] for who, some in checked.items())))
     given = [one for one in turns if one is not None]
-    own = (None,) * len(given) if scores is None else tuple(finite(scores, f"scores of {name}", (len(given),)).tolist())
-    hypotheses = tuple(Hypothesis(T, score or 0.0, who) for (T, who), score in zip(given, own, strict=True))
-    return RecordedObject(name, path, unit_m, seen, hypotheses, own, (), T_gt, axis)
+    own = [None] * len(given) if scores is None else finite(scores, f"scores of {name}", (len(given),)).tolist()
+    used = [(T, who, score) for (T, who), score in zip(given, own, strict=True) if T is not None]
+    hypotheses = tuple(Hypothesis(T, score or 0.0, who) for T, who, score in used)
+    notes = (*unusable("pose", name, faults), *rounding_note(f"poses of {name}", taken))
+    return RecordedObject(name, path, unit_m, seen, hypotheses, tuple(s for *_, s in used), (), T_gt, axis), notes
 
 
 def _by_estimator(poses: Poses, name: str) -> Mapping[str, ArrayLike]:
@@ -188,7 +198,12 @@ def _first_distance_m(*given: ArrayLike | None) -> float:
     return 0.0
 
 
-def _poses(estimator: str, given: ArrayLike, where: str, covered: Float | None) -> list[Float]:
+def _poses(
+    estimator: str, given: ArrayLike, where: str, covered: Float | None, faults: list[str], taken: list[Float]
+) -> list[Float | None]:
+    """The poses of an estimator, None in place of one that is none, which is added to ``faults``; and to ``taken`` the
+    rotations of the others, as they are given.
+    """
     name = f"pose of {where} by {estimator}"
     try:
         array = np.asarray(given, dtype=np.float64)
@@ -196,7 +211,19 @@ def _poses(estimator: str, given: ArrayLike, where: str, covered: Float | None) 
         raise ShapeError(f"{name} is no array, expected (4, 4) or (N, 4, 4)") from None
     if array.size == 0:
         return []
-    return [_near(T_cam_obj, name, covered) for T_cam_obj in (array if array.ndim == 3 else [array])]
+    poses: list[Float | None] = []
+    for k, T_cam_obj in enumerate(array if array.ndim == 3 else [array]):
+        try:
+            as_rigid(T_cam_obj, name if array.ndim == 2 else f"{name}, number {k},")
+        except ShapeError as error:
+            if T_cam_obj.shape != (4, 4):
+                raise
+            faults.append(str(error))
+            poses.append(None)
+            continue
+        poses.append(_near(T_cam_obj, name, covered))
+        taken.append(T_cam_obj[:3, :3])
+    return poses
 
 
 def _near(T_cam_obj: ArrayLike, name: str, covered: Float | None) -> Float:

@@ -79,7 +79,8 @@ class Frame:
             mesh: a PLY, OBJ, GLB or STL file.
             mask: (H, W) its visible pixels: all that is not 0; None = those that its first pose covers.
             poses: T_cam_obj [m], (4, 4) or (N, 4, 4) with the best first, or these by estimator; None = point pair
-                features make some when the frame is solved.
+                features make some when the frame is solved. Of a rounded rotation the nearest exact one is taken; one
+                of several that is no pose is left out, which is noted in the problem.
             scores: (N,) scores of the poses by their estimator, in any unit; shown beside ours. None = unknown.
             unit_m: metres per unit of the mesh file: 0.001 for millimetres.
             T_cam_obj_gt: (4, 4) ground truth [m], where it is known.
@@ -91,15 +92,18 @@ class Frame:
             The frame itself.
 
         Raises:
-            InputError: the mesh cannot be read, or an array has another shape or unit; one line says what would fit.
+            InputError: the mesh cannot be read, an array has another shape or unit, or no pose is one; one line says
+                what would fit.
         """
         try:
-            one = checked_object(
+            one, notes = checked_object(
                 self._camera, self._points, name, mesh, mask, poses, scores, unit_m, T_cam_obj_gt, symmetry_axis
             )
         except ShapeError as error:
             raise InputError(str(error)) from None
-        self._recorded = replace(self._recorded, objects=(*self._recorded.objects, one))
+        self._recorded = replace(
+            self._recorded, objects=(*self._recorded.objects, one), notes=(*self._recorded.notes, *notes)
+        )
         return self
 
     def __repr__(self) -> str:

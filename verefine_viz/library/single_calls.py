@@ -26,7 +26,7 @@ def score(frame: AnyFrame, name: str | int, poses: ArrayLike, **sections: Mappin
     Args:
         frame: the frame.
         name: the object's name, or its instance_id.
-        poses: T_cam_obj [m], (4, 4) or (N, 4, 4).
+        poses: T_cam_obj [m], (4, 4) or (N, 4, 4); of a rounded rotation the nearest exact one is taken.
         sections: settings: ``score={"tau_m": 0.01}``.
 
     Returns:

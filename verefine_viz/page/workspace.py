@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import count
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 HULLS = {"physics": {"collider": "hull"}}
 """Settings with which no model has to be decomposed."""
+MOST_TRIED = 20
+"""Frames that are tried until one can be read."""
 _CHEAP = {"method", "icp", "score", "physics"}
 """Sections that can change while everything else of the tools is shared."""
 _WORLD = frozenset(f"physics.{name}" for name in SURROUNDINGS)
@@ -132,14 +134,17 @@ class Workspace:
     def open(
         self, session: Session, path: Path | None, frame: str | None = None, records: Records = no_records
     ) -> None:
-        """Open another session, at its first frame or the one named; frames that ``records`` has are not run again."""
+        """Open another session, at the frame named, else at its first that can be read; frames that ``records`` has are
+        not run again.
+        """
         self.progress.checkpoint("Reading the scene: models, pictures, initial poses.")
         tools = self.make_tools(session)
         frames = tools.frames
         if not frames:
             raise InputError("the session names no frame; give scene.frames, or a data set with images")
-        first = frame if frame is not None else next((e.frame for e in session.edits if e.frame in frames), frames[0])
-        work = self._solved(tools, first, records) or self._begin(tools, self._read(tools, first))
+        named = frame if frame is not None else next((e.frame for e in session.edits if e.frame in frames), None)
+        candidates = frames[:MOST_TRIED] if named is None else (named,)
+        first, work = self._first_readable(tools, candidates, records)
         self.tools, self.path, self.frames, self.records = tools, path, frames, records
         self.files: dict[Path, Saved] = {} if path is None else {path.resolve(): Saved(session)}
         """Files that hold the open session, as it was when it was read or written, the latest last."""
@@ -363,6 +368,19 @@ class Workspace:
         branch.name = "run of the batch"
         return FrameWork({branch.index: branch})
 
+    def _first_readable(self, tools: Toolbox, frames: Sequence[str], records: Records) -> tuple[str, FrameWork]:
+        """The first of some frames that can be read, noting those before it; InputError where none can."""
+        faults: list[tuple[str, InputError]] = []
+        for frame in frames:
+            if solved := self._solved(tools, frame, records):
+                return frame, solved
+            try:
+                problem = self._read(tools, frame)
+                return frame, self._begin(tools, replace(problem, notes=(*problem.notes, *_passed_over(faults))))
+            except InputError as error:
+                faults.append((frame, error))
+        raise faults[0][1]
+
     def _read(self, tools: Toolbox, frame: str) -> Problem:
         """Read a frame, and check whether its camera and its models look right; a batch has no time for that."""
         from verefine_viz.calibration.consistency import data_doubts  # Loads what draws models.
@@ -460,3 +478,12 @@ def _listed(settings: Settings) -> str:
 def _name(k: int, settings: Settings, edit: tuple[int, int, Float] | None) -> str:
     edited = f"hypothesis {edit[1] + 1} edited" if edit is not None else ""
     return f"{', '.join(filter(None, (_listed(settings), edited))) or 'same settings'}, from iteration {k}"
+
+
+def _passed_over(faults: Sequence[tuple[str, InputError]]) -> tuple[str, ...]:
+    """A note about frames that cannot be read; empty where there are none."""
+    if not faults:
+        return ()
+    n, (frame, error) = len(faults), faults[0]
+    which = f"frame {frame} cannot be read and is" if n == 1 else f"{n} frames, such as {frame}, cannot be read and are"
+    return (f"{which} passed over: {error}",)

@@ -8,7 +8,7 @@ import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import SettingsError, ShapeError, unknown
-from verefine_viz.core.geometry import RIGID_TOLERANCE, as_rigid
+from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.observation import Support
 from verefine_viz.core.own_parts import own_part
 from verefine_viz.core.problem import Placed
@@ -18,6 +18,8 @@ from verefine_viz.core.records import NO_CONTACTS, SimulatedPath
 from verefine_viz.core.settings import BULLET, PhysicsSettings
 from verefine_viz.physics.simulator import BulletSimulator, n_within_reach
 
+SAME_START = 1e-3
+"""Largest difference of a number of the pose that a path begins with from the given one [-, m]."""
 SIMULATORS: dict[str, Callable[[PhysicsSettings], PoseSimulator]] = {}
 """Beside Bullet. A new one is a class with ``settle`` (core.protocols.PoseSimulator) and a line here; docs/guide.md,
 "Your own simulator"."""
@@ -73,7 +75,7 @@ class PluggedSimulator:
         if poses.shape != (n_steps + 1, 4, 4):
             raise ShapeError(f"{who} gave poses of shape {poses.shape} for {n_steps} steps, expected {n_steps + 1}×4×4")
         path = np.stack([as_rigid(T, f"pose {k} of {who}") for k, T in enumerate(poses)])
-        if not np.allclose(path[0], moving.T_cam_obj, rtol=0, atol=RIGID_TOLERANCE):
+        if not np.allclose(path[0], moving.T_cam_obj, rtol=0, atol=SAME_START):
             raise ShapeError(f"the path of {who} does not begin at the given pose; expected that pose first")
         path = path[: n_within_reach(path)]
         return SimulatedPath(path, (NO_CONTACTS,) * (len(path) - 1))

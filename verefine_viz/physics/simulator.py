@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 
 from verefine_viz.core.arrays import Float, finite
 from verefine_viz.core.errors import ShapeError
-from verefine_viz.core.geometry import FARTHEST_M, RIGID_TOLERANCE, apply, as_rigid, distance_m, transform
+from verefine_viz.core.geometry import FARTHEST_M, ROUNDED, apply, as_rigid, distance_m, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.observation import Support
 from verefine_viz.core.problem import Placed
@@ -262,7 +262,7 @@ def checked_pose(placed: Placed) -> Float:
     angles = abs(a * d + b * e + c * f) + abs(a * g + b * h + c * i) + abs(d * g + e * h + f * i)
     determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
     # The comparison is false for NaN as well; as_rigid then raises what is wrong.
-    if not (norms + angles <= RIGID_TOLERANCE and determinant > 0):
+    if not (norms + angles <= ROUNDED and determinant > 0):
         T = as_rigid(T, name)
     away_m = distance_m(T)
     if not away_m <= FARTHEST_M:

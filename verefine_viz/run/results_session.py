@@ -32,7 +32,7 @@ def results_session(path: Path, overrides: Mapping[str, Any]) -> tuple[Session, 
     Raises:
         InputError: the file cannot be read, or no data set near it has its frames.
     """
-    rows = read_estimates(path)
+    rows = read_estimates(path).rows
     wanted = tuple(dict.fromkeys((row.scene_id, row.im_id) for row in rows))
     given = overrides.get("scene", {}).get("dataset")
     near = ""

@@ -11,8 +11,8 @@ import msgspec
 from msgspec import Meta
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, ShapeError
-from verefine_viz.core.files import Id, Numbers3, Numbers3x3, Real, array_of, first_line, read_json
+from verefine_viz.core.errors import InputError, ShapeError, quoted
+from verefine_viz.core.files import Id, Numbers3, Numbers3x3, array_of, first_line, read_entries
 from verefine_viz.core.geometry import as_rigid, check_reach, transform
 
 Task = Literal["localization", "detection"]
@@ -26,9 +26,9 @@ _YEARS: dict[Task | None, tuple[str, ...]] = {
 
 
 class TruthEntry(msgspec.Struct, frozen=True):
-    """An instance's entry in scene_gt.json; its numbers are checked by :func:`pose_of`, as one entry may be damaged."""
+    """An instance's entry in scene_gt.json, checked by :func:`object_of` and :func:`pose_of`: one may be damaged."""
 
-    obj_id: Id
+    obj_id: Any = None
     cam_R_m2c: Any = None
     cam_t_m2c: Any = None
     """[mm]."""
@@ -42,8 +42,13 @@ class TruthEntry(msgspec.Struct, frozen=True):
 class InfoEntry(msgspec.Struct, frozen=True):
     """An instance's entry in scene_gt_info.json."""
 
-    visib_fract: Real | None = None
-    """None where it is NaN."""
+    visib_fract: Any = None
+
+    @property
+    def share(self) -> float | None:
+        """The visible share; None where it is no number."""
+        is_number = isinstance(self.visib_fract, int | float) and abs(self.visib_fract) < 1e300
+        return float(self.visib_fract) if is_number else None
 
 
 class TargetEntry(msgspec.Struct, frozen=True):
@@ -69,15 +74,28 @@ class GroundTruth:
 
 
 def ground_truth_of(entry: TruthEntry, gt_id: int, visib_fract: float | None, where: str) -> GroundTruth:
-    """The ground truth of an entry of scene_gt.json, at its place ``gt_id`` in the image's list."""
+    """The ground truth of an entry of scene_gt.json, at its place ``gt_id`` in the image's list.
+
+    Raises:
+        InputError: nothing says whose it is.
+    """
+    obj_id = object_of(entry, where)
     if entry.is_without_pose:
-        return GroundTruth(gt_id, entry.obj_id, None, visib_fract)
+        return GroundTruth(gt_id, obj_id, None, visib_fract)
     try:
         R, t_mm = pose_of(entry, where)
         pose = as_rigid(transform(R, t_mm * 1e-3), f"{where}: the pose")
     except (InputError, ShapeError) as error:
-        return GroundTruth(gt_id, entry.obj_id, None, visib_fract, str(error))
-    return GroundTruth(gt_id, entry.obj_id, pose, visib_fract)
+        return GroundTruth(gt_id, obj_id, None, visib_fract, str(error))
+    return GroundTruth(gt_id, obj_id, pose, visib_fract)
+
+
+def object_of(entry: TruthEntry, where: str) -> int:
+    """The object that an entry of scene_gt.json is of; InputError where it names none."""
+    try:
+        return msgspec.convert(entry.obj_id, Id, strict=False)
+    except msgspec.ValidationError:
+        raise InputError(f"{where}: 'obj_id' is {quoted(entry.obj_id, 40)}, expected the number of an object") from None
 
 
 def pose_of(entry: TruthEntry, where: str) -> tuple[Float, Float]:
@@ -122,13 +140,26 @@ def target_counts(path: Path) -> dict[tuple[int, int], dict[int, int]]:
     Raises:
         InputError: the file is missing or damaged, or an entry lacks a number; the entry is named.
     """
+    counts, faults = usable_targets(path)
+    if faults:
+        raise InputError(f"{path}: {faults[0]}")
+    return counts
+
+
+def usable_targets(path: Path) -> tuple[dict[tuple[int, int], dict[int, int]], list[str]]:
+    """:func:`target_counts` of the entries that can be used, and what is wrong with the others.
+
+    Raises:
+        InputError: the file is missing or damaged.
+    """
     counts: dict[tuple[int, int], dict[int, int]] = {}
-    entries = read_json(path, tuple[TargetEntry, ...])
-    for k, entry in enumerate(entries):
+    entries, faults = read_entries(path, TargetEntry)
+    for k, entry in entries:
         of_image = counts.setdefault((entry.scene_id, entry.im_id), {})
-        if entries[0].obj_id is None:
+        if entries[0][1].obj_id is None:
             continue
         if entry.obj_id is None or entry.inst_count is None:
-            raise InputError(f"{path}: entry {k} has no 'obj_id' or no 'inst_count', as the first one has")
-        of_image[entry.obj_id] = entry.inst_count
-    return counts
+            faults.append(f"entry {k} has no 'obj_id' or no 'inst_count', as the first one has")
+        else:
+            of_image[entry.obj_id] = entry.inst_count
+    return counts, faults

@@ -6,12 +6,12 @@ Foreign names stay here: ``cam_R_m2c``, ``cam_t_m2c`` [mm] become ``T_cam_obj`` 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +19,18 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import Camera
 from verefine_viz.core.errors import InputError, ShapeError, one_line, unknown
-from verefine_viz.core.files import Numbered
-from verefine_viz.core.geometry import as_rigid, transform
+from verefine_viz.core.files import Numbered, Numbers3, Numbers3x3, array_of
+from verefine_viz.core.geometry import as_rigid, rounding_note, transform
 from verefine_viz.core.settings import ModelSampling
-from verefine_viz.core.text_format import listed
+from verefine_viz.core.text_format import listed, unusable
 from verefine_viz.scenes.annotations import (
     GroundTruth,
     InfoEntry,
     TruthEntry,
     ground_truth_of,
-    target_counts,
+    pose_of,
     targets_path,
+    usable_targets,
 )
 from verefine_viz.scenes.bop_files import (
     MaskFolder,
@@ -56,6 +57,8 @@ from verefine_viz.scenes.models import ModelLibrary
 
 NO_COLOR = "the frame has no rgb or gray image; it is drawn without colour"
 """A note of images without; colour is optional."""
+MOST_CHECKED = 2000
+"""Frames whose ground truth is looked through when a data set is opened, spread evenly: a second at most."""
 T = TypeVar("T")
 
 
@@ -112,6 +115,10 @@ class BopDataset:
         self._files: dict[int, SceneFiles] = {}
         self._coco: dict[int, CocoMasks] = {}
         self._cameras: dict[int, Numbered[CameraEntry]] = {}
+        self.target_notes: tuple[str, ...] = ()
+        """About the targets file, once :attr:`targets` were asked for."""
+        self._scene_faults: dict[int, str] = {}
+        """Why a scene's frames cannot be listed."""
         self._truths: dict[int, Numbered[tuple[TruthEntry, ...]] | None] = {}
         self._infos: dict[int, Numbered[tuple[InfoEntry, ...]] | None] = {}
 
@@ -158,6 +165,33 @@ class BopDataset:
                 path = files.json("scene_gt_coco")
                 return (f"masks come from {path.name}, as scene {files.folder.name} has no mask_visib/ and no mask/",)
         return ()
+
+    def scene_notes(self) -> tuple[str, ...]:
+        """Notes about scenes that were asked for their images and cannot list them, or not all."""
+        of = f"{self.name}/{self.split}"
+        keys = [fault for cameras in self._cameras.values() for fault in cameras.faults]
+        return *unusable("scene", of, [*self._scene_faults.values()]), *unusable("image", of, keys)
+
+    def truth_notes(self, frames: Sequence[tuple[int, int]]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Notes about the ground truth of frames (scene_id, im_id): entries that cannot be used; rounded rotations."""
+        chosen = [frames[int(k)] for k in np.linspace(0, len(frames) - 1, min(len(frames), MOST_CHECKED)).round()]
+        part = f" ({MOST_CHECKED} of {len(frames)} frames checked)" * (len(frames) > MOST_CHECKED)
+        of = f"the ground truth of {self.name}/{self.split}{part}"
+        faults: list[str] = []
+        taken: list[Float] = []
+        files: dict[int, list[Numbered[Any]]] = {}
+        for scene_id, im_id in chosen:
+            if scene_id not in files:
+                files[scene_id] = []
+                for read in (self.truths, self.infos):
+                    try:
+                        files[scene_id] += filter(None, (read(scene_id),))
+                    except InputError as error:
+                        faults.append(str(error))
+                faults += (fault for file in files[scene_id] for fault in file.faults)
+            for file in files[scene_id]:
+                _sort_out(file, im_id, faults, taken)
+        return unusable("entry", of, faults), rounding_note(of, taken)
 
     def image_ids(self, scene_id: int) -> tuple[int, ...]:
         """The images of a scene that scene_camera.json lists, in order.
@@ -220,8 +254,27 @@ class BopDataset:
         return False
 
     def has(self, scene_id: int, im_id: int) -> bool:
-        """Whether the image is on the disk."""
-        return scene_id in self._scenes and im_id in self.image_ids(scene_id)
+        """Whether the image is listed; of a scene that cannot list its images none is (:meth:`scene_notes`)."""
+        if scene_id not in self._scenes or scene_id in self._scene_faults:
+            return False
+        try:
+            return im_id in self.cameras(scene_id)
+        except InputError as error:
+            self._scene_faults[scene_id] = str(error)
+            return False
+
+    @property
+    def frames(self) -> tuple[tuple[int, int], ...]:
+        """(scene_id, im_id) of all images of the scenes that can list theirs; of the others tell the
+        :meth:`scene_notes`.
+        """
+        frames: list[tuple[int, int]] = []
+        for scene_id in self._scenes:
+            try:
+                frames += [(scene_id, im_id) for im_id in self.image_ids(scene_id)]
+            except InputError as error:
+                self._scene_faults[scene_id] = str(error)
+        return tuple(frames)
 
     def check(self, scene_id: int, im_id: int) -> None:
         """Nothing, if the image exists.
@@ -257,27 +310,31 @@ class BopDataset:
             camera = Camera(K, depth_m.shape[1], depth_m.shape[0])
         except ShapeError as error:
             raise InputError(f"{where}: {error}") from None
-        R_world_cam = _R_world_cam(entry, where)
-        return BopImage(camera, depth_m, rgb, R_world_cam, _T_map_cam(entry, R_world_cam), notes)
+        R_world_cam, T_map_cam, own_notes = _camera_pose(entry, where)
+        return BopImage(camera, depth_m, rgb, R_world_cam, T_map_cam, notes + own_notes)
 
     def ground_truth(self, scene_id: int, im_id: int) -> tuple[GroundTruth, ...] | None:
-        """The annotated instances of an image in the file's order; None where the data set has no scene_gt.
+        """The annotated instances of an image in the file's order; None where the data set has no scene_gt. An entry
+        that names no object is left out.
 
         Raises:
-            InputError: scene_gt.json is damaged, or an entry has no obj_id.
+            InputError: scene_gt.json is damaged.
         """
-        truths, infos = self.truths(scene_id), self.infos(scene_id)
+        truths = self.truths(scene_id)
         if truths is None or im_id not in truths:
             return None
         entries, where = truths[im_id], truths.where(im_id)
-        of_image = () if infos is None or im_id not in infos else infos[im_id]
+        of_image: tuple[InfoEntry, ...] = ()
+        with suppress(InputError):  # Then visible shares are not known, as without the file.
+            infos = self.infos(scene_id)
+            of_image = () if infos is None or im_id not in infos else infos[im_id]
         # Visible masks that were drawn, not rendered, may be larger than the rendered silhouette.
-        shares = [info.visib_fract for info in of_image]
-        visible = {k: min(max(share, 0.0), 1.0) for k, share in enumerate(shares) if share is not None}
-        return tuple(
-            ground_truth_of(entry, gt_id, visible.get(gt_id), f"{where}, entry {gt_id}")
-            for gt_id, entry in enumerate(entries)
-        )
+        visible = {k: min(max(info.share, 0.0), 1.0) for k, info in enumerate(of_image) if info.share is not None}
+        known: list[GroundTruth] = []
+        for gt_id, entry in enumerate(entries):
+            with suppress(InputError):
+                known.append(ground_truth_of(entry, gt_id, visible.get(gt_id), f"{where}, entry {gt_id}"))
+        return tuple(known)
 
     def mask(self, scene_id: int, im_id: int, gt_id: int, kind: MaskFolder, shape: tuple[int, int]) -> Mask:
         """The mask (H, W) of one annotated instance.
@@ -310,13 +367,18 @@ class BopDataset:
     @cached_property
     def targets(self) -> Mapping[tuple[int, int], Mapping[int, int]] | None:
         """What the benchmark asks for, as ``target_counts`` of the targets file that ``evaluate`` takes as well; None
-        without one.
-
-        Raises:
-            InputError: the file is damaged.
+        without one, or where nothing of it can be used (:attr:`target_notes`).
         """
         path = targets_path(self.folder, self.split)
-        return None if path is None else target_counts(path)
+        if path is None:
+            return None
+        try:
+            counts, faults = usable_targets(path)
+        except InputError as error:
+            self.target_notes = (f"{error}; all images count",)
+            return None
+        self.target_notes = unusable("entry", path.name, faults)
+        return counts or None
 
     def detection_files(self) -> tuple[str, ...]:
         """JSON files in the data set's folder that look like detections, for hints in errors."""
@@ -331,26 +393,57 @@ class BopDataset:
         if path is None:
             near = nearby_hint(files.expected("rgb", im_id)) or nearby_hint(files.expected("gray", im_id))
             return None, (NO_COLOR + near,)
-        rgb = read_color(path)
+        try:
+            rgb = read_color(path)
+        except InputError as error:
+            return None, (f"{error}; the frame is drawn without colour",)
         if rgb.shape[:2] != shape:
             raise InputError(f"{path} is {size_text(rgb.shape)} pixels, but the depth image is {size_text(shape)}")
         return rgb, ()
+
+
+def _sort_out(file: Numbered[Any], im_id: int, faults: list[str], taken: list[Float]) -> None:
+    """Add what is wrong with an image's entries in scene_gt.json or scene_gt_info.json, and rotations that are good."""
+    if im_id not in file:
+        return
+    try:
+        entries = file[im_id]
+    except InputError as error:
+        faults.append(str(error))
+        return
+    for gt_id, entry in enumerate(entries):
+        if not isinstance(entry, TruthEntry):
+            return
+        where = f"{file.where(im_id)}, entry {gt_id}"
+        try:
+            fault = ground_truth_of(entry, gt_id, None, where).fault
+        except InputError as error:
+            fault = str(error)
+        if fault:
+            faults.append(fault)
+        else:
+            taken.append(pose_of(entry, where)[0])
 
 
 def _existing(path: Path, kind: type[T]) -> Numbered[T] | None:
     return Numbered(path, kind, "image") if os.path.lexists(path) else None
 
 
-def _R_world_cam(entry: CameraEntry, where: str) -> Float | None:
-    if entry.cam_R_w2c is None:
-        return None
+def _camera_pose(entry: CameraEntry, where: str) -> tuple[Float | None, Float | None, tuple[str, ...]]:
+    """Camera to world: the rotation (3, 3), all of it (4, 4) [m]; and a note where the entry has something else."""
     try:
-        return as_rigid(transform(entry.cam_R_w2c, np.zeros(3)), f"{where}: 'cam_R_w2c'")[:3, :3].T
+        if entry.cam_R_w2c is None:
+            return None, None, ()
+        R_cam_world = array_of(Numbers3x3, entry.cam_R_w2c)
+        R_world_cam = as_rigid(transform(R_cam_world, np.zeros(3)), f"{where}: 'cam_R_w2c'")[:3, :3].T
     except ShapeError as error:
-        raise InputError(str(error)) from None
-
-
-def _T_map_cam(entry: CameraEntry, R_world_cam: Float | None) -> Float | None:
-    if R_world_cam is None or entry.cam_t_w2c is None:
-        return None
-    return transform(R_world_cam, -R_world_cam @ (entry.cam_t_w2c * 1e-3))
+        return None, None, (f"{error}; the camera's pose is left out",)
+    except ValueError as error:
+        return None, None, (f"{where}: 'cam_R_w2c': {error}; the camera's pose is left out",)
+    if entry.cam_t_w2c is None:
+        return R_world_cam, None, ()
+    try:
+        t_mm = array_of(Numbers3, entry.cam_t_w2c)
+    except ValueError as error:
+        return R_world_cam, None, (f"{where}: 'cam_t_w2c': {error}; the camera's position is left out",)
+    return R_world_cam, transform(R_world_cam, -R_world_cam @ (t_mm * 1e-3)), ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from itertools import chain
 from pathlib import Path
 
 from msgspec import structs
@@ -72,7 +73,15 @@ class BopSource:
         self._results = results_of(hypotheses)
         check_asked(hypotheses, lambda frame: self._dataset.check(*parse_frame(frame)))
         chosen, notes = named_frames(self._dataset, scene.frames) if scene.frames else all_frames(self._dataset)
-        self.notes: tuple[str, ...] = (*notes, *file_notes(self._results))
+        self.notes: tuple[str, ...] = (
+            *notes,
+            *self._dataset.target_notes,
+            *self._dataset.scene_notes(),
+            *self._dataset.models.faults,
+            *chain.from_iterable(self._dataset.truth_notes(chosen)),
+            *(() if self._detections is None else self._detections.notes),
+            *file_notes(self._results),
+        )
         self._chosen = self._holding(chosen) if scene.objects else chosen
         scene_ids = dict.fromkeys(scene_id for scene_id, _ in self._chosen)
         self.notes += self._dataset.sensor_notes(scene_ids)
@@ -211,7 +220,10 @@ class BopSource:
         )
 
     def _objects(self, ids: FrameIds) -> frozenset[int] | None:
-        return objects_of_frame(self._dataset, self._detections, *ids)
+        try:
+            return objects_of_frame(self._dataset, self._detections, *ids)
+        except InputError:  # It is noted, and reported when the frame is read.
+            return None
 
     def _wanted_objects(self, ids: FrameIds) -> frozenset[int] | None:
         objects = self._objects(ids)

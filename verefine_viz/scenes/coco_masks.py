@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.files import Id, Real, read_json
+from verefine_viz.core.files import Id, Real, read_json, sorted_out
 from verefine_viz.scenes.annotations import GroundTruth
 from verefine_viz.scenes.detections import mask_of
 
@@ -33,7 +33,7 @@ class Annotation(msgspec.Struct, frozen=True):
 class Content(msgspec.Struct, frozen=True):
     """The file."""
 
-    annotations: tuple[Annotation, ...]
+    annotations: tuple[msgspec.Raw, ...]
 
 
 class CocoMasks:
@@ -49,7 +49,8 @@ class CocoMasks:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._annotations: dict[int, list[tuple[int, Annotation]]] = {}
-        for k, annotation in enumerate(read_json(path, Content).annotations):
+        annotations, self._faults = sorted_out(read_json(path, Content).annotations, Annotation)
+        for k, annotation in annotations:
             self._annotations.setdefault(annotation.image_id, []).append((k, annotation))
 
     def mask(self, im_id: int, gt_id: int, entries: Sequence[GroundTruth], K: Float, shape: tuple[int, int]) -> Mask:
@@ -70,8 +71,10 @@ class CocoMasks:
         if gt_id in owned:
             k, annotation = annotations[owned[gt_id]]
             return mask_of(annotation.segmentation, shape, f"{self._path}, annotation {k}")
-        if entries[gt_id].visib_fract or not annotations:
-            raise InputError(f"{self._path} has no mask of entry {gt_id} of image {im_id}")
+        visible = any(entry.visib_fract for entry in entries if entry.gt_id == gt_id)
+        if visible or not annotations:
+            damage = "".join(f"; annotation of {fault}" for fault in self._faults[:1])
+            raise InputError(f"{self._path} has no mask of entry {gt_id} of image {im_id}{damage}")
         return np.zeros(shape, bool)
 
 

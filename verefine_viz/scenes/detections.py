@@ -12,7 +12,8 @@ from pycocotools import mask as coco
 
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.files import Id, Real, decoded_json, first_line, read_json
+from verefine_viz.core.files import Id, Real, decoded_json, first_line, read_entries
+from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.image_files import size_text
 
 
@@ -55,14 +56,19 @@ class DetectionsFile:
         path: ``.json`` or ``.json.gz``.
 
     Raises:
-        InputError: the file is missing, damaged, or an entry lacks its ids.
+        InputError: the file is missing or damaged, or no entry can be used.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._entries: dict[tuple[int, int], list[tuple[int, DetectionEntry]]] = {}
-        for k, entry in enumerate(read_json(path, tuple[DetectionEntry, ...])):
+        entries, faults = read_entries(path, DetectionEntry)
+        for k, entry in entries:
             self._entries.setdefault((entry.scene_id, entry.image_id), []).append((k, entry))
+        if faults and not entries:
+            raise InputError(f"{path}: {faults[0]}")
+        self.notes: tuple[str, ...] = unusable("entry", path.name, faults)
+        """About entries that cannot be used, whatever their image."""
 
     @property
     def images(self) -> tuple[tuple[int, int], ...]:
@@ -82,21 +88,23 @@ class DetectionsFile:
             scene_id: BOP scene.
             im_id: BOP image.
             shape: (height, width) of the image.
-
-        Raises:
-            InputError: an entry's run lengths are damaged, or made for another image size.
         """
         detections: list[Detection] = []
+        faults: list[str] = []
         boxes = 0
         for k, entry in self._entries.get((scene_id, im_id), ()):
             if bytes(entry.segmentation) in NO_MASK:
                 boxes += 1
                 continue
-            mask = mask_of(entry.segmentation, shape, f"{self.path}, entry {k}")
+            try:
+                mask = mask_of(entry.segmentation, shape, f"entry {k}")
+            except InputError as error:
+                faults.append(str(error))
+                continue
             detections.append(Detection(entry.category_id, entry.score, mask))
-        notes = ()
+        notes = unusable("detection", str(self.path), faults)
         if boxes:
-            notes = (f"{boxes} detections in {self.path.name} have a box but no mask; they are left out",)
+            notes += (f"{boxes} detections in {self.path.name} have a box but no mask; they are left out",)
         return tuple(sorted(detections, key=lambda d: -d.score)), notes
 
 

@@ -92,7 +92,10 @@ def all_frames(dataset: BopDataset) -> tuple[tuple[FrameIds, ...], tuple[str, ..
         if there:
             note = f"{missing} of {len(targets)} frames of the targets file are not on the disk; they are left out"
             return there, (note,) if missing else ()
-    every = tuple((scene_id, im_id) for scene_id in dataset.scene_ids for im_id in dataset.image_ids(scene_id))
+    every = dataset.frames
     if not every:
-        raise InputError(f"{dataset.folder / dataset.split} lists no image in its scene_camera.json files")
+        why = next(iter(dataset.scene_notes()), "")
+        raise InputError(
+            f"{dataset.folder / dataset.split} lists no image in its scene_camera.json files{f': {why}' * bool(why)}"
+        )
     return every, ()

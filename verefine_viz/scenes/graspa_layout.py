@@ -14,13 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.errors import InputError, SettingsError, ShapeError, unknown
 from verefine_viz.core.files import reading
-from verefine_viz.core.geometry import check_reach, inverse, transform
+from verefine_viz.core.geometry import as_rigid, check_reach, inverse, rounding_note, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.problem import LeftOut, Placed, Problem
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import HypothesesSettings, PhysicsSettings, SceneSettings
+from verefine_viz.core.text_format import unusable
 from verefine_viz.observation.observed_frame import observe
 from verefine_viz.physics.simulator import BulletSimulator
 from verefine_viz.scenes.demo_layout import CAMERA, Viewpoint, rest_poses, take_picture, turned
@@ -48,8 +49,6 @@ DROP_M = 0.004
 """Objects are dropped from this height, as the layouts have them up to 2 mm in the board [m]."""
 MOST_BYTES, MOST_OBJECTS = 10_000_000, 100
 """Limits of a layout."""
-SKEWED = 0.02
-"""Largest deviation of a rotation's entries: the layouts are rounded to 3 to 4 digits."""
 
 SHIFTS_MM: dict[str, tuple[int, str, tuple[float, float, float]]] = {
     "YcbCrackerBox": (2, "cracker_box", (-12.9, -14.1, 103.5)),
@@ -76,11 +75,11 @@ class LayoutObject:
     """(4, 4) [m]."""
 
 
-def read_layout(file: Path) -> tuple[LayoutObject, ...]:
-    """The objects of a layout.
+def read_layout(file: Path) -> tuple[tuple[LayoutObject, ...], tuple[str, ...]]:
+    """The objects of a layout; and notes about those that are left out, and about rounded rotations.
 
     Raises:
-        InputError: the file is none, or a pose of it is no rotation and translation.
+        InputError: the file is none, or no pose of it is a rotation and translation.
     """
     with reading(file, "layout", MOST_BYTES) as opened:
         elements = ET.parse(opened).getroot().findall("ManipulationObject")
@@ -88,22 +87,32 @@ def read_layout(file: Path) -> tuple[LayoutObject, ...]:
             raise ValueError(
                 f"it has {len(elements)} ManipulationObject, expected 1 to {MOST_OBJECTS}, as in GRASPA's layout_0.xml"
             )
-        return tuple(LayoutObject(e.get("name", ""), _pose(e)) for e in elements)
+        objects: list[LayoutObject] = []
+        taken: list[Float] = []
+        faults: list[str] = []
+        for element in elements:
+            where = element.get("name", "an object without a name")
+            try:
+                T = _matrix(element, where)
+                pose = as_rigid(transform(T[:, :3], T[:, 3] * 1e-3), f"{where}: its Matrix4x4")
+                check_reach(pose[:3, 3], where)
+            except (ValueError, ShapeError) as error:
+                faults.append(str(error))
+                continue
+            objects.append(LayoutObject(element.get("name", ""), pose))
+            taken.append(T[:, :3])
+        if not objects:
+            raise ValueError(faults[0])
+        return tuple(objects), (*unusable("object", file.name, faults), *rounding_note(file.name, taken))
 
 
-def _pose(element: ET.Element) -> Float:
-    where = element.get("name", "an object without a name")
+def _matrix(element: ET.Element, where: str) -> Float:
+    """Rotation and translation [mm], (3, 4)."""
     rows = [element.find(f".//Matrix4x4/row{k}") for k in (1, 2, 3)]
     T = np.array([[float(row.get(f"c{k}", "nan")) for k in (1, 2, 3, 4)] for row in rows if row is not None])
     if T.shape != (3, 4) or not np.isfinite(T).all():
         raise ValueError(f"{where}: expected a Matrix4x4 of finite numbers, c1 to c4 in row1 to row4")
-    U, _, Vt = np.linalg.svd(T[:, :3])
-    R = U @ Vt
-    if np.linalg.det(R) < 0 or np.abs(R - T[:, :3]).max() > SKEWED:
-        raise ValueError(f"{where}: its Matrix4x4 is no rotation; expected one, with the translation in mm")
-    t_m = T[:, 3] * 1e-3
-    check_reach(t_m, where)
-    return transform(R, t_m)
+    return T
 
 
 class LayoutSource:
@@ -129,7 +138,7 @@ class LayoutSource:
         check_asked(hypotheses, self._check_frame)
         self.is_sequence = scene.sequence
         self.frames: tuple[str, ...] = tuple(dict.fromkeys(scene.frames)) or self._available
-        everything = read_layout(Path(scene.layout))
+        everything, notes = read_layout(Path(scene.layout))
         self._objects = tuple(o for o in everything if SHIFTS_MM.get(o.name, (-1,))[0] in self._library.ids)
         left_out = [o.name for o in everything if o not in self._objects]
         if not self._objects:
@@ -142,7 +151,7 @@ class LayoutSource:
             if obj_id not in ids:
                 there = ", ".join(f"{i} ({name})" for i, name in sorted(ids.items()))
                 raise SettingsError(f"unknown object {obj_id} in scene.objects; available: {there} ({scene.layout})")
-        self.notes: tuple[str, ...] = repeated_notes(scene.frames)
+        self.notes: tuple[str, ...] = (*repeated_notes(scene.frames), *notes)
         if left_out:
             self.notes += (f"left out, as they are not in YCB-V or not among the models: {', '.join(left_out)}",)
         self._rest: tuple[tuple[ObjectModel, ...], tuple[Float, ...]] | None = None

@@ -41,6 +41,8 @@ class ResultsFile:
     """Rows that were dropped because they repeat a pose of the same object in the same frame."""
     n_far: int = 0
     """Rows that were dropped because they lie further away than ``FARTHEST_M``."""
+    notes: tuple[str, ...] = ()
+    """About rows that cannot be used, and about rounded rotations."""
 
     def objects(self) -> dict[FrameIds, set[int]]:
         """The objects that have rows, by frame."""
@@ -57,7 +59,8 @@ def open_results(path: Path | str) -> ResultsFile:
         InputError: as :func:`read_estimates`, or every pose lies further away than ``FARTHEST_M``.
     """
     grouped: dict[tuple[int, int, int], list[ResultRow]] = {}
-    rows = read_estimates(path)
+    read = read_estimates(path)
+    rows = read.rows
     near = [row for row in rows if np.linalg.norm(row.T_cam_obj[:3, 3]) <= FARTHEST_M]
     if not near:
         raise InputError(
@@ -69,7 +72,7 @@ def open_results(path: Path | str) -> ResultsFile:
     # Two starts from one pose would do the same, twice; the better score stays.
     ranked = {key: _each_once(sorted(rows, key=lambda r: -r.score)) for key, rows in grouped.items()}
     n_repeated = sum(len(rows) - len(ranked[key]) for key, rows in grouped.items())
-    return ResultsFile(Path(path).name, method_of(path), ranked, n_repeated, len(rows) - len(near))
+    return ResultsFile(Path(path).name, method_of(path), ranked, n_repeated, len(rows) - len(near), read.notes)
 
 
 def _each_once(rows: Sequence[ResultRow]) -> tuple[ResultRow, ...]:
@@ -102,9 +105,10 @@ def results_of(hypotheses: HypothesesSettings) -> tuple[ResultsFile, ...]:
 
 
 def file_notes(files: Sequence[ResultsFile]) -> tuple[str, ...]:
-    """What is odd about all poses of a file (in metres, out of reach, repeated), and what is done about it."""
+    """What is odd about the poses of a file (rounded, in metres, repeated, none at all), and what is done about it."""
     notes: list[str] = []
     for file in files:
+        notes += file.notes
         if all(np.linalg.norm(row.T_cam_obj[:3, 3]) < NEAREST_M for rows in file.rows.values() for row in rows):
             notes.append(
                 f"{file.name}: every pose lies within {NEAREST_M * 1e3:g} mm of the camera, so t looks like metres; "

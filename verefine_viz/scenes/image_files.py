@@ -18,7 +18,7 @@ from PIL import Image
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.camera import check_intrinsics
 from verefine_viz.core.errors import InputError, ShapeError
-from verefine_viz.core.files import Numbers3, Numbers3x3, reading
+from verefine_viz.core.files import Numbers3x3, reading
 from verefine_viz.core.writing import atomic
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
@@ -62,10 +62,11 @@ def read_color(path: Path) -> NDArray[np.uint8]:
 
 
 def read_depth(path: Path, scale_mm: float) -> NDArray[np.float32]:
-    """Depth z (H, W) [m] of a one-channel image whose values times ``scale_mm`` are millimetres; 0 = not measured.
+    """Depth z (H, W) [m] of a one-channel image whose values times ``scale_mm`` are millimetres; 0 = not measured, as
+    NaN and infinity are.
 
     Raises:
-        InputError: missing, damaged, more than one channel, negative or infinite values, or depth beyond ``DEEPEST_M``.
+        InputError: missing, damaged, more than one channel, negative values, or depth beyond ``DEEPEST_M``.
     """
     return (read_steps(path, scale_mm) * (scale_mm * 1e-3)).astype(np.float32)
 
@@ -80,9 +81,9 @@ def read_steps(path: Path, scale_mm: float) -> Float:
     if image.mode == "P" or len(image.getbands()) != 1:
         raise InputError(f"{path} is a {image.mode} image, expected one channel of 16-bit depth")
     raw = np.asarray(image, dtype=np.float64)
-    raw = np.where(np.isnan(raw), 0.0, raw)
-    if not np.isfinite(raw).all() or (raw < 0).any():
-        raise InputError(f"{path} holds negative or infinite depth, expected values ≥ 0 with 0 = not measured")
+    raw = np.where(np.isfinite(raw), raw, 0.0)
+    if (raw < 0).any():
+        raise InputError(f"{path} holds negative depth, expected values ≥ 0 with 0 = not measured")
     deepest_m = float(raw.max(initial=0.0)) * scale_mm * 1e-3
     if not deepest_m <= DEEPEST_M:
         raise InputError(
@@ -151,8 +152,9 @@ class CameraEntry(msgspec.Struct, frozen=True):
     """[px]."""
     depth_scale: Annotated[float, Meta(ge=1e-6, le=1e4)] | None = None
     """Millimetres per step of the depth image: data sets have 0.1 to 1, and metres as floats 1000."""
-    cam_R_w2c: Numbers3x3 | None = None
-    cam_t_w2c: Numbers3 | None = None
+    cam_R_w2c: Any = None
+    """Checked where it is used, as a frame does without."""
+    cam_t_w2c: Any = None
     """[mm]."""
     cam_model: Any = None
     """Model of a fisheye camera."""

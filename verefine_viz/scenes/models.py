@@ -19,7 +19,7 @@ from verefine_viz.core.files import Numbered, Numbers3, Numbers4x4, id_of, read_
 from verefine_viz.core.geometry import as_rigid, axis_angle, check_reach, transform
 from verefine_viz.core.model import ObjectModel
 from verefine_viz.core.settings import ModelSampling
-from verefine_viz.core.text_format import MOST_NAMED, first_of
+from verefine_viz.core.text_format import MOST_NAMED, first_of, unusable
 from verefine_viz.estimators.clouds import spread_out
 from verefine_viz.scenes.bop_files import nearby_hint
 from verefine_viz.scenes.meshes import Mesh, mesh_files, read_mesh, unit_of_format
@@ -226,7 +226,11 @@ class ModelLibrary:
         self._sampling: ModelSampling = sampling
         infos = self.folder / "models_info.json"
         self._infos = Numbered(infos, ModelInfo, "object") if os.path.lexists(infos) else {}
-        self._names = _names(dataset, self.folder)
+        self._names, faults = _names(dataset, self.folder)
+        self.faults: tuple[str, ...] = unusable("name", "obj_names.json", faults)
+        """About what of all models cannot be used."""
+        if isinstance(self._infos, Numbered):
+            self.faults += unusable("entry", "models_info.json", self._infos.faults)
         self._loaded: dict[int, tuple[ObjectModel, tuple[str, ...]]] = {}
         self._meshes = mesh_files(self.folder)
         self.ids: tuple[int, ...] = tuple(self._meshes)
@@ -292,23 +296,25 @@ def models_beside(dataset: Path) -> str:
     return f"; models/ holds {first_of(there, MOST_NAMED)}" if there else nearby_hint(folder)
 
 
-def _names(dataset: Path, models: Path) -> dict[int, str]:
+def _names(dataset: Path, models: Path) -> tuple[dict[int, str], list[str]]:
+    """Names by obj_id, and what is wrong with those that are left out."""
     path = next((f / "obj_names.json" for f in (models, dataset) if os.path.lexists(f / "obj_names.json")), None)
     if path is None:
-        return {}
+        return {}, []
     names: dict[int, str] = {}
+    faults: list[str] = []
     for key, value in read_json(path, dict[str, str | int | None]).items():
         # Both directions are in use: {"1": "can"} and {"can": 1}.
         number, name = (key, value) if id_of(key) is not None else (value, key)
         obj_id = id_of(str(number))
-        if obj_id is None:
-            raise InputError(f"{path}: {quoted(key, 40)}: {quoted(value, 40)} does not name an object id")
-        if obj_id in names:
-            raise InputError(f"{path} names object {obj_id} twice; delete one of the names")
         # Names go into tables and files, which hold neither line breaks nor half characters (lone surrogates).
-        names[obj_id] = one_line(str(name))
-        if not 0 < len(names[obj_id]) <= LONGEST_NAME:
-            raise InputError(
-                f"{path}: the name of object {obj_id} has {len(names[obj_id])} characters, expected 1 to {LONGEST_NAME}"
-            )
-    return names
+        shown = one_line(str(name))
+        if obj_id is None:
+            faults.append(f"{quoted(key, 40)}: {quoted(value, 40)} does not name an object id")
+        elif obj_id in names:
+            faults.append(f"object {obj_id} is named twice, of which the first counts")
+        elif not 0 < len(shown) <= LONGEST_NAME:
+            faults.append(f"the name of object {obj_id} has {len(shown)} characters, expected 1 to {LONGEST_NAME}")
+        else:
+            names[obj_id] = shown
+    return names, faults

@@ -1,22 +1,24 @@
 """BOP results files: ``scene_id,im_id,obj_id,score,R,t,time``, one estimated pose a line, millimetres.
 
-:func:`read_lines` takes and refuses what the official toolkit's format check does; a byte order mark is read over.
-:func:`read_results` wants more: poses and scores must be numbers and R a rotation.
+:func:`read_lines` takes the lines that the official toolkit's format check takes; a byte order mark is read over.
+:func:`read_poses` wants more: poses and scores must be numbers and R near a rotation. A line that cannot be used is
+left out, and a note names the first.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import quoted
+from verefine_viz.core.errors import InputError, ShapeError, quoted
 from verefine_viz.core.files import reading
-from verefine_viz.core.geometry import as_rigid, transform
+from verefine_viz.core.geometry import as_rigid, rounding_note, transform
+from verefine_viz.core.text_format import unusable
 from verefine_viz.core.writing import atomic
 
 HEADER = "scene_id,im_id,obj_id,score,R,t,time"
@@ -53,29 +55,92 @@ class ResultLine:
     time_s: float
 
 
-def read_results(path: Path | str) -> tuple[ResultRow, ...]:
-    """All estimates of a results file, in its order.
+@dataclass(frozen=True, eq=False)
+class ResultLines:
+    """The lines of a file."""
+
+    lines: tuple[ResultLine, ...]
+    faults: Mapping[int, str]
+    """By its number what is wrong with each line that is left out."""
+    other_times: tuple[str, ...]
+    """Lines with another time than the first one of their image, which counts for it."""
+
+    def time_notes(self, path: Path) -> tuple[str, ...]:
+        """A note about the times of the file at ``path``."""
+        if not self.other_times:
+            return ()
+        n = len(self.other_times)
+        which = "row states another time than" if n == 1 else "rows state other times than"
+        return (
+            f"{n} {which} the first row of the image, which counts{'; the first' * (n > 1)}: {self.other_times[0]}"
+            f" ({path.name})",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Estimates:
+    """The estimates of a file of any format, in its order."""
+
+    rows: tuple[ResultRow, ...]
+    left_out: tuple[str, ...] = ()
+    """A note about rows that cannot be used: how many, and what is wrong with the first."""
+    rounded: tuple[str, ...] = ()
+    """A note about rounded rotations."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """All notes."""
+        return self.left_out + self.rounded
+
+
+def read_poses(path: Path | str) -> Estimates:
+    """The estimates of a results file.
 
     Raises:
-        InputError: as :func:`read_lines`, or a line holds no pose; the line's number and the reason are named.
+        InputError: as :func:`read_lines`, or no line holds a pose; the first line's number and the reason are named.
     """
-    lines = read_lines(path)
-    with reading(Path(path)):
-        return tuple(map(_row, lines))
+    path = Path(path)
+    read = read_lines(path)
+    faults = {**read.faults}
+    rows: list[ResultRow] = []
+    taken: list[Float] = []
+    for line in read.lines:
+        try:
+            rows.append(_row(line))
+            taken.append(line.R)
+        except (ValueError, ShapeError) as error:
+            faults[line.number] = str(error)
+    in_order = [faults[number] for number in sorted(faults)]
+    if not rows:
+        raise InputError(f"{path}: {in_order[0]}")
+    return Estimates(tuple(rows), unusable("row", path.name, in_order), rounding_note(path.name, taken))
 
 
-def read_lines(path: Path | str) -> tuple[ResultLine, ...]:
-    """All lines of a results file that the official format check accepts.
+def read_results(path: Path | str) -> tuple[ResultRow, ...]:
+    """All estimates of a file that this program wrote, and may write again.
 
     Raises:
-        InputError: the file is missing or empty, or a line breaks a rule; the line's number and the reason are named.
+        InputError: as :func:`read_poses`, or a line holds no pose: it would be lost.
+    """
+    read = read_poses(path)
+    if read.left_out:
+        raise InputError(f"{path}: {read.left_out[0]}")
+    return read.rows
+
+
+def read_lines(path: Path | str) -> ResultLines:
+    """The lines of a results file that the official format check accepts, and what is wrong with the others.
+
+    Raises:
+        InputError: the file is missing or empty, has another header, or no line can be used; the number of the first
+            and the reason are named.
     """
     path = Path(path)
     with reading(path) as file:
         return _lines_of(file.read(), path)
 
 
-def _lines_of(raw: bytes, path: Path) -> tuple[ResultLine, ...]:
+def _lines_of(raw: bytes, path: Path) -> ResultLines:
     try:
         # Line breaks as Python reads text: of any system.
         text = raw.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
@@ -85,6 +150,8 @@ def _lines_of(raw: bytes, path: Path) -> tuple[ResultLine, ...]:
     if lines[-1] == "":
         lines.pop()
     estimates: list[ResultLine] = []
+    faults: dict[int, str] = {}
+    other_times: list[str] = []
     first_time: dict[tuple[int, int], float] = {}
     for number, line in enumerate(lines, start=1):
         if number == 1 and HEADER in line:
@@ -92,19 +159,22 @@ def _lines_of(raw: bytes, path: Path) -> tuple[ResultLine, ...]:
         where = f"line {number}"
         if number == 1 and _is_header(line):
             raise ValueError(f"{where}: the header is {quoted(line.strip())}, expected {HEADER} or none{_hint(path)}")
-        new = _line_of(line, number, where)
-        estimates.append(new)
-        if new.time_s < 0:
+        try:
+            new = _line_of(line, number, where)
+        except ValueError as error:
+            faults[number] = str(error)
             continue
-        known = first_time.setdefault((new.scene_id, new.im_id), new.time_s)
+        known = new.time_s if new.time_s < 0 else first_time.setdefault((new.scene_id, new.im_id), new.time_s)
         if abs(new.time_s - known) > 0.001:
-            raise ValueError(
+            other_times.append(
                 f"{where}: time is {new.time_s:g} s, but {known:g} s in an earlier line of scene {new.scene_id}, "
                 f"image {new.im_id}; all estimates of an image share one time"
             )
+            new = replace(new, time_s=known)
+        estimates.append(new)
     if not estimates:
-        raise ValueError(f"no estimates, expected a BOP results CSV ({HEADER})")
-    return tuple(estimates)
+        raise ValueError(next(iter(faults.values()), f"no estimates, expected a BOP results CSV ({HEADER})"))
+    return ResultLines(tuple(estimates), faults, tuple(other_times))
 
 
 def write_results(path: Path | str, rows: Iterable[ResultRow]) -> None:

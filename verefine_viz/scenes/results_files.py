@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,11 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.array_cache import NPZ_READING
 from verefine_viz.core.arrays import Float, plain_array
-from verefine_viz.core.errors import InputError
-from verefine_viz.core.files import Numbers4x4, id_of, read_yaml, reading
-from verefine_viz.core.geometry import as_rigid, transform
-from verefine_viz.scenes.results_csv import HEADER, ResultRow, read_results
+from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.files import Numbers4x4, array_of, id_of, read_yaml, reading
+from verefine_viz.core.geometry import as_rigid, rounding_note, transform
+from verefine_viz.core.text_format import unusable
+from verefine_viz.scenes.results_csv import HEADER, Estimates, ResultRow, read_poses
 
 PICKLED = (".pkl", ".pickle", ".pth", ".pt", ".tar")
 IDS = (("scene_id",), ("im_id", "image_id", "view_id"), ("obj_id", "object_id", "category_id"))
@@ -23,39 +25,34 @@ FARTHEST_IN_METRES = 20.0
 MOST_ROWS, MOST_BYTES = 2_000_000, 1_000_000_000
 
 
-def read_estimates(path: Path | str) -> tuple[ResultRow, ...]:
-    """All estimates of a results file: BOP's CSV, .npz or .yml.
+def read_estimates(path: Path | str) -> Estimates:
+    """The estimates of a results file: BOP's CSV, .npz or .yml.
 
     Raises:
-        InputError: it is missing, pickled or damaged, or holds no poses; what was expected is named.
+        InputError: it is missing, pickled or damaged, or holds no pose that can be used; what was expected is named.
     """
     path = Path(path)
     if path.suffix in PICKLED:
         raise InputError(f"{path} is pickled, and reading it could run code; write its poses as a CSV: {HEADER}")
     if path.suffix in (".yml", ".yaml"):
         return _rows_of_yaml(path)
-    return _rows_of_arrays(path) if path.suffix == ".npz" else read_results(path)
+    return _rows_of_arrays(path) if path.suffix == ".npz" else read_poses(path)
 
 
-def _rows_of_yaml(path: Path) -> tuple[ResultRow, ...]:
+def _rows_of_yaml(path: Path) -> Estimates:
     """Scene, image and object above each other, with poses (4, 4) in metres and no scores."""
-    rows: list[ResultRow] = []
     with reading(path):
-        for scene, images in read_yaml(path, dict[str | int, dict[str | int, dict[str | int, Numbers4x4]]]).items():
-            for image, objects in images.items():
-                for name, T in objects.items():
-                    ids = [id_of(str(key)) for key in (scene, image, name)]
-                    if None in ids:
-                        raise ValueError(f"{scene}, {image}, {name}: expected the numbers of scene, image and object")
-                    scene_id, im_id, obj_id = (number or 0 for number in ids)
-                    pose = as_rigid(T, f"the pose of {scene}, {image}, {name}")
-                    rows.append(ResultRow(scene_id, im_id, obj_id, 1.0, pose))
-        if not rows:
-            raise ValueError("no poses, expected {scene: {image: {object: 4×4 [m]}}}")
-    return tuple(rows)
+        scenes = read_yaml(path, dict[str | int, dict[str | int, dict[str | int, Any]]])
+        given = (
+            (f"{scene}, {image}, {name}", [id_of(str(key)) for key in (scene, image, name)], 1.0, T)
+            for scene, images in scenes.items()
+            for image, objects in images.items()
+            for name, T in objects.items()
+        )
+        return _usable(path, given, "no poses, expected {scene: {image: {object: 4×4 [m]}}}")
 
 
-def _rows_of_arrays(path: Path) -> tuple[ResultRow, ...]:
+def _rows_of_arrays(path: Path) -> Estimates:
     """A row for each entry of ``scene_id``, ``im_id``, ``obj_id``, ``poses`` or ``R`` and ``t`` [mm], and ``score``."""
     with reading(path) as file, NPZ_READING, np.load(file, allow_pickle=False) as archive:
         if sum(entry.file_size for entry in archive.zip.infolist()) > MOST_BYTES:
@@ -67,11 +64,46 @@ def _rows_of_arrays(path: Path) -> tuple[ResultRow, ...]:
         lengths = {len(column) for column in (*ids, poses, scores)}
         if len(lengths) != 1 or not 0 < len(poses) <= MOST_ROWS:
             raise ValueError(f"its arrays have {', '.join(map(str, sorted(lengths)))} entries, expected one number")
-        if not np.isfinite(scores).all() or not all(np.isfinite(column).all() for column in ids):
-            raise ValueError("a score or an id is NaN or infinite")
-        checked = [as_rigid(T, f"entry {k}: the pose") for k, T in enumerate(poses)]
-        columns = (*(column.astype(np.int64).tolist() for column in ids), scores.tolist(), checked)
-        return tuple(ResultRow(*row) for row in zip(*columns, strict=True))
+        own = np.stack(ids, axis=1)
+        numbers = [[int(n) if abs(n) < 2**53 else None for n in row] for row in own.tolist()]  # None for NaN as well.
+        given = (
+            (f"entry {k}", row, score, T)
+            for k, (row, score, T) in enumerate(zip(numbers, scores.tolist(), poses, strict=True))
+        )
+        return _usable(path, given, "no poses")
+
+
+def _usable(path: Path, given: Iterable[tuple[str, Sequence[int | None], float, Any]], without: str) -> Estimates:
+    """The estimates of (place in the file, ids, score, pose) that can be used.
+
+    Raises:
+        ValueError: there is none; ``without`` is what to say where nothing is given.
+    """
+    rows: list[ResultRow] = []
+    taken: list[Float] = []
+    faults: list[str] = []
+    for where, ids, score, T in given:
+        try:
+            rows.append(_row(where, ids, score, T))
+            taken.append(np.reshape(T, (4, 4))[:3, :3])
+        except (ValueError, ShapeError) as error:
+            faults.append(str(error))
+    if not rows:
+        raise ValueError(next(iter(faults), without))
+    return Estimates(tuple(rows), unusable("pose", path.name, faults), rounding_note(path.name, taken))
+
+
+def _row(where: str, ids: Sequence[int | None], score: float, T: Any) -> ResultRow:
+    scene_id, im_id, obj_id = ids
+    if scene_id is None or im_id is None or obj_id is None:
+        raise ValueError(f"{where}: expected the numbers of scene, image and object")
+    if not math.isfinite(score):
+        raise ValueError(f"{where}: its score is NaN or infinite")
+    try:
+        pose = array_of(Numbers4x4, T)
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
+    return ResultRow(scene_id, im_id, obj_id, score, as_rigid(pose, f"{where}: the pose"))
 
 
 def _column(arrays: Mapping[str, NDArray[Any]], names: tuple[str, ...]) -> Float:
@@ -89,7 +121,9 @@ def _poses(arrays: Mapping[str, NDArray[Any]]) -> Float:
             raise ValueError(f"'poses' is {given.shape}, expected (N, 4, 4) or (N, 3, 4)")
         poses = np.tile(np.eye(4), (len(given), 1, 1))
         poses[:, : given.shape[1]] = given
-        median = float(np.median(np.linalg.norm(poses[:, :3, 3], axis=1))) if len(poses) else 0.0
+        away = np.linalg.norm(poses[:, :3, 3], axis=1)
+        away = away[np.isfinite(away)]
+        median = float(np.median(away)) if len(away) else 0.0
         poses[:, :3, 3] *= 1e-3 if median > FARTHEST_IN_METRES else 1.0
         return poses
     if not {"R", "t"} <= {*arrays}:

@@ -112,17 +112,19 @@ def segments_of_detections(
     as in BOP's localization task. Ground truth goes to the detection that its outline overlaps most.
 
     Raises:
-        InputError: the frame has no detections, or their run lengths are damaged.
+        InputError: the frame has no detections, or none that can be used.
     """
     detections, notes = file.of_image(scene_id, im_id, camera.shape)
     if not detections:
         there = listed(frame_name(ids) for ids in file.images)
-        raise InputError(f"{file.path} has no masks for frame {scene_id}/{im_id}; it has {there}")
+        why = f"; {notes[0]}" if notes else f"; it has {there}"
+        raise InputError(f"{file.path} has no masks for frame {scene_id}/{im_id}{why}")
     empty = sum(not d.mask.any() for d in detections)
     if empty:
         notes += (f"{empty} detections in {file.path.name} have an empty mask; they are left out",)
-    entries = dataset.ground_truth(scene_id, im_id)
-    counts = _counts(dataset, scene_id, im_id)
+    entries, damage = _truth(dataset, scene_id, im_id)
+    notes += damage
+    counts = _counts(dataset, entries, scene_id, im_id)
     used = _most_confident([d for d in detections if d.mask.any()], counts)
     n_too_many = len(detections) - empty - len(used)
     if n_too_many:
@@ -166,16 +168,27 @@ def objects_of_frame(
     Raises:
         InputError: ground truth or targets are damaged.
     """
-    counts = _counts(dataset, scene_id, im_id)
     if detections is None:
-        return None if dataset.ground_truth(scene_id, im_id) is None else frozenset(counts or ())
+        entries = dataset.ground_truth(scene_id, im_id)
+        return None if entries is None else frozenset(entry.obj_id for entry in entries)
+    entries, _ = _truth(dataset, scene_id, im_id)
+    counts = _counts(dataset, entries, scene_id, im_id)
     detected = detections.obj_ids(scene_id, im_id)
     return detected if counts is None else detected & frozenset(counts)
 
 
-def _counts(dataset: BopDataset, scene_id: int, im_id: int) -> Mapping[int, int] | None:
+def _truth(dataset: BopDataset, scene_id: int, im_id: int) -> tuple[tuple[GroundTruth, ...] | None, tuple[str, ...]]:
+    """The ground truth of a frame with detections, which does without; None where it is damaged, which is noted."""
+    try:
+        return dataset.ground_truth(scene_id, im_id), ()
+    except InputError as error:
+        return None, (f"the frame has no ground truth: {error}",)
+
+
+def _counts(
+    dataset: BopDataset, entries: Sequence[GroundTruth] | None, scene_id: int, im_id: int
+) -> Mapping[int, int] | None:
     """How often each object is in a frame, by its ground truth, else by the targets; None without either."""
-    entries = dataset.ground_truth(scene_id, im_id)
     if entries is not None:
         return Counter(e.obj_id for e in entries) or None
     return (dataset.targets or {}).get((scene_id, im_id)) or None

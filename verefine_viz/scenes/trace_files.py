@@ -14,11 +14,12 @@ from msgspec import Meta
 from numpy.typing import DTypeLike, NDArray
 
 from verefine_viz.core.array_cache import NPZ_READING
-from verefine_viz.core.arrays import Float, plain_array
+from verefine_viz.core.arrays import Float, frozen, plain_array
 from verefine_viz.core.errors import InputError, ShapeError, one_line
 from verefine_viz.core.files import Numbers3, Numbers3x3, Numbers4x4, Real, decoded_json, first_line, reading
-from verefine_viz.core.geometry import as_rigid, check_reach
+from verefine_viz.core.geometry import as_rigid, check_reach, rounding_note
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
+from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.image_files import DEEPEST_M
 from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, frame_ids, natural_key
 from verefine_viz.trace import CALLS, FORMAT
@@ -139,10 +140,20 @@ def recorded_answers(folder: Path) -> dict[str, tuple[Float, float | None]]:
     calls, _ = _calls(folder)
     answers: dict[str, tuple[Float, float | None]] = {}
     for name, own in _poses_by_name(calls).items():
-        T = own[-1][1]
+        T = next(filter(_is_rigid, (pose for _, pose in reversed(own))), None)
+        if T is None:
+            continue
         scored = (o.score for o, pose in reversed(own) if o.score is not None and np.allclose(pose, T, atol=1e-5))
         answers[name] = T, next(scored, None)
     return answers
+
+
+def _is_rigid(T: Float) -> bool:
+    try:
+        as_rigid(T, "pose")
+    except ShapeError:
+        return False
+    return True
 
 
 def _poses_by_name(calls: Sequence[Call]) -> dict[str, list[tuple[Call, Float]]]:
@@ -165,9 +176,10 @@ def read_trace(folder: Path) -> RecordedFrame:
     if head.K is None:
         raise InputError(f"trace {folder} has no camera; record it again")
     depth = _loaded(folder / "depth.npy", np.float32)
+    depth = np.where(np.isfinite(depth), depth, np.float32(0))
     rgb = _loaded(folder / "rgb.npy", np.uint8) if head.rgb else None
     if not ((depth >= 0) & (depth <= DEEPEST_M)).all():
-        raise InputError(f"{folder / 'depth.npy'}: depth that is negative, not finite, or beyond {DEEPEST_M:g} m")
+        raise InputError(f"{folder / 'depth.npy'}: depth that is negative, or beyond {DEEPEST_M:g} m")
     if depth.ndim != 2 or (rgb is not None and rgb.shape != (*depth.shape, 3)):
         raise InputError(f"trace {folder}: its images do not have one size; record it again")
     problems = [call.problem for call in calls if call.problem is not None]
@@ -180,6 +192,8 @@ def read_trace(folder: Path) -> RecordedFrame:
     if len(begun) > MOST_OBJECTS:
         raise InputError(f"trace {folder} has {len(begun)} objects, expected at most {MOST_OBJECTS}")
     own = _poses_by_name(calls)
+    given = [T for call in calls for T in (call.T, call.truth) if T is not None]
+    notes += rounding_note("poses of the trace", (T[:3, :3] for T in given))
     objects = [_object(folder, call, own.get(one_line(call.name), ()), depth.shape, notes) for call in begun]
     return RecordedFrame(name, head.K, depth, rgb, tuple(objects), head.gravity_cam, tuple(notes))
 
@@ -190,19 +204,21 @@ def _object(
     """An object, given the call that began it and those about its poses."""
     name, mask = one_line(begun.name), None
     if begun.mask:
-        mask = _loaded(folder / begun.mask, np.bool_)
-        if mask.shape != shape:
-            raise InputError(f"trace {folder}: the mask of {name} has another size than depth; record it again")
+        try:
+            mask = frozen(_loaded(folder / begun.mask, np.bool_), "the mask", shape, np.bool_)
+        except (InputError, ShapeError) as error:
+            notes.append(f"{name}: its mask is left out: {error}")
     poses: dict[int, list[tuple[Call, Float]]] = {}
     """Poses of each hypothesis, as the program numbered them."""
     index: dict[int, int] = {}
     steps: list[RecordedStep] = []
+    faults: list[str] = []
     for call, pose in own:
         try:
             T = as_rigid(pose, "pose")
             check_reach(T[:3, 3], "pose")
         except ShapeError as error:
-            notes.append(f"{name}: a recorded pose is left out: {error}")
+            faults.append(str(error))
             continue
         given = (number for number in (call.hypothesis, call.step) if number is not None)
         h = next(given, None)
@@ -216,6 +232,7 @@ def _object(
             what = ANSWER if call.answer else "new initial pose" if call.hypothesis is not None else call.name
             text = one_line(what) or "refined"
             steps.append(RecordedStep(index[h], T, text, call.score, call.ms, one_line(call.note)))
+    notes += unusable("pose", name, faults)
     if len(poses) > MOST_HYPOTHESES or len(steps) > MOST_STEPS:
         raise InputError(
             f"trace {folder}: {name} has {len(poses)} hypotheses and {len(steps)} steps, expected at most "

@@ -87,16 +87,22 @@ class Reader:
                 notes.append(f"object {index:g} of {path.name} is none of YCB-Video; it is left out")
                 continue
             called = CLASSES[int(index) - 1]
+            mesh = model_of(self._models, called)
             try:
                 first = Hypothesis(pose_of_quat(poses[k, :4], poses[k, 4:]), score, "PoseCNN")
-                taken = [pose_of_quat(one[k, 2:6], one[k, 6:9]) for one in iterations]
             except ShapeError as error:
-                notes.append(f"{called} is left out: {error}")
+                notes.append(f"{called} has no initial pose: {error}")
+                objects.append(RecordedObject(called, mesh, 1.0, labels == index))
                 continue
+            taken: list[Float] = []
+            for number, one in enumerate(iterations, 1):
+                try:
+                    taken.append(pose_of_quat(one[k, 2:6], one[k, 6:9]))
+                except ShapeError as error:
+                    notes.append(f"{called}: iteration {number} of DeepIM is left out: {error}")
             words = ["DeepIM"] * (len(taken) - 1) + [ANSWER]
             steps = tuple(RecordedStep(0, T, what) for T, what in zip(taken, words, strict=False))
             steps = steps or (RecordedStep(0, first.T_cam_obj, ANSWER),)
-            mesh = model_of(self._models, called)
             objects.append(RecordedObject(called, mesh, 1.0, labels == index, (first,), (score,), steps))
         return RecordedFrame(name, self._K, depth_m, rgb, tuple(objects), notes=tuple(notes))
 

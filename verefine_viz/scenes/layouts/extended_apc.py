@@ -9,16 +9,16 @@ with it, ``test-scene/``, has no poses of objects.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError
-from verefine_viz.core.files import Numbers3x3, read_yaml
+from verefine_viz.core.files import Numbers3x3, array_of, read_yaml
 from verefine_viz.core.geometry import inverse
 from verefine_viz.scenes.image_files import DEEPEST_M, read_steps, size_text
 from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, color_of, meshes_in, pose_of_quat
@@ -57,7 +57,8 @@ class ObjectEntry(msgspec.Struct, frozen=True):
     """An object of a scene."""
 
     name: str
-    pose: Numbers7 | None = None
+    pose: Any = None
+    """Checked object by object."""
 
 
 class Info(msgspec.Struct, frozen=True):
@@ -79,8 +80,7 @@ class Reader:
         self._scenes = {_name(scene): scene for scene in _scenes(folder)}
         self.names: tuple[str, ...] = tuple(self._scenes)
         self.objects: Mapping[str, int] = {name: k for k, name in enumerate(OBJECTS, 1)}
-        first = next(iter(self._scenes.values()))
-        self.has_truth = all(one.pose is not None for one in _objects(_info(first), first))
+        self.has_truth = _have_truth(self._scenes.values())
         near = (folder, folder.resolve().parent)
         self._models = tuple(path for place in near for name in MODELS if (path := place / name).is_dir())
         expected = f"expected {MODELS[0]}/{OBJECTS[0]}/{OBJECTS[0]}.obj, … or {MODELS[0]}/{OBJECTS[0]}.ply, … there"
@@ -110,8 +110,8 @@ class Reader:
         for one in _objects(info, scene):
             T_gt = None
             try:
-                T_gt = None if one.pose is None else T_cam_world @ _pose(one.pose)
-            except ShapeError as error:
+                T_gt = None if one.pose is None else T_cam_world @ _pose(array_of(Numbers7, one.pose))
+            except (ShapeError, ValueError) as error:
                 notes.append(f"{one.name} has no ground truth: {error}")
             number = self.objects.get(one.name)
             mask = None if labels is None or number is None else labels == number
@@ -168,6 +168,17 @@ def _objects(info: Info, scene: Path) -> list[ObjectEntry]:
     if not objects:
         raise InputError(f"{scene / INFO} names no object; expected scene: object_1: name: {OBJECTS[0]!r}")
     return objects
+
+
+def _have_truth(scenes: Iterable[Path]) -> bool:
+    """Whether all objects of the first scene that can be read have a pose; InputError where none can be read."""
+    faults: list[InputError] = []
+    for scene in scenes:
+        try:
+            return all(one.pose is not None for one in _objects(_info(scene), scene))
+        except InputError as error:
+            faults.append(error)
+    raise faults[0]
 
 
 def _pose(numbers: Float) -> Float:

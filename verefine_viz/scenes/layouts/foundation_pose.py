@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError, one_line
 from verefine_viz.core.files import id_of
+from verefine_viz.core.geometry import rounding_note
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
+from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.image_files import SUFFIXES, find_image, read_mask, read_steps
 from verefine_viz.scenes.meshes import read_geometry
 from verefine_viz.scenes.recorded_frame import (
@@ -28,6 +30,7 @@ from verefine_viz.scenes.recorded_frame import (
     matrix_in,
     meshes_in,
     natural_key,
+    numbers_in,
     pose_in,
 )
 
@@ -59,7 +62,8 @@ class Reader:
         self.objects: Mapping[str, int] = {one_line(folder.resolve().name): 1}
         poses, of_poses = self._pose_files(POSES)
         truths, of_truths = self._pose_files(GROUND_TRUTH)
-        self._poses, self._truths, self.notes = poses, truths, of_poses + of_truths
+        self._poses, self._truths = poses, truths
+        self.notes: tuple[str, ...] = (*of_poses, *of_truths, *_pose_notes(poses), *_pose_notes(truths))
         self.has_poses, self.has_truth = bool(poses), bool(truths)
 
     @staticmethod
@@ -79,7 +83,11 @@ class Reader:
         mask_file = next((file for kind in MASKS if (file := find_image(self._folder / kind, name))), None)
         pose, T_gt = (self._pose(files, name, notes) for files in (self._poses, self._truths))
         poses = () if pose is None else (Hypothesis(pose, 1.0, POSES[0]),)
-        mask = None if mask_file is None else read_mask(mask_file, depth.shape)
+        mask = None
+        try:
+            mask = None if mask_file is None else read_mask(mask_file, depth.shape)
+        except InputError as error:
+            notes.append(f"the mask is left out: {error}")
         steps = () if pose is None else (RecordedStep(0, pose, ANSWER),)
         (called,) = self.objects
         one = RecordedObject(called, *self._mesh, mask, poses, (None,) * len(poses), steps, T_gt)
@@ -136,6 +144,21 @@ class Reader:
         file = self._mesh_files[0]
         size = float(np.linalg.norm(np.ptp(read_geometry(file)[0], axis=0)))
         return file, 1e-3 if size > LARGEST_M else 1.0
+
+
+def _pose_notes(files: Mapping[str, Path]) -> tuple[str, ...]:
+    """Notes about the poses of all frames: those that are none, and rounded rotations."""
+    faults: list[str] = []
+    taken: list[Float] = []
+    for path in files.values():
+        try:
+            pose_in(path)
+            taken.append(numbers_in(path).reshape(-1, 4)[:3, :3])
+        except (InputError, ShapeError) as error:
+            text = str(error)
+            faults.append(text if path.name in text else f"{path.name}: {text}")
+    name = f"{next(iter(files.values())).parent.name}/" if files else ""
+    return *unusable("pose", name, faults), *rounding_note(name, taken)
 
 
 def _number(stem: str) -> int | str:

@@ -6,16 +6,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, ShapeError
-from verefine_viz.core.files import Id, Numbers3, Numbers3x3, id_of, read_yaml
-from verefine_viz.core.geometry import transform
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.files import array_of, id_of, read_yaml
+from verefine_viz.core.geometry import rounding_note
+from verefine_viz.scenes.annotations import TruthEntry, ground_truth_of, pose_of
 from verefine_viz.scenes.image_files import (
     CameraEntry,
     depth_scale_of,
@@ -24,19 +26,10 @@ from verefine_viz.scenes.image_files import (
     read_depth,
     read_mask,
 )
-from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, color_of, image_of, images_in, near_pose
+from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, color_of, image_of, images_in
 
 CAMERAS, GROUND_TRUTH = "info.yml", "gt.yml"
 T = TypeVar("T")
-
-
-class GtYmlEntry(msgspec.Struct, frozen=True):
-    """An object's entry in gt.yml."""
-
-    obj_id: Id
-    cam_R_m2c: Numbers3x3
-    cam_t_m2c: Numbers3
-    """[mm]."""
 
 
 class Reader:
@@ -69,11 +62,11 @@ class Reader:
         """One frame with its folder's object, at its ground truth."""
         folder_name, image = name.split("/")
         scene, obj_id = self._scenes[folder_name], id_of(folder_name) or 0
-        camera, where = scene.entry(scene.cameras, CAMERAS, image)
+        camera, where = scene.entry(scene.cameras, CAMERAS, image, CameraEntry)
         depth_m = read_depth(image_of(scene.folder / "depth", image), depth_scale_of(camera, where))
         rgb = color_of(find_image(scene.folder / "rgb", image), depth_m.shape)
-        entries, where_gt = scene.entry(scene.truths, GROUND_TRUTH, image)
-        notes: list[str] = []
+        entries, where_gt = scene.entry(scene.truths, GROUND_TRUTH, image, tuple[TruthEntry, ...])
+        notes: list[str] = [*scene.truth_notes]
         if scene.are_counted_otherwise:
             notes.append(f"images of {folder_name}/ are counted otherwise than {CAMERAS}; they are paired in order")
         own = next((entry for entry in entries if entry.obj_id == obj_id), None)
@@ -81,10 +74,9 @@ class Reader:
         if own is None:
             notes.append(f"{where_gt} has no object {obj_id}")
         else:
-            try:
-                T_gt = near_pose(transform(own.cam_R_m2c, own.cam_t_m2c * 1e-3))
-            except ShapeError as error:
-                notes.append(f"{where_gt}: {error}")
+            truth = ground_truth_of(own, 0, None, where_gt)
+            T_gt = truth.T_cam_obj
+            notes += [truth.fault] * bool(truth.fault)
         mask = read_mask(image_of(scene.folder / "mask", image), depth_m.shape)
         mesh = self._models / f"{_called(obj_id)}.ply"
         one = RecordedObject(_called(obj_id), mesh, 1e-3, mask, T_cam_obj_gt=T_gt)
@@ -100,29 +92,47 @@ class _Folder:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self.obj_id = id_of(folder.resolve().name) or 0
         self.images = tuple(images_in(folder / "depth", "*.png"))
 
     @cached_property
-    def cameras(self) -> Mapping[int, CameraEntry]:
-        return read_yaml(self.folder / CAMERAS, dict[int, CameraEntry])
+    def cameras(self) -> Mapping[int, Any]:
+        return read_yaml(self.folder / CAMERAS, dict[int, Any])
 
     @cached_property
-    def truths(self) -> Mapping[int, tuple[GtYmlEntry, ...]]:
-        return read_yaml(self.folder / GROUND_TRUTH, dict[int, tuple[GtYmlEntry, ...]])
+    def truths(self) -> Mapping[int, Any]:
+        return read_yaml(self.folder / GROUND_TRUTH, dict[int, Any])
+
+    @cached_property
+    def truth_notes(self) -> tuple[str, ...]:
+        """A note about rounded rotations of its own object."""
+        taken: list[Float] = []
+        for entries in self.truths.values():
+            with suppress(ValueError, InputError):  # Reported with its frame.
+                own = [one for one in _converted(entries, tuple[TruthEntry, ...]) if one.obj_id == self.obj_id]
+                taken += [pose_of(one, "")[0] for one in own]
+        return rounding_note(f"{self.folder.name}/{GROUND_TRUTH}", taken)
 
     @cached_property
     def are_counted_otherwise(self) -> bool:
         """Whether images have other numbers than their entries, of which there are as many."""
         return len(self.cameras) == len(self.images) and {*map(id_of, self.images)} != {*self.cameras}
 
-    def entry(self, entries: Mapping[int, T], file: str, image: str) -> tuple[T, str]:
-        """The entry of an image and what to call it; InputError where there is none."""
+    def entry(self, entries: Mapping[int, Any], file: str, image: str, kind: type[T]) -> tuple[T, str]:
+        """The entry of an image and what to call it; InputError where there is none, or something else."""
         where, number = f"{self.folder / file}, image {image}", id_of(image)
         if self.are_counted_otherwise and len(entries) == len(self.images):
             number = sorted(entries)[self.images.index(image)]
         if number is None or number not in entries:
             raise InputError(f"{where} is missing")
-        return entries[number], where
+        try:
+            return _converted(entries[number], kind), where
+        except ValueError as error:
+            raise InputError(f"{where}: {error}") from None
+
+
+def _converted(entry: Any, kind: type[T]) -> T:
+    return msgspec.convert(entry, kind, strict=False, dec_hook=array_of)
 
 
 def _is_scene(folder: Path) -> bool:

@@ -15,9 +15,10 @@ from msgspec import Meta
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import InputError, ShapeError, one_line
-from verefine_viz.core.files import Numbers3x3, Real, read_json
+from verefine_viz.core.files import Numbers3x3, Real, read_entries, read_json
 from verefine_viz.core.geometry import inverse
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
+from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.image_files import find_image, read_depth, size_text
 from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, color_of, meshes_in, pose_of_quat
 
@@ -54,11 +55,12 @@ class Reader:
         ("meshes", "a folder per label"),
     )
     is_sequence = has_truth = False
-    names, notes = ("0",), ()
+    names = ("0",)
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        given, answered = (self._listed(kind) for kind in ("inputs", "outputs"))
+        (given, of_given), (answered, of_answered) = (self._listed(kind) for kind in ("inputs", "outputs"))
+        self.notes: tuple[str, ...] = (*of_given, *of_answered)
         self._boxes = {one.label: one.bbox_modal for one in given if one.bbox_modal is not None}
         self._answered = answered or given
         if not self._answered:
@@ -108,9 +110,10 @@ class Reader:
         """None: one frame has no motion."""
         return {}
 
-    def _listed(self, kind: str) -> tuple[ObjectData, ...]:
+    def _listed(self, kind: str) -> tuple[list[ObjectData], tuple[str, ...]]:
         path = self._folder / kind / OBJECTS
-        return read_json(path, tuple[ObjectData, ...]) if path.is_file() else ()
+        entries, faults = read_entries(path, ObjectData) if path.is_file() else ([], [])
+        return [one for _, one in entries], unusable("entry", f"{kind}/{OBJECTS}", faults)
 
 
 def _pose(given: Pose) -> Float:

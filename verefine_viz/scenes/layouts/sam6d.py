@@ -6,17 +6,19 @@ answer is the one with the highest score. Without it the mask is the best one of
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 
-from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, one_line
-from verefine_viz.core.files import Numbers3, Numbers3x3, Real, read_json, reading
-from verefine_viz.core.geometry import as_rigid, transform
+from verefine_viz.core.arrays import Float, Mask
+from verefine_viz.core.errors import InputError, ShapeError, one_line
+from verefine_viz.core.files import Numbers3, Numbers3x3, Real, read_entries, read_json
+from verefine_viz.core.geometry import as_rigid, rounding_note, transform
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
-from verefine_viz.scenes.detections import RunLengths, decode_rle
+from verefine_viz.core.text_format import unusable
+from verefine_viz.scenes.detections import mask_of
 from verefine_viz.scenes.image_files import CameraEntry, depth_scale_of, find_image, intrinsics_of, read_depth
 from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, color_of, image_of, meshes_in
 
@@ -28,11 +30,20 @@ MOST_POSES = 20
 class Sam6dDetection(msgspec.Struct, frozen=True):
     """A detection of the object, and its pose where it was estimated."""
 
-    segmentation: RunLengths
+    segmentation: msgspec.Raw
     score: Real = 0.0
     R: Numbers3x3 | None = None
     t: Numbers3 | None = None
     """[mm]."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Detection:
+    place: int
+    """In its file."""
+    score: float
+    T_cam_obj: Float | None
+    segmentation: msgspec.Raw
 
 
 class Reader:
@@ -70,20 +81,40 @@ class Reader:
         camera, where = read_json(self._folder / CAMERA, CameraEntry), str(self._folder / CAMERA)
         depth_m = read_depth(image_of(self._folder, "depth"), depth_scale_of(camera, where))
         rgb = color_of(find_image(self._folder, "rgb"), depth_m.shape)
-        detections = [] if self._results is None else [*read_json(self._results, tuple[Sam6dDetection, ...])]
-        detections.sort(key=lambda one: -one.score)
-        mask = None
-        if detections and self._results is not None:
-            with reading(self._results):
-                mask = decode_rle(detections[0].segmentation, depth_m.shape)
-        posed = [one for one in detections if one.R is not None or one.t is not None][:MOST_POSES]
-        hypotheses = tuple(Hypothesis(_pose(one), one.score, f"SAM-6D {k}") for k, one in enumerate(posed, 1))
+        detections, notes = self._detections()
+        mask, of_mask = _best_mask(detections, depth_m.shape)
+        posed = [one for one in detections if one.T_cam_obj is not None][:MOST_POSES]
+        hypotheses = tuple(
+            Hypothesis(one.T_cam_obj, one.score, f"SAM-6D {k}")
+            for k, one in enumerate(posed, 1)
+            if one.T_cam_obj is not None
+        )
         scores = tuple(one.score for one in posed)
         steps = tuple(RecordedStep(0, h.T_cam_obj, ANSWER, scores[0]) for h in hypotheses[:1])
         (called,) = self.objects
-        notes = () if detections else (f"no {POSES} and no {DETECTIONS}: the object has no mask",)
+        if self._results is None:
+            notes = (f"no {POSES} and no {DETECTIONS}: the object has no mask",)
         one = RecordedObject(called, self._mesh, 1e-3, mask, hypotheses, scores, steps)
-        return RecordedFrame("0", intrinsics_of(camera, where), depth_m, rgb, (one,), notes=notes)
+        return RecordedFrame("0", intrinsics_of(camera, where), depth_m, rgb, (one,), notes=notes + of_mask)
+
+    def _detections(self) -> tuple[list[_Detection], tuple[str, ...]]:
+        """Those that can be used, the best first; and notes about the others, and about rounded rotations."""
+        if self._results is None:
+            return [], ()
+        entries, faults = read_entries(self._results, Sam6dDetection)
+        used: list[_Detection] = []
+        taken: list[Float] = []
+        for k, one in entries:
+            try:
+                pose = _pose(one)
+            except (InputError, ShapeError) as error:
+                faults.append(f"entry {k}: {error}")
+                continue
+            used.append(_Detection(k, one.score, pose, one.segmentation))
+            taken += [] if one.R is None else [one.R]
+        used.sort(key=lambda one: -one.score)
+        name = self._results.name
+        return used, (*unusable("detection", name, faults), *rounding_note(name, taken))
 
     def answers(self, name: str) -> Mapping[str, tuple[Float | None, float | None]]:
         """No answers: a single frame has no motion."""
@@ -95,7 +126,22 @@ class Reader:
         return next((path for path in (*(place / name for place in places), *others) if path.is_file()), None)
 
 
-def _pose(one: Sam6dDetection) -> Float:
+def _pose(one: Sam6dDetection) -> Float | None:
+    if one.R is None and one.t is None:
+        return None
     if one.R is None or one.t is None:
-        raise InputError(f"a detection in {POSES} has no 'R' or no 't'")
-    return as_rigid(transform(one.R, one.t * 1e-3), f"a pose in {POSES}")
+        raise InputError("it has no 'R' or no 't'")
+    return as_rigid(transform(one.R, one.t * 1e-3), "the pose")
+
+
+def _best_mask(detections: Sequence[_Detection], shape: tuple[int, ...]) -> tuple[Mask | None, tuple[str, ...]]:
+    """The mask of the best detection that has one which can be read, and a note about better ones."""
+    faults: list[str] = []
+    mask = None
+    for one in detections:
+        try:
+            mask = mask_of(one.segmentation, (shape[0], shape[1]), f"entry {one.place}")
+            break
+        except InputError as error:
+            faults.append(str(error))
+    return mask, unusable("mask", "the detections", faults)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.files import read_file
+from verefine_viz.core.geometry import rounding_note
 from verefine_viz.scenes.image_files import read_depth, read_steps, size_text
 from verefine_viz.scenes.recorded_frame import (
     RecordedFrame,
@@ -96,6 +97,7 @@ class Reader:
             )
         rgb = color_of(self._data / f"{name}-color.png", depth_m.shape)
         notes: list[str] = []
+        taken: list[Float] = []
         objects: list[RecordedObject] = []
         for k, index in enumerate(indices.ravel().tolist()):
             if not 1 <= index <= len(CLASSES):
@@ -104,11 +106,13 @@ class Reader:
             called, T_gt = CLASSES[int(index) - 1], None
             try:
                 T_gt = near_pose(poses[:, :, k])
+                taken.append(poses[:, :3, k])
             except ShapeError as error:
                 notes.append(f"{called} has no ground truth: {error}")
             objects.append(
                 RecordedObject(called, model_of(self._models, called), 1.0, labels == index, T_cam_obj_gt=T_gt)
             )
+        notes += rounding_note(f"ground truth of the frame's {META}", taken)
         return RecordedFrame(name, K, depth_m, rgb, tuple(objects), notes=tuple(notes))
 
     def answers(self, name: str) -> Mapping[str, tuple[Float | None, float | None]]:
