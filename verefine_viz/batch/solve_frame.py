@@ -12,6 +12,7 @@ from typing import Protocol
 
 from msgspec import structs
 
+from verefine_viz.batch.folder import ERRORS
 from verefine_viz.batch.machine import temporary_folder
 from verefine_viz.batch.runs import Runs, file_stem
 from verefine_viz.batch.summary import object_facts, run_end
@@ -87,7 +88,7 @@ def _result(
 
 def _unforeseen(toolbox: Toolbox, frame: str, out: Path, error: Exception) -> RunRecord:
     """The result of a frame that failed for an unforeseen reason; its traceback is saved below ``out``."""
-    log = out / "errors" / f"{file_stem(frame)}.txt"
+    log = out / ERRORS / f"{file_stem(frame)}.txt"
     # On a full disk the frame fails all the same, just without its traceback.
     with suppress(InputError), atomic(log) as part:
         part.write_text("".join(traceback.format_exception(error)), encoding="utf-8")

@@ -27,6 +27,7 @@ from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import NO_CONTACTS, Iteration, SimulatedPath
 from verefine_viz.core.settings import Session
+from verefine_viz.core.writing import make_inside, new_file
 from verefine_viz.run.record import FORMAT, RunEnd, RunHeader, RunRecord, header_of, session_of
 
 SUFFIX = ".vfrun"
@@ -51,11 +52,8 @@ class RunFile:
             InputError: it cannot be written.
         """
         self.close()
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
-        except OSError as error:
-            raise self._refused(error) from None
+        make_inside(self.path.parent)
+        self._file = new_file(self.path)
         self._write(MAGIC + framed(_HEADER + _ENCODER.encode(header)))
 
     def append(self, iteration: Iteration) -> None:
