@@ -11,7 +11,7 @@ import pytest
 
 from tests.changing import replace
 from tests.fakes import box_problem
-from tests.recording.runs import END, new_run, recorded_run, session
+from tests.recording.runs import ending, new_run, recorded_run, session
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.records import Iteration
 from verefine_viz.recording.reader import read_recording
@@ -49,9 +49,10 @@ class Changing(RunFile):
 
 def record_changed(folder: Path, k: int, change: Callable[[Iteration], Iteration], is_finished: bool = True) -> Path:
     file = Changing(folder / "run.vfrun", k, change)
-    new_run(session(), box_problem(3, 2), (file,)).finish()
+    run = new_run(session(), box_problem(3, 2), (file,))
+    run.finish()
     if is_finished:
-        file.finish(END)
+        file.finish(ending(run))
     return file.path
 
 
@@ -90,7 +91,7 @@ def test_one_bit_of_a_pose_is_found_and_told_from_a_real_difference(tmp_path: Pa
     [
         (1, lambda i: replace(i, accepted="simulated"), "accepted"),
         (8, lambda i: replace(i, arm=2), "arm"),
-        (30, lambda i: replace(i, best=replace(i.best, arm=7)), "best.arm"),
+        (30, lambda i: replace(i, best=replace(i.best, arm=(i.best.arm + 1) % 3)), "best.arm"),
         (4, lambda i: moved(i, lambda x: x + 2e-5), r"stages\[2\]\.T_cam_obj\[0, 3\]: \S+ against \S+, by 2e-05$"),
     ],
 )
