@@ -188,6 +188,7 @@ ITERATIONS: list[tuple[Callable[[Any], object], str]] = [
 HEADERS: list[tuple[Callable[[dict[str, Any]], object], str]] = [
     (lambda h: h.update(format=99), "was written by a later version (format 99, this one reads 1); update"),
     (lambda h: h.update(frame="../.."), "frame '../..' is not"),
+    (lambda h: h.update(session="[[[x"), "its session is no TOML"),
     (lambda h: h.update(frame="00/1"), "'00/1' is no frame"),
     (lambda h: h.update(frame=f"0/{'9' * 5000}"), 'is not "scene/image"'),
     (lambda h: h.update(T_table_cam=packed(np.ones(3))), "table has shape (3,)"),

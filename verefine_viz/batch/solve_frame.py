@@ -88,21 +88,27 @@ def _result(
 
 def _unforeseen(toolbox: Toolbox, frame: str, out: Path, error: Exception) -> RunRecord:
     """The result of a frame that failed for an unforeseen reason; its traceback is saved below ``out``."""
-    log = out / ERRORS / f"{file_stem(frame)}.txt"
-    # On a full disk the frame fails all the same, just without its traceback.
-    with suppress(InputError), atomic(log) as part:
-        part.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+    where = _logged(frame, out, error)
     if isinstance(error, OSError) and error.errno in DISK_FULL and error.filename is None:
         disks = f"the disk of {out} or that of temporary files, {temporary_folder()}"
         return failed_run(toolbox.session, frame, f"no space on {disks}: {error.strerror}")
-    where = f" (see errors/{log.name})" if log.is_file() else ""
     return failed_run(toolbox.session, frame, f"{type(error).__name__}: {error}{where}")
 
 
-def with_causes(end: RunEnd, run: Run, toolbox: Toolbox) -> RunEnd:
+def _logged(frame: str, out: Path, error: Exception) -> str:
+    """Where the traceback of a frame's error is saved, for a message; "" where it could not be."""
+    log = out / ERRORS / f"{file_stem(frame)}.txt"
+    # On a full disk all goes on the same, just without the traceback.
+    with suppress(InputError), atomic(log) as part:
+        part.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+    return f" (see {ERRORS}/{log.name})" if log.is_file() else ""
+
+
+def with_causes(end: RunEnd, run: Run, toolbox: Toolbox, out: Path) -> RunEnd:
     """``end`` with ``cause`` and ``evidence`` in the answers that are wrong and have ground truth.
 
-    Where the data of such a frame do not fit together, the doubts are in ``evidence`` as well.
+    Where the data of such a frame do not fit together, the doubts are in ``evidence`` as well. Where the diagnosis fails,
+    ``evidence`` says so, and its traceback is saved below ``out``.
     """
     doubts = end.doubts
     try:
@@ -112,7 +118,9 @@ def with_causes(end: RunEnd, run: Run, toolbox: Toolbox) -> RunEnd:
         doubts = diagnoses[0].doubts if diagnoses else doubts
     except Exception as error:
         # The answers are there all the same.
-        why = f"no diagnosis: {type(error).__name__}: {error}"
+        known = isinstance(error, VerefineError)
+        why = str(error) if known else f"an error of the program{_logged(run.problem.frame, out, error)}"
+        why = f"no diagnosis: {why}"
         causes = {row.instance_id: ("", why) for row in end.answers if row.has_truth and row.is_correct is not True}
     rows = []
     for row in end.answers:
@@ -162,7 +170,7 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool, watch: _Stop
                 run.show([_Timed(recorder, watch)])
             if explain and any(a.has_truth and a.is_correct is not True and a.was_asked_for for a in end.answers):
                 with watch("explain"):
-                    end = with_causes(end, run, toolbox)
+                    end = with_causes(end, run, toolbox, out)
             end = structs.replace(end, seconds=time.perf_counter() - started, stages_ms=watch.stages_ms)
             if is_recorded:
                 recorder.close(file.finished_as(end))

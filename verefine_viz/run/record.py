@@ -307,5 +307,5 @@ def session_of(header: RunHeader) -> Session:
     try:
         raw = parsed_toml(header.session)
     except ValueError:
-        raise SettingsError("the session in the run file is damaged: it is no TOML; run the session again") from None
+        raise SettingsError("the session of the run is no TOML") from None
     return resolve(raw, "the session of the run")

@@ -30,6 +30,7 @@ from verefine_viz.core.records import NO_CONTACTS, Iteration, SimulatedPath
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import make_inside, new_file
 from verefine_viz.run.record import FORMAT, RunEnd, RunHeader, RunRecord, header_of, session_of
+from verefine_viz.run.session_file import parsed_toml
 from verefine_viz.scenes.frames import frame_name, parse_frame
 
 SUFFIX = ".vfrun"
@@ -150,6 +151,8 @@ def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecor
     n, part = 0, "its header"
     try:
         header = _header(first[1:], what)
+        if with_iterations:
+            _check_session(header)
         for body in bodies:
             part = f"iteration {n + 1}"
             if body[:1] == _ITERATION and end is None:
@@ -250,6 +253,13 @@ def _header(body: memoryview, what: str) -> RunHeader:
         if len(one.initial) not in (0, len(one.hypotheses)):
             raise ValueError(f"{one.name} has {len(one.hypotheses)} hypotheses and {len(one.initial)} scores")
     return header
+
+
+def _check_session(header: RunHeader) -> None:
+    try:
+        parsed_toml(header.session)
+    except ValueError:
+        raise ValueError("its session is no TOML") from None
 
 
 class _Numbered(msgspec.Struct):
