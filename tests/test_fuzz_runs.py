@@ -1,6 +1,6 @@
 """Damaged run files in every command that reads them: an answer, or one line that is about the run. Never a traceback.
 
-Each case changes one entry of a run file, whose lengths and checksums are right all the same, or the entries themselves.
+Each case changes one entry of a run file, or which entries there are; lengths and checksums are right all the same.
 VEREFINE_FUZZ_RUNS="2000" has it try so many, "2000 500" from number 500 on.
 """
 
@@ -45,8 +45,9 @@ N, FIRST = (*map(int, os.environ.get("VEREFINE_FUZZ_RUNS", "60").split()), 0)[:2
 LONGEST_S = 30.0
 FRAMES = ("0/1", "0/2")
 VALUES: tuple[Any, ...] = (
-    None, True, -1, 0, 1, 2, 3, 7, 2.5, 1e-300, 1e308, -1e30, 2**62, -(2**60), 65535, float("nan"), float("inf"), "", "x",
-    "a\0b", "\x1b[2J\n", "../..", "0/2", "[[[", b"", b"\0" * 128, [], {}, [[]], [1] * 9, {"a": None}, "y" * 100_000,
+    None, True, -1, 0, 1, 2, 3, 7, 2.5, 1e-300, 1e308, -1e30, 2**62, -(2**60), 65535, float("nan"), float("inf"), "",
+    "x", "a\0b", "\x1b[2J\n", "../..", "0/2", "[[[", b"", b"\0" * 128, [], {}, [[]], [1] * 9, {"a": None},
+    "y" * 100_000,
     ["<f8", [4, 4], np.full(16, np.nan).tobytes()], ["<f8", [3], np.ones(3).tobytes()], ["<f8", [4, 4], b""],
     ["<f8", [2**40, 0], b""], ["<i8", [0], b""],
 )  # fmt: skip

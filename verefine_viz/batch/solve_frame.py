@@ -27,7 +27,7 @@ from verefine_viz.recording.recorder import Recorder
 from verefine_viz.run.answers import left_out_answer
 from verefine_viz.run.engine import Run
 from verefine_viz.run.kernel_compilation import compiling_reported
-from verefine_viz.run.record import Answer, RunEnd, RunRecord, failed_run, header_of
+from verefine_viz.run.record import Answer, RunEnd, RunRecord, failed_run, header_of, session_of
 from verefine_viz.run.run_file import RunFile
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.run.track import EarlierPose, with_its_tracked
@@ -95,8 +95,10 @@ def _unforeseen(toolbox: Toolbox, frame: str, out: Path, error: Exception) -> Ru
     return failed_run(toolbox.session, frame, f"{type(error).__name__}: {error}{where}")
 
 
-def _logged(frame: str, out: Path, error: Exception) -> str:
-    """Where the traceback of a frame's error is saved, for a message; "" where it could not be."""
+def _logged(frame: str, out: Path | None, error: Exception) -> str:
+    """Where the traceback of a frame's error is saved, for a message; "" where it could not be, or has no place."""
+    if out is None:
+        return ""
     log = out / ERRORS / f"{file_stem(frame)}.txt"
     # On a full disk all goes on the same, just without the traceback.
     with suppress(InputError), atomic(log) as part:
@@ -104,11 +106,11 @@ def _logged(frame: str, out: Path, error: Exception) -> str:
     return f" (see {ERRORS}/{log.name})" if log.is_file() else ""
 
 
-def with_causes(end: RunEnd, run: Run, toolbox: Toolbox, out: Path) -> RunEnd:
+def with_causes(end: RunEnd, run: Run, toolbox: Toolbox, out: Path | None = None) -> RunEnd:
     """``end`` with ``cause`` and ``evidence`` in the answers that are wrong and have ground truth.
 
-    Where the data of such a frame do not fit together, the doubts are in ``evidence`` as well. Where the diagnosis fails,
-    ``evidence`` says so, and its traceback is saved below ``out``.
+    Where the data of such a frame do not fit together, the doubts are in ``evidence`` as well. A diagnosis that fails is
+    said there, and its traceback saved below ``out``.
     """
     doubts = end.doubts
     try:
@@ -182,6 +184,24 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool, watch: _Stop
                 recorder.close()
             raise
     return RunRecord(header_of(problem, run.state_at(0), recorded), (), end)
+
+
+def end_again(run: Run, recorded: RunRecord) -> RunEnd:
+    """The end of a run that is over, worked out as that of a record of it was: with grasps and causes where it has any.
+
+    Raises:
+        VerefineError: what works it out cannot be made here.
+    """
+    session, problem = session_of(recorded.header), run.problem
+    answers = () if recorded.end is None else recorded.end.answers
+    grasps = None
+    if any(one.grasp or one.grasp_ground_truth for one in answers):
+        grasps = answer_grasps(problem, [best and best.T_cam_obj for best in run.final_state.best], session.grasp)
+    end = run_end(run, session, grasps=grasps)
+    plain = {one.instance_id: (one.cause, one.evidence) for one in end.answers}
+    if any((one.cause, one.evidence) != plain.get(one.instance_id) for one in answers):
+        end = with_causes(end, run, Toolbox(session))
+    return end
 
 
 def _answers(runs: Runs, frame: str) -> tuple[EarlierPose, ...] | None:

@@ -73,7 +73,7 @@ class SimulatedPath(Struct, frozen=True, eq=False):
         return self.Ts_cam_obj[-1]
 
 
-TIMES = ("ms", "score_ms", "spent_s")
+TIMES = ("ms", "score_ms", "spent_s", "ms_refine", "ms_simulate", "ms_score", "ms_total", "seconds", "stages_ms")
 """Fields that differ from run to run and are left out of comparisons."""
 
 StageName = Literal["initial", "current", "simulated", "mixed", "refined", "flipped", "edited"]

@@ -15,7 +15,7 @@ import struct
 import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -37,6 +37,7 @@ SUFFIX = ".vfrun"
 MAGIC = b"VEREFINE RUN\n"
 _HEAD = struct.Struct("<II")
 _HEADER, _ITERATION, _END = b"H", b"I", b"E"
+R = TypeVar("R", RunHeader, Iteration, RunEnd)
 
 
 class RunFile:
@@ -204,9 +205,12 @@ def thin(iteration: Iteration) -> Iteration:
     return structs.replace(iteration, path=SimulatedPath(Ts_cam_obj, path.contacts[-1:], path.tipping))
 
 
-def as_read(iteration: Iteration) -> Iteration:
-    """The iteration as it is read back."""
-    return _iteration(_ENCODER.encode(thin(iteration)))
+def as_read(record: R) -> R:
+    """The record as it is read back."""
+    if isinstance(record, Iteration):
+        return _iteration(_ENCODER.encode(thin(record)))
+    decoder: Any = _HEADER_DECODER if isinstance(record, RunHeader) else _END_DECODER
+    return decoder.decode(_ENCODER.encode(record))
 
 
 _DAMAGED, _CUT = "damaged", "cut"
