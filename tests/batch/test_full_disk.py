@@ -22,6 +22,7 @@ from verefine_viz import cli
 from verefine_viz.batch import run_batch as runner
 from verefine_viz.batch import worker_pool as pool
 from verefine_viz.batch.pace import Pace
+from verefine_viz.batch.runs import read_run
 from verefine_viz.core.errors import InputError
 from verefine_viz.run.record import RunRecord
 
@@ -67,6 +68,7 @@ def test_a_batch_names_the_file_and_goes_on_when_there_is_room(
     with file_limit(n_bytes):
         assert cli.main(batch) == 2
     assert said(capsys) == f"cannot write {out / refused}: File too large"
+    assert read_run(out).status == "stopped"
     assert not list(out.rglob("*.part"))
     n_done = len(done(out))
     assert cli.main(batch) == 0
@@ -87,6 +89,7 @@ def test_a_disk_that_fills_in_the_middle_loses_nothing(session: Path, whole: Pat
     (line,) = errors.splitlines()
     assert line.startswith(f"verefine-viz: cannot write {out / 'runs' / '000007_'}")
     assert line.endswith(".vfrun: File too large")
+    assert read_run(out).status == "stopped"
     # The worker may have finished its frame.
     assert n_done <= len(done(out)) <= n_done + 1
     n_done = len(done(out))

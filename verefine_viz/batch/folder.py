@@ -30,6 +30,7 @@ from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import (
     atomic,
+    change_in_place,
     check_folder,
     check_no_link,
     clear_parts,
@@ -97,6 +98,11 @@ class RunFolder:
         """
         if not (self.path / SESSION_FILE).exists():
             save_session(self.session, self.path / SESSION_FILE)
+
+    def mark_stopped(self) -> None:
+        """Has run.json say that the batch was stopped, also where a full disk takes no file any more."""
+        if (self.path / RUN_FILE).is_file():
+            change_in_place(self.path / RUN_FILE, b'"status": "running"', b'"status": "stopped"')
 
     def write_json(self, name: str, value: Mapping[str, Any]) -> None:
         """Writes a JSON file of the folder, whole or not at all.

@@ -109,8 +109,8 @@ def _logged(frame: str, out: Path | None, error: Exception) -> str:
 def with_causes(end: RunEnd, run: Run, toolbox: Toolbox, out: Path | None = None) -> RunEnd:
     """``end`` with ``cause`` and ``evidence`` in the answers that are wrong and have ground truth.
 
-    Where the data of such a frame do not fit together, the doubts are in ``evidence`` as well. A diagnosis that fails is
-    said there, and its traceback saved below ``out``.
+    Where the data of such a frame do not fit together, the doubts are in ``evidence`` as well. Where the diagnosis
+    fails, that is said there, and its traceback saved below ``out``.
     """
     doubts = end.doubts
     try:

@@ -191,6 +191,18 @@ def write_json(path: Path, content: Any) -> None:
         part.write_text(json.dumps(content, indent=1), encoding="utf-8")
 
 
+def change_in_place(file: Path, before: bytes, after: bytes) -> None:
+    """Changes some bytes of a file of ours into as many others, which needs no room on the disk.
+
+    Nothing is done where the file does not hold them, or cannot be written.
+    """
+    assert len(before) == len(after)
+    with suppress(OSError, InputError), _opened(file) as opened:
+        at = opened.read().find(before)
+        if at >= 0:
+            os.pwrite(opened.fileno(), after, at)
+
+
 def clear_parts(folder: Path, of: str = "") -> None:
     """Removes what killed processes left half-written in a folder; what others are just writing stays.
 
