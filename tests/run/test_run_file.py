@@ -195,7 +195,7 @@ HEADERS: list[tuple[Callable[[dict[str, Any]], object], str]] = [
     (lambda h: h["objects"][0].update(T_cam_obj_gt=NAN_POSE), "ground truth of box holds NaN"),
     (
         lambda h: h["objects"][0].update(diameter_m=0.0),
-        "its header: Expected `float` > 0.0 (at .objects[...].diameter_m)",
+        "its header: Expected `float` > 0.0 (at .objects[0].diameter_m)",
     ),
     (lambda h: h["objects"].append(h["objects"][0]), "an object is in it twice"),
     (lambda h: h["objects"][0].update(instance_id=99), "of instance 0, which has 0"),
@@ -250,13 +250,19 @@ def test_entries_that_are_missing_doubled_or_of_no_kind_are_damage(tmp_path: Pat
             assert expected in refused(tmp_path / "b.vfrun", with_iterations), expected
 
 
-def test_zeros_behind_a_run_end_it(tmp_path: Path) -> None:
+def test_zeros_are_no_entries(tmp_path: Path) -> None:
     """As a file system leaves them that had no time to write; each eight of them are a length and its checksum."""
     run = run_file(tmp_path / "a.vfrun", SHORT)
     content = (tmp_path / "a.vfrun").read_bytes()
-    (tmp_path / "a.vfrun").write_bytes(content + bytes(800))
-    record = read_run_file(tmp_path / "a.vfrun")
-    assert (len(record.iterations), record.is_complete, record.damaged) == (run.length, False, False)
+    end = framed(bodies_of(tmp_path / "a.vfrun")[-1])
+    for changed, is_complete in (
+        (content + bytes(800), True),
+        (content.removesuffix(end) + bytes(800), False),
+        (content.removesuffix(end) + bytes(800) + end, False),
+    ):
+        (tmp_path / "a.vfrun").write_bytes(changed)
+        record = read_run_file(tmp_path / "a.vfrun")
+        assert (len(record.iterations), record.is_complete, record.damaged) == (run.length, is_complete, False)
 
 
 ANSWERS: list[tuple[dict[str, Any], str]] = [

@@ -178,11 +178,11 @@ def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecor
     except (ShapeError, SettingsError, ValueError) as error:
         raise InputError(f"{what} is damaged: {one_line(str(error))}; run its session again") from None
     missing = ""
-    if entries.damage or end is None:
+    if end is None:  # What is left of something behind the answers takes nothing from them.
         left = "1 iteration is in it" if n == 1 else f"{n or 'no'} iterations are in it"
         why = "bytes in the middle are damaged" if entries.damage == _DAMAGED else "it was stopped or cut off"
         missing = f"the run ended early ({why}); {left}"
-    return RunRecord(header, tuple(iterations), end, entries.damage == _DAMAGED, missing)
+    return RunRecord(header, tuple(iterations), end, end is None and entries.damage == _DAMAGED, missing)
 
 
 def _ending(end: RunEnd) -> bytes:
@@ -248,9 +248,9 @@ def _header(body: memoryview, what: str) -> RunHeader:
         raise ValueError(f"{quoted(header.frame)} is no frame")
     if len({one.instance_id for one in header.objects}) < len(header.objects):
         raise ValueError("an object is in it twice")
-    poses = {"camera pose": header.T_map_cam, "table": header.T_table_cam}
-    poses |= {f"ground truth of {one.name}": one.T_cam_obj_gt for one in header.objects}
-    for name, T in poses.items():
+    poses = [("camera pose", header.T_map_cam), ("table", header.T_table_cam)]
+    poses += [(f"ground truth of {one.name}", one.T_cam_obj_gt) for one in header.objects]
+    for name, T in poses:
         if T is not None:
             as_rigid(T, name)
     for one in header.objects:
