@@ -16,6 +16,7 @@ import re
 import secrets
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from http import HTTPStatus
 from pathlib import Path
@@ -73,7 +74,7 @@ class Viser3DServer(viser.ViserServer):
 
 @contextlib.contextmanager
 def _guarded(server: viser.ViserServer) -> Iterator[None]:
-    original, pool = websockets.asyncio.server.serve, viser._viser.ThreadPoolExecutor
+    original = websockets.asyncio.server.serve
 
     def serve(*args: Any, process_request: Any, **kwargs: Any) -> Any:
         def answer(connection: ServerConnection, request: Request) -> Response | None:
@@ -88,12 +89,12 @@ def _guarded(server: viser.ViserServer) -> Iterator[None]:
         return original(*args, **{**kwargs, **ours})
 
     websockets.asyncio.server.serve = serve  # type: ignore[assignment, misc]
-    viser._viser.ThreadPoolExecutor = lambda max_workers: pool(MOST_THREADS)  # type: ignore[assignment, misc]
+    viser._viser.ThreadPoolExecutor = lambda max_workers: ThreadPoolExecutor(MOST_THREADS)  # type: ignore[assignment, misc]
     try:
         yield
     finally:
         websockets.asyncio.server.serve = original  # type: ignore[misc]
-        viser._viser.ThreadPoolExecutor = pool  # type: ignore[misc]
+        viser._viser.ThreadPoolExecutor = ThreadPoolExecutor  # type: ignore[misc]
 
 
 def admits(port: int, request: Request) -> bool:
