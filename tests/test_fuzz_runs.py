@@ -41,7 +41,7 @@ from verefine_viz.run.run_file import MAGIC, framed, read_run_file
 
 pytestmark = pytest.mark.usefixtures("processes")
 
-N, FIRST = (*map(int, os.environ.get("VEREFINE_FUZZ_RUNS", "60").split()), 0)[:2]
+N, FIRST = (*map(int, os.environ.get("VEREFINE_FUZZ_RUNS", "40").split()), 0)[:2]
 LONGEST_S = 30.0
 FRAMES = ("0/1", "0/2")
 VALUES: tuple[Any, ...] = (
