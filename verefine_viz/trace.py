@@ -97,9 +97,9 @@ class Trace:
         self._started = time.perf_counter()
         self.folder, self._file = _claimed(Path(folder))
         """Where the trace is."""
-        np.save(self.folder / "depth.npy", depth)
+        _save(self.folder / "depth.npy", depth)
         if photo is not None:
-            np.save(self.folder / "rgb.npy", photo)
+            _save(self.folder / "rgb.npy", photo)
         self._append(
             {
                 "trace": FORMAT,
@@ -113,7 +113,7 @@ class Trace:
         if intrinsics[0, 1]:
             self.problem(f"K has a skew of {intrinsics[0, 1]:.4g} px, which is not used")
         if self.folder != Path(folder):
-            self.problem(f"{folder} holds a trace already; this one is in {self.folder}")
+            self.problem(f"{folder} holds a trace, or its own depth.npy or rgb.npy; this one is in {self.folder}")
 
     def object(
         self,
@@ -173,7 +173,7 @@ class Trace:
                 if inside.shape != self._shape or not inside.any():
                     what = "empty" if inside.shape == self._shape else f"of shape {inside.shape}"
                     raise ValueError(f"it is {what}, expected pixels of the object in shape {self._shape}, as depth_m")
-                np.save(self.folder / f"mask_{number}.npy", inside)
+                _save(self.folder / f"mask_{number}.npy", inside)
                 line["mask"] = f"mask_{number}.npy"
         except Exception as error:
             self.problem(f"mask of {name}: {error}")
@@ -393,11 +393,19 @@ def _claimed(folder: Path) -> tuple[Path, int]:
             free.mkdir(parents=True, exist_ok=True)
         except FileExistsError:
             raise NotADirectoryError(f"{free} is a file, expected a folder for the trace") from None
+        if any(os.path.lexists(free / name) for name in ("depth.npy", "rgb.npy")):
+            continue  # Of something else.
         try:
             return free, os.open(free / CALLS, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o666)
         except FileExistsError:
             continue
     raise FileExistsError(f"{folder} and a thousand names after it hold traces")
+
+
+def _save(file: Path, values: Any) -> None:
+    """Write an array to a new file; FileExistsError where there is one, or a link, which may lead to anything."""
+    with file.open("xb") as target:
+        np.save(target, values)
 
 
 def _copy_mesh(mesh: Path, folder: Path) -> list[str]:

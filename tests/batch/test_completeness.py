@@ -110,7 +110,7 @@ def flipped(content: bytes, at: int) -> bytes:
         (lambda content: content[: len(MAGIC) + 20], "holds nothing of a run"),
         (lambda content: b"7,0,5,0.9", "is no run file"),
         (lambda content: changed_header(content, format=FORMAT + 1), "was written by a later version"),
-        (lambda content: changed_header(content, frame="0/7"), "is damaged: it is about frame 0/7"),
+        (lambda content: changed_header(content, frame="0/7"), "an answer is about frame '0/1', and the run about 0/7"),
         (lambda content: content[: len(content) // 2], None),
     ],
 )

@@ -19,12 +19,13 @@ from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.run.answers import table_lines
 from verefine_viz.run.record import RunRecord
 from verefine_viz.run.session_file import load_session, resolve
+from verefine_viz.scenes.frames import parse_frame
 
 SESSION = resolve({"title": "a", "method": {"name": "sir"}})
 
 
 def solved(frame: str, score: float = 0.5) -> RunRecord:
-    return finished(frame, [answer(1, 2, score=score)])
+    return finished(frame, [answer(*parse_frame(frame), score=score)])
 
 
 def tables(records: Iterable[RunRecord]) -> list[tuple[str, str]]:

@@ -7,20 +7,23 @@ from time import sleep
 from typing import Any
 
 import pytest
+from msgspec import structs
 from numba import njit
 
 from tests.batch.frames import depth_file, make_frames, write_session
 from tests.scenes.bop_folder import Made
 from verefine_viz.batch import solve_frame as causes
 from verefine_viz.batch.runs import Runs
-from verefine_viz.batch.solve_frame import FrameTask, explain_frame, solve_frame
+from verefine_viz.batch.solve_frame import FrameTask, end_again, explain_frame, solve_frame
 from verefine_viz.core.errors import InputError
 from verefine_viz.diagnosis.causes import Cause
 from verefine_viz.evaluation.landscape import landscape
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.recording.recorder import Recorder
+from verefine_viz.recording.verify import verify
 from verefine_viz.run.answers import STAGES, once_s, solving_s, table_lines
 from verefine_viz.run.record import RunEnd
+from verefine_viz.run.run_file import read_run_file, write_record
 from verefine_viz.run.session_file import load_session
 from verefine_viz.run.toolbox import Toolbox
 
@@ -161,6 +164,32 @@ def test_causes_are_asked_for_where_the_answer_is_wrong(made: Made) -> None:
     assert set(asked.stages_ms) <= set(STAGES)
 
 
+@pytest.mark.usefixtures("long_run")
+def test_answers_causes_and_grasps_are_verified(tmp_path: Path, made: Made) -> None:
+    tools = toolbox(made, off_mm=60.0)
+    tools = Toolbox(structs.replace(tools.session, grasp=structs.replace(tools.session.grasp, answers=True)))
+    path = Runs(tmp_path / "runs").path("7/0")
+    for task in (solve_frame, explain_frame):
+        task(tools, "7/0", tmp_path)
+        assert verify(path, None, end_again).difference is None
+    record = read_run_file(path)
+    assert record.end is not None
+    first, *others = record.end.answers
+    assert first.grasp
+    assert first.cause
+    for fields in (
+        {"add_s_mm": 1.0},
+        {"cause": ""},
+        {"evidence": "so"},
+        {"grasp": "success"},
+        {"best_hypothesis": None},
+    ):
+        end = structs.replace(record.end, answers=(structs.replace(first, **fields), *others))
+        write_record(path, structs.replace(record, end=end))
+        found = verify(path, None, end_again).difference
+        assert (found or "").startswith(f"the answers: answers[0].{next(iter(fields))}: "), (fields, found)
+
+
 def test_a_diagnosis_that_breaks_costs_no_answer(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(run: object, toolbox: object) -> None:
         raise ZeroDivisionError("division by zero")
@@ -168,7 +197,9 @@ def test_a_diagnosis_that_breaks_costs_no_answer(made: Made, monkeypatch: pytest
     monkeypatch.setattr(causes, "diagnose", broken)
     result = solved(toolbox(made, off_mm=60.0), explain_frame)
     assert not result.failed
-    assert {row.evidence for row in result.answers} == {"no diagnosis: ZeroDivisionError: division by zero"}
+    assert {row.evidence for row in result.answers} == {
+        "no diagnosis: an error of the program (see errors/000007_000000.txt)"
+    }
 
 
 def test_a_pool_without_hypotheses_is_no_failure(tmp_path: Path, made: Made) -> None:

@@ -1,16 +1,11 @@
-"""A disk that is full: the line names the file that it refused, nothing is half-written, and the same command goes on.
-
-The system's own limit on the size of files stands in for the disk: writing beyond it fails in the middle, as there.
-"""
+"""A full disk: the line names the file that it refused, nothing is half-written, and the same command goes on."""
 
 from __future__ import annotations
 
 import os
-import resource
 import shutil
 import subprocess
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import psutil
@@ -22,25 +17,16 @@ from tests.batch.conftest import N_FRAMES
 from tests.batch.frames import ROOT, PoolHere, batch_here, command, started_batch
 from tests.batch.killed_batches import without_times
 from tests.batch.outputs import done, stop_in_the_middle
+from tests.full_disk import file_limit
 from verefine_viz import cli
 from verefine_viz.batch import run_batch as runner
 from verefine_viz.batch import worker_pool as pool
 from verefine_viz.batch.pace import Pace
+from verefine_viz.batch.runs import read_run
 from verefine_viz.core.errors import InputError
 from verefine_viz.run.record import RunRecord
 
 pytestmark = pytest.mark.usefixtures("processes")
-
-
-@contextmanager
-def file_limit(n_bytes: int) -> Iterator[None]:
-    """No file that this process or one that it starts writes may become larger."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def said(capsys: pytest.CaptureFixture[str]) -> str:
@@ -82,6 +68,7 @@ def test_a_batch_names_the_file_and_goes_on_when_there_is_room(
     with file_limit(n_bytes):
         assert cli.main(batch) == 2
     assert said(capsys) == f"cannot write {out / refused}: File too large"
+    assert read_run(out).status == "stopped"
     assert not list(out.rglob("*.part"))
     n_done = len(done(out))
     assert cli.main(batch) == 0
@@ -102,6 +89,7 @@ def test_a_disk_that_fills_in_the_middle_loses_nothing(session: Path, whole: Pat
     (line,) = errors.splitlines()
     assert line.startswith(f"verefine-viz: cannot write {out / 'runs' / '000007_'}")
     assert line.endswith(".vfrun: File too large")
+    assert read_run(out).status == "stopped"
     # The worker may have finished its frame.
     assert n_done <= len(done(out)) <= n_done + 1
     n_done = len(done(out))

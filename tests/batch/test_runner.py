@@ -11,8 +11,10 @@ from pathlib import Path
 import pytest
 
 from tests.batch.at_once import AtOnce, AtOnceBackend, Loop, failed, solved
+from verefine_viz.batch import run_batch as run_batch_module
 from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.run_batch import BatchStatus, run_batch
+from verefine_viz.batch.runs import read_run
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord
@@ -93,6 +95,22 @@ def test_what_takes_long_is_passed_on_and_no_result(loop: Loop) -> None:
     made.solve = lambda frames, pace: iter(["Compiling.", *map(made.done, frames)])  # type: ignore[method-assign]
     assert loop.run(workers=made).totals["frames_done"] == 3
     assert [now.doing for now in loop.seen] == ["", "Compiling.", "", "", ""]
+
+
+def test_a_second_ctrl_c_while_it_tidies_up_leaves_no_batch_that_runs(loop: Loop) -> None:
+    loop.frames(3)
+
+    def stop(*_: object) -> RunRecord:
+        raise KeyboardInterrupt
+
+    loop.patch.setattr(run_batch_module, "write_tables", stop)
+    with pytest.raises(KeyboardInterrupt):
+        loop.run(lambda frame: solved(frame) if frame == "0/0" else stop())
+    assert read_run(loop.out).status == "stopped"
+    loop.patch.undo()
+    loop.frames(3)
+    assert loop.run().n_resumed == 1
+    assert read_run(loop.out).status == "finished"
 
 
 @pytest.mark.parametrize("end", [KeyboardInterrupt(), UnavailableError("the scheduler is gone")])

@@ -7,13 +7,17 @@ from pathlib import Path
 import pytest
 
 from tests.fakes import box_problem
-from tests.recording.runs import new_run, recorded_run, session
+from tests.recording.runs import ending, new_run, recorded_run, session
 from verefine_viz import cli
+from verefine_viz.batch import solve_frame
 from verefine_viz.recording import verify
 from verefine_viz.run.engine import Run
 from verefine_viz.run.record import RunRecord, session_of
 
-EXPECTED = {"same.rrd": "no difference in 30 iterations", "other.rrd": "differs, recorded against now: iteration 1"}
+EXPECTED = {
+    "same.rrd": "no difference in 30 iterations",
+    "other.rrd": "differs, recorded against now: the start: objects[0].",
+}
 
 
 @pytest.fixture(scope="module")
@@ -30,6 +34,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def folder(recordings: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The recordings; made-up runs are run again."""
     monkeypatch.setattr(verify, "run_again", again)
+    monkeypatch.setattr(solve_frame, "end_again", lambda run, recorded: ending(run))
     return recordings
 
 

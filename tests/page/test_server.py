@@ -10,7 +10,9 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from contextlib import ExitStack
 from http.client import HTTPConnection
+from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
 import msgpack
@@ -22,14 +24,16 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
-from tests.page.viser_client import CAMERA, SUBPROTOCOL
+from tests.page.viser_client import CAMERA, SUBPROTOCOL, client
 from verefine_viz import __version__
 from verefine_viz.core.errors import SettingsError, UnavailableError
 from verefine_viz.page import protocol as p
+from verefine_viz.page.app import App
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.proxy import routes
+from verefine_viz.page.scene3d import viser_server as viser_module
 from verefine_viz.page.scene3d.viser_server import MOST_MALFORMED, Viser3DServer
-from verefine_viz.page.server import MOST_FAULTS, PageServer
+from verefine_viz.page.server import MOST_FAULTS, MOST_THREADS, PageServer
 
 ORIGIN = "http://localhost:3000"
 RECEIVED: list[tuple[int, object]] = []
@@ -93,7 +97,10 @@ def test_every_answer_has_a_policy_without_inline_scripts(server: PageServer):
         assert "unsafe" not in policy
     assert asked(server, "/web/../server.py")[0] == 404
     for path in ("a", "web/a", "thumb/9", "written/a", "blob/a", "3d/a"):
-        assert asked(server, f"/{path * 1000}")[0] in (404, 502), path
+        assert asked(server, f"/{path * 1000}")[0] == 404, path
+    for folder in ("", "web/", "thumb/", "file/", "blob/"):
+        for name in ("9" * 300, "9" * 5000, "%00", "%ff"):
+            assert asked(server, f"/{folder}{name}")[0] == 404, (folder, name)
 
 
 def test_malformed_messages_are_noted_and_the_tenth_closes_the_window(
@@ -194,6 +201,38 @@ def test_the_page_of_viser_comes_with_its_policy(page_address: str) -> None:
     assert "frame-ancestors 'self'" in policy
     assert "sha256-" in policy
     assert "unsafe-inline'; img" in policy  # styles only
+
+
+def test_names_that_no_file_of_viser_has_are_not_asked_for(page_address: str) -> None:
+    for name in ("x" * 300, "x" * 5000, "a/" * 3000, "%00", "%ff", "a%20b", "nothing.js"):
+        with pytest.raises(HTTPError) as answer:
+            urlopen(f"http://{page_address}/3d/{name}")
+        answer.value.close()
+        assert answer.value.code == 404, name
+
+
+def test_threads_stay_few_however_many_windows_there_are(open_page: Callable[..., App]) -> None:
+    app = open_page()
+
+    def load() -> None:
+        for path in ("/", "/web/store.js", "/3d/"):
+            with urlopen(app.url + path) as answer:
+                answer.read()
+
+    before = {*threading.enumerate()}
+    loading = [threading.Thread(target=load) for _ in range(20)]
+    for thread in loading:
+        thread.start()
+    for thread in loading:
+        thread.join()
+    with ExitStack() as stack:
+        clients = [stack.enter_context(client(f"{app.url}/3d", app.url)) for _ in range(12)]
+        for window in clients:
+            for _ in range(3):
+                window.send(CAMERA)
+    names = [thread.name for thread in threading.enumerate() if thread not in before]
+    assert 0 < sum(name.startswith("AnyIO") for name in names) <= MOST_THREADS
+    assert 0 < sum(name.startswith("ThreadPoolExecutor") for name in names) <= viser_module.MOST_THREADS
 
 
 def test_messages_pass_both_ways(viser_server: Viser3DServer, page_address: str) -> None:

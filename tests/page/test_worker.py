@@ -66,6 +66,23 @@ def work():
     assert not worker.thread.is_alive()
 
 
+def test_an_opening_that_is_cancelled_ends_in_one_line() -> None:
+    jobs, messages = Jobs(), list[dict]()
+
+    def open_handler(progress: ProgressToken) -> SlowHandler:
+        jobs.put(Job(1, p.Cancel()))
+        progress.checkpoint(OPENING)
+        return SlowHandler(progress)
+
+    worker = Worker(jobs, lambda message, window: messages.append(message), open_handler)
+    worker.thread.start()
+    worker.thread.join(10)
+    assert worker.ready.is_set()
+    assert isinstance(worker.failure, InputError)
+    assert messages[-1]["text"] == f"This cannot be opened: {worker.failure}"
+    assert "cancelled" in str(worker.failure)
+
+
 def _until(done: Callable[[], bool]) -> None:
     for _ in range(1000):
         if done():

@@ -35,7 +35,9 @@ def new_run(s: Session, problem: Problem, watchers: tuple[Watcher[Any], ...] = (
     return Run(method, problem, watchers)
 
 
-END = RunEnd(answers=(Answer(frame="0/1", status="ok"),))
+def ending(run: Run) -> RunEnd:
+    """The end of a run, with an answer to stand for all."""
+    return RunEnd(answers=(Answer(frame=run.problem.frame, status="ok", n_iterations=run.length),))
 
 
 def recorded_run(path: Path, s: Session | None = None, problem: Problem | None = None, block: int = 25) -> Run:
@@ -46,7 +48,7 @@ def recorded_run(path: Path, s: Session | None = None, problem: Problem | None =
     file = RunFile(path.with_suffix(SUFFIX), s)
     run = new_run(s, problem, (file, recorder))
     run.finish()
-    file.finish(END)
+    file.finish(ending(run))
     recorder.close(file.path.read_bytes())
     file.path.unlink()
     return run
@@ -57,7 +59,7 @@ def run_file(path: Path, s: Session, problem: Problem | None = None) -> Run:
     file = RunFile(path, s)
     run = new_run(s, problem or box_problem(3, 2), (file,))
     run.finish()
-    file.finish(END)
+    file.finish(ending(run))
     return run
 
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import resource
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +9,7 @@ import numpy as np
 import pytest
 import rerun as rr
 
+from tests.full_disk import file_limit
 from verefine_viz.core.errors import InputError
 from verefine_viz.recording.recording_file import RecordingFile, chunks_of, read_bytes
 
@@ -47,16 +45,6 @@ def test_bytes_come_back_from_a_whole_file_only(tmp_path: Path) -> None:
     assert read_bytes(path, "/c") is None
     path.write_bytes(path.read_bytes()[:-20])
     assert read_bytes(path, "/b") is None
-
-
-@contextmanager
-def file_limit(n_bytes: int) -> Iterator[None]:
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def test_a_file_that_may_not_grow_is_one_line_however_often(tmp_path: Path) -> None:

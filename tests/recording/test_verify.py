@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.changing import replace
 from tests.fakes import box_problem
-from tests.recording.runs import END, new_run, recorded_run, session
+from tests.recording.runs import ending, new_run, recorded_run, run_file, session
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.records import Iteration
 from verefine_viz.recording.reader import read_recording
@@ -19,7 +20,7 @@ from verefine_viz.recording.verify import Verification, run_again, verify
 from verefine_viz.run import record
 from verefine_viz.run.engine import Run
 from verefine_viz.run.record import RunRecord, session_of
-from verefine_viz.run.run_file import RunFile
+from verefine_viz.run.run_file import RunFile, read_run_file, write_record
 from verefine_viz.run.toolbox import Toolbox
 
 pytestmark = pytest.mark.usefixtures("processes")
@@ -49,9 +50,10 @@ class Changing(RunFile):
 
 def record_changed(folder: Path, k: int, change: Callable[[Iteration], Iteration], is_finished: bool = True) -> Path:
     file = Changing(folder / "run.vfrun", k, change)
-    new_run(session(), box_problem(3, 2), (file,)).finish()
+    run = new_run(session(), box_problem(3, 2), (file,))
+    run.finish()
     if is_finished:
-        file.finish(END)
+        file.finish(ending(run))
     return file.path
 
 
@@ -90,7 +92,7 @@ def test_one_bit_of_a_pose_is_found_and_told_from_a_real_difference(tmp_path: Pa
     [
         (1, lambda i: replace(i, accepted="simulated"), "accepted"),
         (8, lambda i: replace(i, arm=2), "arm"),
-        (30, lambda i: replace(i, best=replace(i.best, arm=7)), "best.arm"),
+        (30, lambda i: replace(i, best=replace(i.best, arm=(i.best.arm + 1) % 3)), "best.arm"),
         (4, lambda i: moved(i, lambda x: x + 2e-5), r"stages\[2\]\.T_cam_obj\[0, 3\]: \S+ against \S+, by 2e-05$"),
     ],
 )
@@ -103,6 +105,42 @@ def test_a_real_difference_is_named_and_not_called_rounding(
     assert found is not None
     assert re.match(f"iteration {k}: {named}", found)
     assert "same run" not in found
+
+
+def changed(record: RunRecord, **fields: Any) -> RunRecord:
+    """The record with something else about its first object."""
+    first, *others = record.header.objects
+    return replace(record, header=replace(record.header, objects=(replace(first, **fields), *others)))
+
+
+def test_what_a_run_began_from_and_its_answers_are_compared_too(tmp_path: Path) -> None:
+    run_file(tmp_path / "run.vfrun", session(maps=False))
+    record = read_run_file(tmp_path / "run.vfrun")
+    first, end = record.header.objects[0], record.end
+    assert end is not None
+    T = first.hypotheses[0].T_cam_obj.copy()
+    T[0, 3] += 1e-3
+    other = (replace(first.hypotheses[0], T_cam_obj=T), *first.hypotheses[1:])
+    rescored = (replace(first.initial[0], score=0.9), *first.initial[1:])
+    answers = (replace(end.answers[0], score=0.9),)
+    for written, where in (
+        (record, ""),
+        (changed(record, diameter_m=0.2), "the start: objects[0].diameter_m: "),
+        (changed(record, T_cam_obj_gt=T), "the start: objects[0].T_cam_obj_gt["),
+        (changed(record, T_cam_obj_gt=None), "the start: objects[0].T_cam_obj_gt: "),
+        (changed(record, hypotheses=other), "the start: objects[0].hypotheses[0].T_cam_obj[0, 3]: "),
+        (changed(record, initial=rescored), "the start: objects[0].initial[0].score: 0.9 against "),
+        (changed(record, initial=()), "the start: objects[0].initial: 0 entries against 3"),
+        (changed(record, name="cup"), "the start: objects[0].name: 'cup' against 'box'"),
+        (replace(record, header=replace(record.header, T_map_cam=np.eye(4))), "the start: T_map_cam: "),
+        (replace(record, end=replace(end, answers=answers)), "the answers: answers[0].score: "),
+        (replace(record, end=replace(end, notes=("so",))), "the answers: notes: 1 entries against 0"),
+        (replace(record, end=replace(end, seconds=99.0, stages_ms={"read": 1.0})), ""),
+    ):
+        write_record(tmp_path / "b.vfrun", written)
+        found = verify(tmp_path / "b.vfrun", again, lambda run, recorded: ending(run)).difference
+        assert (found or "").startswith(where), (where, found)
+        assert (found is None) == (not where), (where, found)
 
 
 def test_a_recording_longer_than_the_run_is_found(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from tests.learned.test_densefusion_steps import OFFSET, QUAT, coloured_target
 from tests.learned.tiny_network import pose_network, refine_network
-from tests.recording.runs import END
+from tests.recording.runs import ending
 from verefine_viz.core.algorithm_settings import DenseFusionSettings
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.refiner_steps import LearnedRefiner
@@ -195,7 +195,7 @@ def test_stepping_headless_and_replaying_are_the_same(tmp_path: Path) -> None:
     file = RunFile(tmp_path / "run.vfrun", box.session)
     headless = box.run(problem, (file,))
     headless.finish()
-    file.finish(END)
+    file.finish(ending(headless))
     assert any(it.stage("refined") is not None for it in headless.iterations)
     stepped = box.run(problem)
     while not stepped.at_end:

@@ -29,12 +29,14 @@ def row(im_id: int, instance_id: int = 0, scene_id: int = 1, **values: Any) -> A
 def write_run(
     folder: Path, rows: Sequence[Answer], session: Mapping[str, Any] | None = None, T_cam_obj: Float | None = None
 ) -> Path:
-    """A finished batch of these rows; every object that was solved stands at ``T_cam_obj``, or at the identity."""
+    """A finished batch of these rows, whose iterations are left out; every object that was solved stands at
+    ``T_cam_obj``, or at the identity.
+    """
     pose = np.eye(4) if T_cam_obj is None else T_cam_obj
     folder.mkdir(parents=True, exist_ok=True)
     shutil.rmtree(folder / "runs", ignore_errors=True)
     save_session(resolve(session or {"title": "A made-up run"}), folder / "session.toml")
-    placed = [replace(r, T_cam_obj=pose) if r.status == "ok" else r for r in rows]
+    placed = [replace(r, T_cam_obj=pose, n_iterations=0) if r.status == "ok" else r for r in rows]
     results = [
         written(folder, finished(frame, [r for r in placed if r.frame == frame], seconds=1.0))
         for frame in dict.fromkeys(r.frame for r in rows)

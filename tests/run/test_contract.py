@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from msgspec import structs
 
-from tests.recording.runs import END
+from tests.recording.runs import ending
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import axis_angle, transform
 from verefine_viz.core.presets import PRESETS
@@ -144,7 +144,7 @@ def test_with_flips_stepping_headless_and_rewinding_are_the_same(tmp_path: Path)
     file = RunFile(tmp_path / "run.vfrun", box.session)
     headless = box.run(problem, (file,))
     headless.finish()
-    file.finish(END)
+    file.finish(ending(headless))
     assert any(it.accepted == "flipped" for it in headless.iterations)
     stepped = box.run(problem)
     while not stepped.at_end:
@@ -184,7 +184,7 @@ def test_with_a_learned_refiner_stepping_headless_and_replaying_are_the_same(tmp
     file = RunFile(tmp_path / "run.vfrun", box.session)
     recorded = box.run(problem, [recorder, file])
     recorded.finish()
-    file.finish(END)
+    file.finish(ending(recorded))
     recorder.close(file.path.read_bytes())
     assert first_difference(headless.iterations, recorded.iterations) is None
     drawn = [chunk for chunk in chunks_of(tmp_path / "run.rrd") if chunk.entity_path == entities.REFINER]
@@ -250,7 +250,7 @@ def test_stepped_headless_rewound_saved_and_recorded_are_the_same(name: str, tmp
     file = RunFile(tmp_path / "run.vfrun", box.session)
     loaded = box.run(problem, (file,))
     loaded.finish()
-    file.finish(END)
+    file.finish(ending(loaded))
     assert first_difference(fork.iterations, loaded.iterations) is None
     found = verify(file.path)
     assert (found.difference, found.ends_early, found.n_compared) == (None, False, fork.length)

@@ -12,7 +12,7 @@ import pytest
 
 from tests.fakes import FakeVerifier, box_problem
 from tests.physics.bodies import box, placed, standing, table
-from tests.recording.runs import END
+from tests.recording.runs import ending
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import ShapeError
 from verefine_viz.core.geometry import axis_angle
@@ -224,7 +224,7 @@ def test_stepped_headless_rewound_and_replayed_are_the_same(method: str, tmp_pat
     file = RunFile(tmp_path / "run.vfrun", box.session)
     headless = box.run(problem, (file,))
     headless.finish()
-    file.finish(END)
+    file.finish(ending(headless))
     stepped = Toolbox(session(W, method)).run(problem)
     while not stepped.at_end:
         stepped.step()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,9 @@ from hypothesis import strategies as st
 
 from tests.changing import replace
 from tests.fakes import box_problem
+from tests.full_disk import file_limit
 from tests.methods.test_physim_mcts import method_of
-from tests.recording.runs import END, new_run, run_file, session
+from tests.recording.runs import ending, new_run, run_file, session
 from verefine_viz.core.errors import InputError
 from verefine_viz.methods.registry import METHOD_NAMES
 from verefine_viz.recording.verify import first_difference
@@ -35,7 +37,7 @@ def test_every_bit_of_every_iteration_comes_back(tmp_path: Path, name: str) -> N
     else:
         run = new_run(session(name, iterations=3), problem, (file,))
     run.finish()
-    file.finish(END)
+    file.finish(ending(run))
     record = read_run_file(file.path)
     assert record.is_complete
     assert record.missing == ""
@@ -73,17 +75,17 @@ def test_the_header_lets_it_run_again(tmp_path: Path) -> None:
         assert first_difference(one.initial, tuple(scores[j] for j in range(len(scores)))) is None
 
 
-floats = st.none() | st.floats(allow_nan=False)
-lengths_mm = st.none() | st.floats(min_value=0, allow_nan=False)
+floats = st.none() | st.floats(-1e300, 1e300)
+lengths_mm = st.none() | st.floats(0, 1e300)
 
 
 @given(
     score=floats, mm=lengths_mm, name=st.text(), status=st.sampled_from(["ok", "no_answer", "left_out", "failed"]),
-    n=st.integers(0, 2**40), T=st.none() | st.just(np.eye(4)),
+    n=st.integers(0, 2**31 - 1), T=st.none() | st.just(np.eye(4)),
 )  # fmt: skip
 @settings(max_examples=30, deadline=None)
 def test_answers_come_back(tmp_path_factory: pytest.TempPathFactory, score, mm, name, status, n, T) -> None:
-    answer = Answer(frame="0/1", name=name, status=status, score=score, add_s_mm=mm, n_iterations=n, T_cam_obj=T)
+    answer = Answer(frame="0/1", name=name, status=status, score=score, add_s_mm=mm, n_hypotheses=n, T_cam_obj=T)
     end = RunEnd(answers=(answer,), stages_ms={"read": 1.5}, doubts=(name,), seconds=2.0)
     file = RunFile(tmp_path_factory.mktemp("answers") / "a.vfrun", SHORT)
     file.begin(RunHeader(1, "", "0/1", "", {}, ()))
@@ -144,9 +146,9 @@ def packed(array: np.ndarray) -> list[Any]:
     return [array.dtype.str, array.shape, array.tobytes()]
 
 
-def refused(path: Path) -> str:
+def refused(path: Path, with_iterations: bool = True) -> str:
     with pytest.raises(InputError) as caught:
-        read_run_file(path)
+        read_run_file(path, with_iterations)
     assert "\n" not in str(caught.value)
     assert path.name in str(caught.value)
     return str(caught.value)
@@ -170,11 +172,31 @@ ITERATIONS: list[tuple[Callable[[Any], object], str]] = [
     (lambda v: v["stages"][0].update(T_cam_obj=NAN_POSE), "holds NaN"),
     (lambda v: v["stages"][0].update(T_cam_obj=packed(np.ones(3))), "has shape (3,), expected 4×4"),
     (lambda v: v["choice"].update(mean=packed(np.zeros(0))), "another number of hypotheses than 3"),
+    (lambda v: v["choice"].update(mean=packed(np.full(3, np.nan))), "mean holds NaN"),
+    (lambda v: v["choice"].update(arm=3), "another number of hypotheses than 3"),
+    (lambda v: v["best"].update(arm=3), "is of a hypothesis or iteration that is not there"),
+    (lambda v: v["best"].update(iteration=3), "is of a hypothesis or iteration that is not there"),
+    (lambda v: v.update(obj_id=9), "is about object 9, and instance 0 is another"),
+    (lambda v: v.update(score_ms=np.nan), "iteration 2: Expected `float`"),
+    (lambda v: v["path"].update(Ts_cam_obj=packed(np.eye(4))), "a simulation has no pose"),
+    (lambda v: v["path"].update(contacts=9 * v["path"]["contacts"]), "has more contacts than steps"),
+    (lambda v: v["stages"][0].update(T_cam_obj=["<f8", [2**40, 0], b""]), "do not fill its shape"),
+    (lambda v: v["stages"][0].update(T_cam_obj=["<f8", [4, 4], "text"]), "do not fill its shape"),
+    (lambda v: v["stages"][0].update(T_cam_obj=7), "no array"),
     (lambda v: v.update(placed=[{"instance_id": 9, "T_cam_obj": packed(np.eye(4))}]), "places instance 9"),
 ]
 HEADERS: list[tuple[Callable[[dict[str, Any]], object], str]] = [
     (lambda h: h.update(format=99), "was written by a later version (format 99, this one reads 1); update"),
-    (lambda h: h.update(frame="../.."), "'../..' is no frame"),
+    (lambda h: h.update(frame="../.."), "frame '../..' is not"),
+    (lambda h: h.update(session="[[[x"), "its session is no TOML"),
+    (lambda h: h.update(frame="00/1"), "'00/1' is no frame"),
+    (lambda h: h.update(frame=f"0/{'9' * 5000}"), 'is not "scene/image"'),
+    (lambda h: h.update(T_table_cam=packed(np.ones(3))), "table has shape (3,)"),
+    (lambda h: h["objects"][0].update(T_cam_obj_gt=NAN_POSE), "ground truth of box holds NaN"),
+    (
+        lambda h: h["objects"][0].update(diameter_m=0.0),
+        "its header: Expected `float` > 0.0 (at .objects[0].diameter_m)",
+    ),
     (lambda h: h["objects"].append(h["objects"][0]), "an object is in it twice"),
     (lambda h: h["objects"][0].update(instance_id=99), "of instance 0, which has 0"),
     (lambda h: h["objects"][0]["hypotheses"].pop(), "has 2 hypotheses and 3 scores"),
@@ -208,6 +230,64 @@ def test_what_is_no_run_file_is_one_line(tmp_path: Path) -> None:
         assert said in refused(tmp_path / "a.vfrun")
 
 
+def test_entries_that_are_missing_doubled_or_of_no_kind_are_damage(tmp_path: Path) -> None:
+    """Where each entry is whole; with and without the iterations, as a batch that goes on reads it."""
+    run = run_file(tmp_path / "a.vfrun", SHORT)
+    header, *iterations, end = bodies_of(tmp_path / "a.vfrun")
+    for bodies, expected in (
+        ([header, end], f"its answers come from {run.length} iterations, and none are in it"),
+        ([header, *iterations[:-1], end], f"come from {run.length} iterations, and {run.length - 1} are in it"),
+        ([header, *iterations[1:], end], "iteration 1 is missing"),
+        ([header, iterations[0], *iterations, end], "iteration 2 is missing"),
+        ([header, *iterations, end, end], "holds what no run writes there"),
+        ([header, *iterations, end, iterations[-1]], "holds what no run writes there"),
+        ([header, header, *iterations, end], "holds what no run writes there"),
+        ([header, b"X", *iterations, end], "holds what no run writes there"),
+        ([header, b"I", *iterations, end], "iteration 1"),
+    ):
+        (tmp_path / "b.vfrun").write_bytes(MAGIC + b"".join(map(framed, bodies)))
+        for with_iterations in (True, False):
+            assert expected in refused(tmp_path / "b.vfrun", with_iterations), expected
+
+
+def test_zeros_are_no_entries(tmp_path: Path) -> None:
+    """As a file system leaves them that had no time to write; each eight of them are a length and its checksum."""
+    run = run_file(tmp_path / "a.vfrun", SHORT)
+    content = (tmp_path / "a.vfrun").read_bytes()
+    end = framed(bodies_of(tmp_path / "a.vfrun")[-1])
+    for changed, is_complete in (
+        (content + bytes(800), True),
+        (content.removesuffix(end) + bytes(800), False),
+        (content.removesuffix(end) + bytes(800) + end, False),
+    ):
+        (tmp_path / "a.vfrun").write_bytes(changed)
+        record = read_run_file(tmp_path / "a.vfrun")
+        assert (len(record.iterations), record.is_complete, record.damaged) == (run.length, is_complete, False)
+
+
+ANSWERS: list[tuple[dict[str, Any], str]] = [
+    ({"frame": "0/2"}, "an answer is about frame '0/2', and the run about 0/1"),
+    ({"frame": "x" * 100}, "an answer is about frame 'xxx"),
+    ({"T_cam_obj": np.full((4, 4), np.nan)}, "holds NaN"),
+    ({"middle_m": np.ones(2)}, "the middle of mug has shape (2,)"),
+    ({"best_iteration": 5}, "is of an iteration that is not in the file"),
+    ({"worst_iteration": 5}, "is of an iteration that is not in the file"),
+    ({"instance_id": 7}, "two answers for instance 7"),
+    ({"ms_total": np.inf}, "its answers: Expected `float`"),
+]
+
+
+def test_answers_that_no_run_has_are_damage(tmp_path: Path) -> None:
+    for fields, expected in ANSWERS:
+        known = {"frame": "0/1", "name": "mug", "status": "ok", "instance_id": 7}
+        changed = {**known, "instance_id": 8, **fields}
+        with closing(RunFile(tmp_path / "a.vfrun", SHORT)) as file:
+            file.begin(RunHeader(1, "", "0/1", "", {}, ()))
+            file.finish(RunEnd(answers=(Answer(**known), Answer(**changed))))
+        for with_iterations in (True, False):
+            assert expected in refused(file.path, with_iterations), expected
+
+
 def test_an_answer_that_is_no_pose_is_damage(tmp_path: Path) -> None:
     file = RunFile(tmp_path / "a.vfrun", SHORT)
     for fields, expected in (({"T_cam_obj": 2 * np.eye(4)}, "is not rigid"), ({"add_s_mm": -6.0}, "`float` >= 0.0")):
@@ -217,10 +297,8 @@ def test_an_answer_that_is_no_pose_is_damage(tmp_path: Path) -> None:
 
 
 def test_a_disk_that_takes_no_more_is_one_line(tmp_path: Path) -> None:
-    if not Path("/dev/full").exists():
-        pytest.skip("no /dev/full here")
-    with pytest.raises(InputError, match=r"^cannot write /dev/full: No space left on device$"):
-        new_run(SHORT, box_problem(3, 2), (RunFile(Path("/dev/full"), SHORT),))
+    with file_limit(1_000), pytest.raises(InputError, match=r"^cannot write .*a\.vfrun: File too large$"):
+        new_run(SHORT, box_problem(3, 2), (RunFile(tmp_path / "a.vfrun", SHORT),))
     (tmp_path / "file").write_text("no folder")
-    with pytest.raises(InputError, match=r"^cannot write .*a\.vfrun: "):
+    with pytest.raises(InputError, match=r"^cannot write to .*/file: .* is a file, not a folder$"):
         new_run(SHORT, box_problem(3, 2), (RunFile(tmp_path / "file" / "a.vfrun", SHORT),))

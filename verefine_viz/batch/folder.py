@@ -28,12 +28,22 @@ from verefine_viz.batch.motion_table import MOTION
 from verefine_viz.batch.runs import RUN_FILE, Runs, read_run
 from verefine_viz.core.errors import InputError, SettingsError, UnavailableError
 from verefine_viz.core.settings import Session
-from verefine_viz.core.writing import atomic, check_folder, clear_parts, path_fault, try_lock
+from verefine_viz.core.writing import (
+    atomic,
+    change_in_place,
+    check_folder,
+    check_no_link,
+    clear_parts,
+    make_inside,
+    path_fault,
+    try_lock,
+)
 from verefine_viz.recording.entities import SEQUENCE_FILE
 from verefine_viz.run.session_file import load_session, save_session
 
 SESSION_FILE = "session.toml"
 LOCK_FILE = ".lock"
+ERRORS = "errors"
 _LEFT_BY_A_KILLED_BATCH = (
     *(f"{name}.*.part" for name in (SESSION_FILE, RUN_FILE, MOTION, *TABLES)),
     f"{SEQUENCE_FILE}.part", "errors/*.part",
@@ -57,7 +67,7 @@ class RunFolder:
         check_folder(path)
         try:
             self._check_kind()  # Before anything is written: the folder may hold something else.
-            path.mkdir(parents=True, exist_ok=True)
+            make_inside(path)
             lock = try_lock(path / LOCK_FILE)
             if lock is None:
                 raise UnavailableError(f"another batch is writing to {path}; wait for it or choose another --out")
@@ -66,8 +76,8 @@ class RunFolder:
                 self._check_kind()
                 self._check_session()
                 self.save_session()
-                for name in ("runs", "recordings"):
-                    (path / name).mkdir(exist_ok=True)
+                make_inside(path, "runs", "recordings")
+                check_no_link(path / ERRORS)
                 self._clear_parts()
             except BaseException:
                 self.close()
@@ -88,6 +98,11 @@ class RunFolder:
         """
         if not (self.path / SESSION_FILE).exists():
             save_session(self.session, self.path / SESSION_FILE)
+
+    def mark_stopped(self) -> None:
+        """Has run.json say that the batch was stopped, also where a full disk takes no file any more."""
+        if (self.path / RUN_FILE).is_file():
+            change_in_place(self.path / RUN_FILE, b'"status": "running"', b'"status": "stopped"')
 
     def write_json(self, name: str, value: Mapping[str, Any]) -> None:
         """Writes a JSON file of the folder, whole or not at all.

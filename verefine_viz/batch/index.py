@@ -209,18 +209,23 @@ def _index_run_files(folder: Path) -> BatchIndex:
     Raises:
         InputError: a file cannot be read, none holds a finished run, or they are runs on different data.
     """
-    finished, notes = list[RunRecord](), list[str]()
+    finished, sessions, notes = list[RunRecord](), list[Session](), list[str]()
     for path in sorted(folder.glob(f"*{SUFFIX}")):
         try:
             record = read_run_file(path, with_iterations=False)
-            finished += [record] if record.end is not None else []
-            notes += [] if record.end is not None else [f"{path.name}: {record.missing}"]
+            if record.end is None:
+                notes.append(f"{path.name}: {record.missing}")
+                continue
+            sessions.append(session_of(record.header))
+            finished.append(record)
         except InputError as error:
             notes.append(str(error))
+        except SettingsError as error:
+            notes.append(f"{path.name}: {error}")
     if not finished:
         raise InputError(f"{folder} holds no finished run: {first_of(notes, MOST_NAMED, '; ')}")
     frames = tuple(dict.fromkeys(record.header.frame for record in finished))
-    sessions = [_on(frames, session_of(record.header)) for record in finished]
+    sessions = [_on(frames, session) for session in sessions]
     if any((one.scene, one.hypotheses) != (sessions[0].scene, sessions[0].hypotheses) for one in sessions):
         raise InputError(f"{folder} holds runs on different data; open them one by one, or two side by side")
     rows = tuple(row for record in finished for row in _answers(record))

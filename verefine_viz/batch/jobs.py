@@ -14,6 +14,7 @@ from verefine_viz.batch.folder import SESSION_FILE, RunFolder
 from verefine_viz.batch.session_check import check
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.settings import Session
+from verefine_viz.core.writing import check_no_link
 from verefine_viz.methods.registry import METHODS
 from verefine_viz.run.data_folder import open_session
 from verefine_viz.run.session_file import changed, load_session
@@ -47,6 +48,8 @@ def session_jobs(paths: Sequence[Path | None], out: Path, overrides: Mapping[str
     ]
     for job in jobs:
         check_outside(out, job.session)
+        if job.folder != out:
+            check_no_link(job.folder)
     return jobs
 
 
@@ -78,6 +81,7 @@ def sweep_jobs(
             for method in methods or (session.method.name,):
                 group = f"{stem}-{method}" if len(paths) > 1 else method
                 name = group if seed is None else f"{group}-{seed}"
+                check_no_link(out / name)
                 jobs.append(BatchJob(_with(session, method, seed), out / name, group))
     return jobs
 

@@ -241,6 +241,8 @@ class _Batch:
                 report(self._progress(result if isinstance(result, str) else ""))
             end = self._write_end("finished", spent_s)
         except BaseException:
+            # Before what takes longer, or more room: a second Ctrl-C or a full disk may end it in there.
+            self.folder.mark_stopped()
             # Where the disk is the reason that it ends, the first error is the one to report.
             with suppress(VerefineError):
                 self._write_end("stopped", spent_s)

@@ -12,6 +12,7 @@ from typing import Protocol
 
 from msgspec import structs
 
+from verefine_viz.batch.folder import ERRORS
 from verefine_viz.batch.machine import temporary_folder
 from verefine_viz.batch.runs import Runs, file_stem
 from verefine_viz.batch.summary import object_facts, run_end
@@ -26,7 +27,7 @@ from verefine_viz.recording.recorder import Recorder
 from verefine_viz.run.answers import left_out_answer
 from verefine_viz.run.engine import Run
 from verefine_viz.run.kernel_compilation import compiling_reported
-from verefine_viz.run.record import Answer, RunEnd, RunRecord, failed_run, header_of
+from verefine_viz.run.record import Answer, RunEnd, RunRecord, failed_run, header_of, session_of
 from verefine_viz.run.run_file import RunFile
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.run.track import EarlierPose, with_its_tracked
@@ -87,21 +88,29 @@ def _result(
 
 def _unforeseen(toolbox: Toolbox, frame: str, out: Path, error: Exception) -> RunRecord:
     """The result of a frame that failed for an unforeseen reason; its traceback is saved below ``out``."""
-    log = out / "errors" / f"{file_stem(frame)}.txt"
-    # On a full disk the frame fails all the same, just without its traceback.
-    with suppress(InputError), atomic(log) as part:
-        part.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+    where = _logged(frame, out, error)
     if isinstance(error, OSError) and error.errno in DISK_FULL and error.filename is None:
         disks = f"the disk of {out} or that of temporary files, {temporary_folder()}"
         return failed_run(toolbox.session, frame, f"no space on {disks}: {error.strerror}")
-    where = f" (see errors/{log.name})" if log.is_file() else ""
     return failed_run(toolbox.session, frame, f"{type(error).__name__}: {error}{where}")
 
 
-def with_causes(end: RunEnd, run: Run, toolbox: Toolbox) -> RunEnd:
+def _logged(frame: str, out: Path | None, error: Exception) -> str:
+    """Where the traceback of a frame's error is saved, for a message; "" where it could not be, or has no place."""
+    if out is None:
+        return ""
+    log = out / ERRORS / f"{file_stem(frame)}.txt"
+    # On a full disk all goes on the same, just without the traceback.
+    with suppress(InputError), atomic(log) as part:
+        part.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+    return f" (see {ERRORS}/{log.name})" if log.is_file() else ""
+
+
+def with_causes(end: RunEnd, run: Run, toolbox: Toolbox, out: Path | None = None) -> RunEnd:
     """``end`` with ``cause`` and ``evidence`` in the answers that are wrong and have ground truth.
 
-    Where the data of such a frame do not fit together, the doubts are in ``evidence`` as well.
+    Where the data of such a frame do not fit together, the doubts are in ``evidence`` as well. Where the diagnosis
+    fails, that is said there, and its traceback saved below ``out``.
     """
     doubts = end.doubts
     try:
@@ -111,7 +120,9 @@ def with_causes(end: RunEnd, run: Run, toolbox: Toolbox) -> RunEnd:
         doubts = diagnoses[0].doubts if diagnoses else doubts
     except Exception as error:
         # The answers are there all the same.
-        why = f"no diagnosis: {type(error).__name__}: {error}"
+        known = isinstance(error, VerefineError)
+        why = str(error) if known else f"an error of the program{_logged(run.problem.frame, out, error)}"
+        why = f"no diagnosis: {why}"
         causes = {row.instance_id: ("", why) for row in end.answers if row.has_truth and row.is_correct is not True}
     rows = []
     for row in end.answers:
@@ -161,7 +172,7 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool, watch: _Stop
                 run.show([_Timed(recorder, watch)])
             if explain and any(a.has_truth and a.is_correct is not True and a.was_asked_for for a in end.answers):
                 with watch("explain"):
-                    end = with_causes(end, run, toolbox)
+                    end = with_causes(end, run, toolbox, out)
             end = structs.replace(end, seconds=time.perf_counter() - started, stages_ms=watch.stages_ms)
             if is_recorded:
                 recorder.close(file.finished_as(end))
@@ -173,6 +184,24 @@ def _solved(toolbox: Toolbox, frame: str, out: Path, explain: bool, watch: _Stop
                 recorder.close()
             raise
     return RunRecord(header_of(problem, run.state_at(0), recorded), (), end)
+
+
+def end_again(run: Run, recorded: RunRecord) -> RunEnd:
+    """The end of a run that is over, worked out as that of a record of it was: with grasps and causes where it has any.
+
+    Raises:
+        VerefineError: what works it out cannot be made here.
+    """
+    session, problem = session_of(recorded.header), run.problem
+    answers = () if recorded.end is None else recorded.end.answers
+    grasps = None
+    if any(one.grasp or one.grasp_ground_truth for one in answers):
+        grasps = answer_grasps(problem, [best and best.T_cam_obj for best in run.final_state.best], session.grasp)
+    end = run_end(run, session, grasps=grasps)
+    plain = {one.instance_id: (one.cause, one.evidence) for one in end.answers}
+    if any((one.cause, one.evidence) != plain.get(one.instance_id) for one in answers):
+        end = with_causes(end, run, Toolbox(session))
+    return end
 
 
 def _answers(runs: Runs, frame: str) -> tuple[EarlierPose, ...] | None:

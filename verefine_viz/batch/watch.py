@@ -26,7 +26,7 @@ from verefine_viz.batch.runs import BatchInfo, Runs
 from verefine_viz.batch.worker_pool import Pool
 from verefine_viz.core.errors import InputError, UnavailableError, VerefineError, one_line
 from verefine_viz.core.settings import Session
-from verefine_viz.core.writing import check_folder, try_lock
+from verefine_viz.core.writing import check_folder, check_no_link, try_lock
 from verefine_viz.run.data_folder import CAMERAS, SCENES, data_at, holds_frames
 from verefine_viz.run.record import WAITING, Answer, RunRecord
 from verefine_viz.run.session_file import load_session, save_session
@@ -233,7 +233,9 @@ class Watch:
             frames = open_scene(session.scene, session.hypotheses).frames
             if watched is None:
                 taken = {other.out.name for other in self._watched.values()}
-                watched = self._watched[data] = WatchedDataset(self.out / _free(data.resolve().name, taken), session)
+                out = self.out / _free(data.resolve().name, taken)
+                check_no_link(out)
+                watched = self._watched[data] = WatchedDataset(out, session)
             if session != watched.session:
                 watched.session = session
             there = {*frames}

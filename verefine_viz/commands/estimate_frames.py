@@ -21,7 +21,7 @@ from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.settings import Session
-from verefine_viz.core.writing import atomic, check_file, clear_parts
+from verefine_viz.core.writing import atomic, check_file, check_no_link, clear_parts
 from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.run.data_folder import open_session
 from verefine_viz.run.record import Answer
@@ -54,6 +54,7 @@ def write_pools(
     check_outside(out, session)
     clear_parts(out.parent, out.name)
     journal = out.with_name(f"{out.name}.journal")
+    check_no_link(journal)
     with BatchProgress(Terminal(stderr=True)).shown() as progress, progress.run(out.name) as report:
         outcome = run_batch(session, journal, Backend(n_workers), report, retry_failed, "estimate", pace=progress.pace)
     rows = read_batch(journal).rows

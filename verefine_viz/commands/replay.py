@@ -67,6 +67,7 @@ def _verify_all(recordings: Sequence[Path]) -> int:
 
 def _verify(recording: Path) -> int:
     """0: the same; 1: it differs; 3: the same as far as it goes, but its end is missing."""
+    from verefine_viz.batch.solve_frame import end_again
     from verefine_viz.recording.verify import run_again, verify
     from verefine_viz.run.engine import Run
     from verefine_viz.run.record import RunRecord, session_of
@@ -77,7 +78,7 @@ def _verify(recording: Path) -> int:
         return run_again(record)
 
     _check_file(recording)
-    verification = verify(recording, again)
+    verification = verify(recording, again, end_again)
     print(one_line(f"{recording}: {verification.text}"), flush=True)
     if verification.ends_early:
         return ENDED_EARLY

@@ -7,14 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.files import Id, Real
 from verefine_viz.core.scores import PoseScore
+from verefine_viz.core.setting_types import Index
+
+Number = Annotated[int, Meta(ge=1, le=2**31)]
+"""What is counted from 1. Bounds hold for what is read."""
 
 
 class Contacts(Struct, frozen=True, eq=False):
@@ -46,9 +51,9 @@ NO_CONTACTS = Contacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros
 class Tipping(Struct, frozen=True):
     """That a simulated object does not stand: it touches something, and its centre of mass is not supported."""
 
-    overhang_m: float
+    overhang_m: Real
     """Distance of the centre of mass to what supports the object, seen along gravity [m]."""
-    step: int
+    step: Number
     """1, 2, …: at the end of which step. The last one, or the first that touched where it fell over until the end."""
 
 
@@ -68,7 +73,7 @@ class SimulatedPath(Struct, frozen=True, eq=False):
         return self.Ts_cam_obj[-1]
 
 
-TIMES = ("ms", "score_ms", "spent_s")
+TIMES = ("ms", "score_ms", "spent_s", "ms_refine", "ms_simulate", "ms_score", "ms_total", "seconds", "stages_ms")
 """Fields that differ from run to run and are left out of comparisons."""
 
 StageName = Literal["initial", "current", "simulated", "mixed", "refined", "flipped", "edited"]
@@ -98,7 +103,7 @@ class Stage(Struct, frozen=True, eq=False):
     T_cam_obj: Float
     score: PoseScore | None = None
     """None where the method has no reason to score it (the mixed pose only starts the refiner)."""
-    ms: float = 0.0
+    ms: Real = 0.0
     """Time it took to compute the pose [ms]."""
 
     def with_score(self, score: PoseScore | None) -> Stage:
@@ -109,7 +114,7 @@ class Stage(Struct, frozen=True, eq=False):
 class Choice(Struct, frozen=True, eq=False):
     """The bandit's numbers as they were when it chose."""
 
-    arm: int
+    arm: Index
     plays: Float
     """(H,) n_j, discounted where the policy discounts."""
     mean: Float
@@ -127,8 +132,8 @@ class Best(Struct, frozen=True, eq=False):
 
     T_cam_obj: Float
     score: PoseScore
-    arm: int
-    iteration: int
+    arm: Index
+    iteration: Index
     """0 = an initial pose."""
     stage: StageName
 
@@ -144,7 +149,7 @@ class Event(Struct, frozen=True, eq=False):
 class PlacedPose(Struct, frozen=True, eq=False):
     """An object that stood in the scene while another was worked on."""
 
-    instance_id: int
+    instance_id: Id
     T_cam_obj: Float
 
 
@@ -157,22 +162,22 @@ class SceneRecord(Struct, frozen=True, eq=False):
     """Scene score of this pass."""
     best_known: PoseScore
     """Scene score of each object's best pose so far, put together."""
-    reward: float
+    reward: Real
     """What the arms that were chosen in this pass got."""
     incumbent: tuple[PlacedPose, ...]
     """The combination with the highest scene score ever seen."""
-    incumbent_score: float
+    incumbent_score: Real
 
 
 class TreeNode(Struct, frozen=True, eq=False):
     """One node of a search tree: an object placed from one of its hypotheses, after those of the nodes above."""
 
-    node: int
+    node: Index
     """0 is the root, in which nothing is placed; numbered as they came about."""
-    parent: int
-    instance_id: int
-    arm: int
-    lcp: float
+    parent: Index
+    instance_id: Id
+    arm: Index
+    lcp: Real
     """Share of the model's points that the segment explains at the hypothesis, in [0, 1]: what was tried first."""
     T_cam_obj: Float
     """After refinement and simulation."""
@@ -181,9 +186,9 @@ class TreeNode(Struct, frozen=True, eq=False):
 class TreeStep(Struct, frozen=True, eq=False):
     """What one iteration did to the search tree. The tree is what all steps so far add up to."""
 
-    cluster: int
+    cluster: Index
     """Each cluster has a tree of its own, with nodes numbered from 0."""
-    branch: tuple[int, ...]
+    branch: tuple[Index, ...]
     """Nodes from the root to the one visited, which is the new one unless the tree is complete there."""
     node: TreeNode | None
     """The node that was added; None where the branch was expanded to its end before."""
@@ -191,24 +196,24 @@ class TreeStep(Struct, frozen=True, eq=False):
     """Why each node of the branch after the root was chosen, in words."""
     rollout: tuple[PlacedPose, ...]
     """The rest of the scene as it was completed, object by object."""
-    rollout_arms: tuple[int, ...]
-    cost_px: float
+    rollout_arms: tuple[Index, ...]
+    cost_px: Real
     """Pixels of the complete scene that are not explained; added to every node of the branch, with one visit."""
     incumbent: tuple[PlacedPose, ...]
     """The complete scene with the lowest cost ever seen."""
-    incumbent_cost_px: float
+    incumbent_cost_px: Real
 
 
 class Iteration(Struct, frozen=True, eq=False):
     """One step of a method."""
 
-    index: int
+    index: Number
     """1, 2, … over the whole run."""
-    instance_id: int
-    obj_id: int
-    arm: int
+    instance_id: Id
+    obj_id: Id
+    arm: Index
     """Index of the hypothesis that was worked on."""
-    arm_iteration: int
+    arm_iteration: Number
     """1, 2, … for this arm."""
     stages: tuple[Stage, ...]
     """In the order they came about; "current" first."""
@@ -222,13 +227,13 @@ class Iteration(Struct, frozen=True, eq=False):
     events: tuple[Event, ...] = ()
     placed: tuple[PlacedPose, ...] = ()
     """Other objects that stood in the simulation, and in the score as what may hide, in the order they were placed."""
-    scene_pass: int | None = None
+    scene_pass: Number | None = None
     """vf_depth: 1, 2, … of its cluster."""
     scene: SceneRecord | None = None
     """Closes a pass, on the iteration of its last object."""
     tree: TreeStep | None = None
     """physim_mcts."""
-    score_ms: float = 0.0
+    score_ms: Real = 0.0
     """Time the iteration waited for its scores [ms]; those worked out beside the refiner cost it none."""
 
     def stage(self, name: StageName) -> Stage | None:

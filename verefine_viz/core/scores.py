@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, frozen, set_fields
+from verefine_viz.core.files import Real
 
 PIXEL_CLASSES = ("explained", "missed", "protruding", "hidden", "unknown")
 """Column order of ``counts`` and value − 1 of ``ScoreMaps.classes`` (0 = not part of the score).
@@ -30,32 +31,35 @@ COLOUR_MAPS: tuple[MapName, ...] = ("observed_colour", "rendered_colour", "corre
 """The maps without a value where the colour term is off."""
 
 
+Pixels = Annotated[int, Meta(ge=0, le=2**53)]
+
+
 class PoseScore(Struct, frozen=True, eq=False):
     """The score of one pose."""
 
-    score: float
+    score: Real
     """f̄ of Eq. 1 in [0, 1], with colour (1 − w) f̄ + w max(f_c, 0), and so on with plausibility; 0 where it is
     undefined."""
     depth_fit: float
     """Mean f_d over the counted pixels; NaN, as the next one, where the score is not of Eq. 1 and has no parts."""
     normal_fit: float
     """Mean f_n over the counted pixels."""
-    n_pixels: int
+    n_pixels: Pixels
     """N, the counted pixels."""
-    n_rendered: int
+    n_rendered: Pixels
     """Pixels on which the model appears, or its points in the image where nothing is rendered; 0: it is not seen."""
-    counts: tuple[int, int, int, int, int]
+    counts: tuple[Pixels, Pixels, Pixels, Pixels, Pixels]
     """Pixels of each of ``PIXEL_CLASSES``."""
     undefined: bool = False
     """Whether the verifier gave something that is not a number; ``score`` is 0 then."""
-    colour_fit: float | None = None
+    colour_fit: Real | None = None
     """f_c, correlation of rendered and observed colour over the explained pixels in [−1, 1]; None where the term is
     off."""
-    colour_weight: float = 0.0
+    colour_weight: Real = 0.0
     """w, 0 where the term is off; the same for all poses of an object."""
-    plausibility: float | None = None
+    plausibility: Real | None = None
     """p in [0, 1]: whether the object could be there (docs/methods.md 1.14); None where the term is off."""
-    plausibility_weight: float = 0.0
+    plausibility_weight: Real = 0.0
 
     @property
     def has_parts(self) -> bool:

@@ -104,6 +104,52 @@ def _there(path: Path) -> Path:
     return next((part for part in (path, *path.parents) if os.path.lexists(part)), path)
 
 
+# What a folder of ours holds is ours to replace, but a link in it may lead to anything: nothing is written through one.
+# Only a folder that the user names may be a link itself.
+
+
+def new_file(path: Path) -> int:
+    """Makes an empty file in place of what is there, which is replaced: a link is, and not what it leads to.
+
+    Returns:
+        Its descriptor, for writing; the caller closes it.
+
+    Raises:
+        InputError: there is a device, a pipe or a folder, or no file can be made there.
+    """
+    if is_special(path):
+        raise InputError(f"cannot write {path}: it is a device or a pipe, expected a file")
+    try:
+        with suppress(FileNotFoundError):
+            path.unlink()
+        return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {path_fault(path, error)}") from None
+
+
+def make_inside(folder: Path, *inside: str) -> None:
+    """Makes a folder, and folders inside it by their paths from there, where they are not there yet.
+
+    Raises:
+        InputError: one inside is a link, or one cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for part in dict.fromkeys(name for path in inside for name in (*reversed(Path(path).parents[:-1]), Path(path))):
+            check_no_link(folder / part)
+            (folder / part).mkdir(exist_ok=True)
+    except OSError as error:
+        path = Path(error.filename or folder)
+        raise InputError(f"cannot write to {path}: {path_fault(path, error)}") from None
+
+
+def check_no_link(path: Path) -> None:
+    """Raises InputError where a folder inside one of ours is a link."""
+    if path.is_symlink():
+        where = path.readlink()
+        raise InputError(f"cannot write to {path}: it is a link to {where}, expected a folder; remove the link")
+
+
 # Output files are written whole or not at all.
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -125,6 +171,7 @@ def atomic(path: Path) -> Iterator[Path]:
         raise InputError(f"cannot write {path}: it is a device or a pipe, expected a file")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        os.close(new_file(part))
         yield part
         part.replace(path)
     except OSError as error:
@@ -142,6 +189,18 @@ def write_json(path: Path, content: Any) -> None:
     """
     with atomic(path) as part:
         part.write_text(json.dumps(content, indent=1), encoding="utf-8")
+
+
+def change_in_place(file: Path, before: bytes, after: bytes) -> None:
+    """Changes some bytes of a file of ours into as many others, which needs no room on the disk.
+
+    Nothing is done where the file does not hold them, or cannot be written.
+    """
+    assert len(before) == len(after)
+    with suppress(OSError, InputError), _opened(file) as opened:
+        at = opened.read().find(before)
+        if at >= 0:
+            os.pwrite(opened.fileno(), after, at)
 
 
 def clear_parts(folder: Path, of: str = "") -> None:

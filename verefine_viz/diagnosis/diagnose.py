@@ -158,7 +158,8 @@ def _solved_alone(case: Case) -> bool:
 
 def _likeliest(findings: Sequence[Finding]) -> Finding:
     """Where no single repair saves it: the one that helps most; the last test always finds a cause."""
-    helps = [f for f in findings if f.numbers.get("error_repaired", 1.0) < 0.7 * f.numbers.get("error", 0.0)]
+    repairs = [f for f in findings if {"error", "error_repaired"} <= f.numbers.keys()]
+    helps = [f for f in repairs if f.numbers["error_repaired"] < 0.7 * f.numbers["error"]]
     if helps:
         return min(helps, key=lambda f: f.numbers["error_repaired"])
     return findings[-1]

@@ -14,6 +14,7 @@ from verefine_viz.batch.summary import run_end
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
+from verefine_viz.core.writing import check_no_link
 from verefine_viz.diagnosis.causes import Diagnosis
 from verefine_viz.diagnosis.diagnose import diagnose
 from verefine_viz.library.frame_to_solve import AnyFrame, Frame, check_frame, target_of
@@ -124,6 +125,7 @@ class Run:
         record, session = self.record(), self.session
         if isinstance(self.frame, Frame):
             folder = path.with_name(f"{path.stem}-frame")
+            check_no_link(folder)
             if folder.exists() and not is_trace(folder):
                 raise InputError(f"{folder} holds something else; choose another name for the run")
             shutil.rmtree(folder, ignore_errors=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import http.client
+import re
 
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers
@@ -15,6 +16,8 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 _PASSED_ON = ("content-type", "content-encoding", "content-security-policy")
+_FILE = re.compile(r"[A-Za-z0-9_,./-]{0,200}")
+"""A name that a file of viser's page may have; viser fails where the system takes none so long."""
 _WAIT_S = 20.0
 _GOING_AWAY, _TRY_AGAIN = 1001, 1013
 _NEVER_SENT = (1005, 1006, 1015)
@@ -29,6 +32,8 @@ def routes(port: int) -> list[BaseRoute]:
     """
 
     async def page(request: Request) -> Response:
+        if not _FILE.fullmatch(request.path_params["path"]):
+            return Response(status_code=404)
         return await run_in_threadpool(_fetched, port, request.path_params["path"], request.headers)
 
     async def channel(browser: WebSocket) -> None:

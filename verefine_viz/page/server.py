@@ -13,6 +13,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+import anyio.to_thread
 import msgspec
 import uvicorn
 from starlette.applications import Starlette
@@ -24,6 +25,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from verefine_viz import __version__
 from verefine_viz.core.errors import InputError, UnavailableError
+from verefine_viz.core.files import id_of
 from verefine_viz.page.admission import Admission, Guard, is_loopback, reached_at, url_host
 from verefine_viz.page.blobs import Blobs
 from verefine_viz.page.protocol import AnyVerb, read_verb
@@ -34,6 +36,8 @@ MOST_FAULTS = 10
 """Malformed messages after which a window is closed."""
 MOST_MESSAGES = 20_000
 """Messages that wait for a window; one that takes no more is closed."""
+MOST_THREADS = 4
+"""Threads that read files and fetch what the 3D view needs; they stay until others are asked for."""
 _LONGEST_WAIT_S = 30.0
 """For a thumbnail."""
 Receive = Callable[[int, AnyVerb | None], None]
@@ -104,7 +108,7 @@ class PageServer:
             routes=[
                 Route("/", lambda request: FileResponse(WEB / "index.html", headers={"cache-control": "no-cache"})),
                 Route("/blob/{key}", self._blob),
-                Route("/thumb/{number:int}", self._thumb),
+                Route("/thumb/{number}", self._thumb),
                 Route("/file/{name}", self._written),
                 WebSocketRoute("/ws", self._talk),
                 Mount("/web", _Files(directory=WEB)),
@@ -150,6 +154,7 @@ class PageServer:
     def _serve(self) -> None:
         async def serve() -> None:
             self._loop = asyncio.get_running_loop()
+            anyio.to_thread.current_default_thread_limiter().total_tokens = MOST_THREADS
             self._loop.call_later(0, self._is_up.set)
             await self._server.serve(sockets=[self._socket])
 
@@ -202,7 +207,8 @@ class PageServer:
         return Response(blob.data, media_type=blob.media_type, headers={"cache-control": "no-store"})
 
     async def _thumb(self, request: Request) -> Response:
-        future = self._thumbnail(request.path_params["number"])
+        number = id_of(request.path_params["number"])
+        future = None if number is None else self._thumbnail(number)
         if future is None:
             return Response(status_code=404)
         try:

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 
 from msgspec.structs import replace
 
-from verefine_viz.core.errors import Cancelled, VerefineError
+from verefine_viz.core.errors import Cancelled, InputError, VerefineError
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.page.protocol import AnyVerb, Cancel, Look, Open, Want
 from verefine_viz.physics.decomposition import PARTS_OF
@@ -193,7 +193,7 @@ class Worker:
         self.picture: str | None = None
         """Blob of the photo of what is being opened first, as soon as it is read."""
         self.ready = threading.Event()
-        self.failure: BaseException | None = None
+        self.failure: Exception | None = None
         self.thread = threading.Thread(target=self._work, name="verefine-worker", daemon=True)
 
     # What is being done
@@ -221,12 +221,12 @@ class Worker:
                     self._report("Opening.")
                     self.handler = self._open_handler(self.progress)
             except (Exception, Cancelled) as error:
-                self.failure = error
-                if not isinstance(error, VerefineError | Cancelled):
+                is_cancelled = isinstance(error, Cancelled)
+                self.failure = InputError("opening was cancelled on the page") if is_cancelled else error
+                if not isinstance(self.failure, VerefineError):
                     _LOG.exception("the session could not be opened")
-                self._post(
-                    {"t": "busy", "text": f"This cannot be opened: {error}", "share": None, "cancel": False}, None
-                )
+                text = f"This cannot be opened: {self.failure}"
+                self._post({"t": "busy", "text": text, "share": None, "cancel": False}, None)
                 return
             finally:
                 self.ready.set()

@@ -13,7 +13,7 @@ from msgspec import structs
 
 from verefine_viz.core.algorithm_settings import BreakpointSettings
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, unknown
+from verefine_viz.core.errors import InputError, SettingsError, unknown
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
@@ -363,7 +363,7 @@ class Workspace:
             stated = session_of(record.header).tracked
             own = self.make_tools(structs.replace(tools.session, tracked=stated)) if stated else tools
             branch = self._recorded(path, record, own, self._read(own, frame))
-        except InputError:
+        except (InputError, SettingsError):
             return None
         branch.name = "run of the batch"
         return FrameWork({branch.index: branch})

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError
 from verefine_viz.core.kernels import kernel
 from verefine_viz.core.problem import Placed, Problem, Target
 from verefine_viz.core.protocols import Refiner, RunState, Verifier
 from verefine_viz.core.records import Best, Iteration, PlacedPose
 from verefine_viz.core.refiner_steps import LearnedRefiner
 from verefine_viz.core.settings import EQ_1, Session
+from verefine_viz.core.writing import make_inside
 from verefine_viz.evaluation.landscape import Landscape, landscape
 from verefine_viz.evaluation.pose_errors import add_s_mm
 from verefine_viz.recording import entities
@@ -102,10 +102,7 @@ class Recorder:
         self._targets = {t.instance.instance_id: t for t in self._problem.targets}
         self._drawing = Drawing(self._layout)
         has_maps = self._verifier_of is not None
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot write the recording {self._path}: {error}") from None
+        make_inside(self._path.parent)
         file = self._file = RecordingFile(self._path)
         method = self._session.method
         about = {"title": header.title, "frame": header.frame, "method": method.name, "seed": str(method.seed)}

@@ -20,6 +20,7 @@ import rerun_cli
 from rerun.chunk import Chunk, RrdReader
 
 from verefine_viz.core.errors import InputError, UnavailableError
+from verefine_viz.core.writing import new_file
 from verefine_viz.recording import entities
 
 CONTENT = "content"
@@ -36,15 +37,12 @@ class RecordingFile:
             InputError: it cannot be written.
         """
         self._path = path
+        self._file = os.fdopen(new_file(path), "wb", buffering=0)
         self._error: OSError | None = None
         self._stream = rr.RecordingStream(entities.APPLICATION, send_properties=False)
         # The same run makes the same recording.
         self._stream.set_log_time_enabled(False)
         self._encoded = self._stream.binary_stream()
-        try:
-            self._file = path.open("wb", buffering=0)
-        except OSError as error:
-            raise InputError(f"cannot write the recording {path}: {error.strerror}") from None
 
     def send_properties(self, values: Mapping[str, str], name: str = "") -> None:
         """What the recording is about, and what viewers call it; in the file when this returns."""

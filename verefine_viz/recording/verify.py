@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.records import TIMES, Iteration
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.run.engine import Run
-from verefine_viz.run.record import RunRecord, session_of
+from verefine_viz.run.record import FORMAT, RunEnd, RunHeader, RunRecord, header_of, session_of
 from verefine_viz.run.run_file import as_read
 from verefine_viz.run.versions import versions
 
@@ -95,6 +95,9 @@ def _size(a: Any, b: Any) -> float:
 
 
 MakeRun = Callable[[RunRecord], Run]
+MakeEnd = Callable[[Run, RunRecord], RunEnd]
+START, ANSWERS = "the start", "the answers"
+"""Parts of a recording beside its iterations."""
 
 ROUNDING = 1e-6
 """Numbers that differ by a smaller share, or by less where they are below 1, count as differing in their last digits.
@@ -136,32 +139,35 @@ class Verification:
         return f"{early}; the same up to iteration {self.n_compared}" if self.n_compared else early
 
 
-def verify(path: Path, make_run: MakeRun | None = None) -> Verification:
-    """Runs the recorded session again and compares bit by bit, as far as the recording goes.
+def verify(path: Path, make_run: MakeRun | None = None, make_end: MakeEnd | None = None) -> Verification:
+    """Runs the recorded session again and compares bit by bit, as far as the recording goes: what it began from
+    (ground truth, hypotheses, their scores), every iteration, and the answers.
 
     Where only last digits differ it goes on, to know whether they lead anywhere.
 
     Args:
         path: the recording.
         make_run: builds the run of a recording; None = from its session, with the real simulator, refiner and verifier.
+        make_end: works out the answers of the new run, as those of the recording were; None = they are not compared.
 
     Raises:
         InputError: it is not a recording of this program, or its data are gone.
     """
     recorded = read_recording(path)
     run = (make_run or run_again)(recorded)
-    first_and_real: list[tuple[int, Difference]] = []
-    """The first difference, and the first that is more than rounding."""
+    first_and_real: list[tuple[str, Difference]] = []
+    """The first difference, and the first that is more than rounding; each with where it is."""
     n_same, largest = 0, 0.0
-    for iteration in recorded.iterations:
-        here = _differences(iteration, run)
-        n_same += not first_and_real and not here
+    for where, here in _compared(recorded, run, make_end):
+        if where == ANSWERS and first_and_real:
+            break  # They follow from iterations that differ.
+        n_same += not first_and_real and not here and where not in (START, ANSWERS)
         largest = max([largest, *(d.size for d in here)])
         real = next((d for d in here if d.size > ROUNDING), None)
         if here and not first_and_real:
-            first_and_real.append((iteration.index, here[0]))
+            first_and_real.append((where, here[0]))
         if real is not None:
-            first_and_real.append((iteration.index, real))
+            first_and_real.append((where, real))
             break
     words = None
     if first_and_real:
@@ -192,16 +198,34 @@ def run_again(recorded: RunRecord) -> Run:
     return toolbox.run(problem.only(wanted))
 
 
+def _compared(recorded: RunRecord, run: Run, make_end: MakeEnd | None) -> Iterator[tuple[str, list[Difference]]]:
+    """Each part of a recording, and how the same part of the new run differs; none of a frame that failed."""
+    if recorded.end is not None and recorded.end.failed:
+        return
+    has_scores = bool(recorded.iterations) or any(one.initial for one in recorded.header.objects)
+    start = header_of(run.problem, run.state_at(0) if has_scores else None, session_of(recorded.header))
+    yield START, [*differences(_derived(recorded.header), _derived(as_read(start)))]
+    for iteration in recorded.iterations:
+        yield f"iteration {iteration.index}", _differences(iteration, run)
+    if make_end is not None and recorded.end is not None and run.is_done:
+        yield ANSWERS, [*differences(recorded.end, as_read(make_end(run, recorded)))]
+
+
+def _derived(header: RunHeader) -> RunHeader:
+    """A header without what a run is made from, and by."""
+    return structs.replace(header, format=FORMAT, session="", versions={})
+
+
 def _differences(iteration: Iteration, run: Run) -> list[Difference]:
     if run.is_done:
         return [Difference(f"recorded, but the new run ended after {run.length}", float("inf"))]
     return list(differences(iteration, as_read(run.step())))
 
 
-def _describe(first_and_real: list[tuple[int, Difference]], largest: float, recorded: RunRecord) -> str:
+def _describe(first_and_real: list[tuple[str, Difference]], largest: float, recorded: RunRecord) -> str:
     """The first difference and, where that is rounding and more follows, the first that is not."""
-    (index, first), changed = first_and_real[0], _changed(recorded)
-    text = f"iteration {index}: {first.words}"
+    (where, first), changed = first_and_real[0], _changed(recorded)
+    text = f"{where}: {first.words}"
     if first.size > ROUNDING:
         return f"{text}; recorded with {changed}" if changed else text
     if largest <= ROUNDING:
@@ -210,8 +234,8 @@ def _describe(first_and_real: list[tuple[int, Difference]], largest: float, reco
             "everything else is the same: in effect it is the same run"
         )
     else:
-        index, real = first_and_real[1]
-        text += f"; it begins with last digits and leads to more, iteration {index}: {real.words}"
+        where, real = first_and_real[1]
+        text += f"; it begins with last digits and leads to more, {where}: {real.words}"
     if changed:
         return f"{text}; recorded with {changed}, and other versions compute last digits differently"
     return f"{text}; another state of the program, or another machine, computes last digits differently (same versions)"

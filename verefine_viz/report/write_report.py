@@ -15,7 +15,7 @@ from verefine_viz.batch.progress import counted_bar
 from verefine_viz.batch.runs import Runs
 from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.errors import InputError, VerefineError
-from verefine_viz.core.writing import atomic, clear_parts
+from verefine_viz.core.writing import atomic, check_no_link, clear_parts
 from verefine_viz.page.bundle import bundle, part, picture
 from verefine_viz.page.gallery import Gallery, GalleryEntry
 from verefine_viz.page.share import command_path, opened_answer, shared, write_shared
@@ -178,6 +178,7 @@ def _frames(
             notes.append(f"Frames cannot be opened in the report: {error}.")
             continue
         if done >= embed:
+            check_no_link(folder)
             file = folder / f"{run}_{frame.replace('/', '_')}_{done}.html"
             write_shared(known, "", file)
             for key in keys:

@@ -18,7 +18,7 @@ from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import InputError, one_line
 from verefine_viz.core.files import id_of, read_json
 from verefine_viz.core.problem import Problem, Target
-from verefine_viz.core.writing import atomic, path_fault, wait_for_lock, write_json
+from verefine_viz.core.writing import atomic, check_no_link, make_inside, wait_for_lock, write_json
 from verefine_viz.run.session_file import CAPTURE_HEAD, SCENE_ID, scene_folder
 from verefine_viz.scenes.detections import encode_rle
 from verefine_viz.scenes.image_files import read_color, write_image
@@ -193,12 +193,12 @@ class CaptureFolder:
     @contextmanager
     def _locked(self) -> Iterator[None]:
         """Waits until no other program adds to the folder, which is made; one that is killed releases it."""
-        path = self._folder / LOCK
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot write {path}: {path_fault(path, error)}") from None
-        with wait_for_lock(path):
+        make_inside(self._folder)
+        with wait_for_lock(self._folder / LOCK):
+            for folder in (self._model_path(0).parent, self._scene.parent, self._scene):
+                check_no_link(folder)
+            for kind in ("depth", "rgb"):
+                check_no_link(self._image(kind, 0).parent)
             yield
 
     def _begin(self) -> None:

@@ -11,10 +11,13 @@ from typing import Annotated, Literal
 from msgspec import Meta, Struct, field
 
 from verefine_viz.core.arrays import Float
+from verefine_viz.core.errors import SettingsError
+from verefine_viz.core.files import Id, Real
 from verefine_viz.core.problem import Hypothesis, LeftOut, Problem
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.scores import PoseScore
+from verefine_viz.core.setting_types import Index, Seed
 from verefine_viz.core.settings import Session
 from verefine_viz.run.session_file import parsed_toml, resolve, session_toml
 from verefine_viz.run.versions import versions
@@ -32,11 +35,11 @@ Status = Literal["ok", "no_answer", "left_out", "failed"]
 class ObjectHeader(Struct, frozen=True, eq=False):
     """One object of the frame, before the first iteration."""
 
-    instance_id: int
-    obj_id: int
+    instance_id: Id
+    obj_id: Id
     name: str
     """Name of the model."""
-    diameter_m: float
+    diameter_m: Annotated[float, Meta(gt=0, le=1e300)]
     T_cam_obj_gt: Float | None
     """(4, 4) [m]; None = unknown."""
     hypotheses: tuple[Hypothesis, ...]
@@ -65,7 +68,7 @@ class RunHeader(Struct, frozen=True, eq=False):
     """About the data."""
 
 
-Size = Annotated[float, Meta(ge=0)]
+Size = Annotated[float, Meta(ge=0, le=1e300)]
 
 
 class Answer(Struct, frozen=True, eq=False, kw_only=True):
@@ -76,13 +79,13 @@ class Answer(Struct, frozen=True, eq=False, kw_only=True):
 
     frame: str
     """``scene/image``."""
-    instance_id: int | None = None
-    obj_id: int | None = None
+    instance_id: Id | None = None
+    obj_id: Id | None = None
     name: str = ""
     method: str = ""
-    seed: int | None = None
+    seed: Seed | None = None
     """Seed of the initial poses (hypotheses.seed)."""
-    visib_fract: float | None = None
+    visib_fract: Real | None = None
     """Visible share of the object, where the data set knows it."""
     has_truth: bool = False
     """Whether the data set has its ground truth; such an object counts for the recall, also without an answer."""
@@ -93,16 +96,16 @@ class Answer(Struct, frozen=True, eq=False, kw_only=True):
     """(4, 4) the answer [m]."""
     middle_m: Float | None = None
     """(3,) the middle of the object's bounding box, in its own frame [m]."""
-    score: float | None = None
-    initial_score: float | None = None
+    score: Real | None = None
+    initial_score: Real | None = None
     """Best of the hypotheses."""
-    colour_fit: float | None = None
+    colour_fit: Real | None = None
     """f_c of the answer in [−1, 1]; None where colour does not count."""
-    plausibility: float | None = None
+    plausibility: Real | None = None
     """p of the answer in [0, 1]; None where plausibility does not count."""
-    recorded_score: float | None = None
+    recorded_score: Real | None = None
     """Score of the answer by the program whose steps were recorded, in its own units."""
-    missing_depth: float | None = None
+    missing_depth: Real | None = None
     """Share of the object's mask without depth."""
     add_s_mm: Size | None = None
     """ADD, or ADD-S for symmetric objects, of the answer against ground truth."""
@@ -111,30 +114,30 @@ class Answer(Struct, frozen=True, eq=False, kw_only=True):
     rotation_deg: Size | None = None
     translation_mm: Size | None = None
     diameter_mm: Size | None = None
-    best_hypothesis: int | None = None
+    best_hypothesis: Index | None = None
     """Number of the hypothesis that the answer comes from, from 1."""
-    best_iteration: int | None = None
+    best_iteration: Index | None = None
     """0 = the answer is an initial pose."""
-    worst_iteration: int | None = None
+    worst_iteration: Index | None = None
     """The iteration that took this object furthest from its goal: by more than 3 % of the diameter, or by more than
     0.01 of the score where there is no ground truth. None where none took it so far."""
-    undetermined_mm: float | None = None
+    undetermined_mm: Real | None = None
     """The furthest shift of the answer, along an axis of the table or the model, by which the score falls no more than
     noise of the depth image explains."""
-    undetermined_deg: float | None = None
+    undetermined_deg: Real | None = None
     """Width for a turn; 180 about an axis of symmetry."""
-    n_hypotheses: int = 0
-    n_iterations: int = 0
+    n_hypotheses: Index = 0
+    n_iterations: Index = 0
     grasp: str = ""
     """How a simulated grasp by the answer ends (``grasping/grasp_trial.py``); "" where none was tried."""
     grasp_ground_truth: str = ""
     """Outcome by the ground-truth pose."""
     events: str = ""
     """Kinds and how often: ``arm_switched 4; score_fell 1``."""
-    ms_refine: float = 0.0
-    ms_simulate: float = 0.0
-    ms_score: float = 0.0
-    ms_total: float = 0.0
+    ms_refine: Real = 0.0
+    ms_simulate: Real = 0.0
+    ms_score: Real = 0.0
+    ms_total: Real = 0.0
     cause: str = ""
     """Why the answer is wrong, where that is known."""
     evidence: str = ""
@@ -194,15 +197,15 @@ class RunEnd(Struct, frozen=True, eq=False, kw_only=True):
 
     answers: tuple[Answer, ...]
     """One for each object of the frame, those that were left out last."""
-    seconds: float = 0.0
+    seconds: Real = 0.0
     """All the time it took, from reading the frame to its last record [s]."""
-    stages_ms: dict[str, float] = field(default_factory=dict)
+    stages_ms: dict[str, Real] = field(default_factory=dict)
     """Where the time went, by stage (``run.answers.STAGES``) [ms]."""
     notes: tuple[str, ...] = ()
     """About the frame's data: objects left out, unknown names in a given order, …"""
     doubts: tuple[str, ...] = ()
     """What of the frame's data does not fit together, with what to check: cam_K, depth, models, the plane."""
-    n_unreadable: int = 0
+    n_unreadable: Index = 0
     """Objects that were left out as their model or mask is missing or damaged."""
 
     @property
@@ -299,6 +302,10 @@ def session_of(header: RunHeader) -> Session:
     """The session that makes the same run.
 
     Raises:
-        SettingsError: this version cannot run it.
+        SettingsError: it is damaged, or this version cannot run it.
     """
-    return resolve(parsed_toml(header.session), "the session of the run")
+    try:
+        raw = parsed_toml(header.session)
+    except ValueError:
+        raise SettingsError("the session of the run is no TOML") from None
+    return resolve(raw, "the session of the run")

@@ -62,6 +62,8 @@ class ReplayedMethod:
                     f"the run was made of {one.name} (#{one.instance_id}), which frame {problem.frame} does not hold "
                     "(any more)"
                 )
+            if len(one.initial) != len(one.hypotheses):
+                raise InputError(f"the run holds initial poses of {one.name} alone, without scores; open its session")
             if len(instance.hypotheses) != len(one.hypotheses):
                 raise InputError(
                     f"the run was made from {len(one.hypotheses)} initial poses of {one.name}, its session now gives "

@@ -8,31 +8,36 @@ all its iterations.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
 from msgspec import structs
 
 from verefine_viz.core.arrays import finite, frozen
-from verefine_viz.core.errors import InputError, ShapeError, one_line
+from verefine_viz.core.errors import InputError, SettingsError, ShapeError, one_line, quoted
 from verefine_viz.core.files import read_file
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import NO_CONTACTS, Iteration, SimulatedPath
 from verefine_viz.core.settings import Session
+from verefine_viz.core.writing import make_inside, new_file
 from verefine_viz.run.record import FORMAT, RunEnd, RunHeader, RunRecord, header_of, session_of
+from verefine_viz.run.session_file import parsed_toml
+from verefine_viz.scenes.frames import frame_name, parse_frame
 
 SUFFIX = ".vfrun"
 MAGIC = b"VEREFINE RUN\n"
 _HEAD = struct.Struct("<II")
 _HEADER, _ITERATION, _END = b"H", b"I", b"E"
+R = TypeVar("R", RunHeader, Iteration, RunEnd)
 
 
 class RunFile:
@@ -51,11 +56,8 @@ class RunFile:
             InputError: it cannot be written.
         """
         self.close()
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
-        except OSError as error:
-            raise self._refused(error) from None
+        make_inside(self.path.parent)
+        self._file = new_file(self.path)
         self._write(MAGIC + framed(_HEADER + _ENCODER.encode(header)))
 
     def append(self, iteration: Iteration) -> None:
@@ -140,35 +142,47 @@ def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecor
         raise InputError(f"{what} is empty, expected one that view or batch wrote (.vfrun)")
     if not content.startswith(MAGIC):
         raise InputError(f"{what} is no run file, expected one that view or batch wrote (.vfrun)")
-    entries = _Bodies(content[len(MAGIC) :])
+    entries = _Bodies(content)
     bodies = iter(entries)
     first = next(bodies, None)
-    if first is None or not first.startswith(_HEADER):
+    if first is None or first[:1] != _HEADER:
         raise InputError(f"{what} holds nothing of a run; run its session again")
-    header = _header(first[1:], what)
     iterations: list[Iteration] = []
     end: RunEnd | None = None
-    n = 0
+    n, part = 0, "its header"
     try:
-        for body in bodies:
-            if body.startswith(_ITERATION):
-                n += 1
-                iterations += [_iteration(body[1:])] if with_iterations else []
-            elif body.startswith(_END):
-                end = _END_DECODER.decode(body[1:])
-                for answer in end.answers:
-                    if answer.T_cam_obj is not None:
-                        as_rigid(answer.T_cam_obj, f"the answer for {answer.name}")
+        header = _header(first[1:], what)
         if with_iterations:
-            _check(header, iterations)
-    except (msgspec.MsgspecError, ShapeError, ValueError, RecursionError) as error:
+            _check_session(header)
+        for body in bodies:
+            part = f"iteration {n + 1}"
+            if body[:1] == _ITERATION and end is None:
+                n += 1
+                if with_iterations:
+                    iterations.append(_iteration(body[1:]))
+                elif _INDEX_DECODER.decode(body[1:]).index != n:
+                    raise ValueError(f"iteration {n} is missing")
+            elif body[:1] == _END and end is None:
+                part = "its answers"
+                end = _END_DECODER.decode(body[1:])
+            else:
+                raise ValueError("it holds what no run writes there")
+        _check(header, iterations)
+        if end is not None:
+            _check_end(header, end, n)
+    except msgspec.ValidationError as error:
+        why = re.sub(r" - at `\$(.*)`$", r" (at \1)", str(error))
+        raise InputError(f"{what} is damaged: {part}: {one_line(why)}; run its session again") from None
+    except (msgspec.DecodeError, RecursionError):
+        raise InputError(f"{what} is damaged: {part} cannot be read; run its session again") from None
+    except (ShapeError, SettingsError, ValueError) as error:
         raise InputError(f"{what} is damaged: {one_line(str(error))}; run its session again") from None
     missing = ""
-    if entries.damage or end is None:
+    if end is None:  # What is left of something behind the answers takes nothing from them.
         left = "1 iteration is in it" if n == 1 else f"{n or 'no'} iterations are in it"
         why = "bytes in the middle are damaged" if entries.damage == _DAMAGED else "it was stopped or cut off"
         missing = f"the run ended early ({why}); {left}"
-    return RunRecord(header, tuple(iterations), end, entries.damage == _DAMAGED, missing)
+    return RunRecord(header, tuple(iterations), end, end is None and entries.damage == _DAMAGED, missing)
 
 
 def _ending(end: RunEnd) -> bytes:
@@ -191,54 +205,65 @@ def thin(iteration: Iteration) -> Iteration:
     return structs.replace(iteration, path=SimulatedPath(Ts_cam_obj, path.contacts[-1:], path.tipping))
 
 
-def as_read(iteration: Iteration) -> Iteration:
-    """The iteration as it is read back."""
-    return _iteration(_ENCODER.encode(thin(iteration)))
+def as_read(record: R) -> R:
+    """The record as it is read back."""
+    if isinstance(record, Iteration):
+        return _iteration(_ENCODER.encode(thin(record)))
+    decoder: Any = _HEADER_DECODER if isinstance(record, RunHeader) else _END_DECODER
+    return decoder.decode(_ENCODER.encode(record))
 
 
 _DAMAGED, _CUT = "damaged", "cut"
 
 
 class _Bodies:
-    """The bodies that follow one another, up to the first that is not whole; then why they end."""
+    """The bodies that follow one another in a run file, up to the first that is not whole; then why they end."""
 
     def __init__(self, content: bytes) -> None:
         self.damage = ""
-        self._content = content
+        self._content = memoryview(content)
 
-    def __iter__(self) -> Iterator[bytes]:
-        content, at = self._content, 0
+    def __iter__(self) -> Iterator[memoryview]:
+        content, at = self._content, len(MAGIC)
         while at < len(content):
             if at + _HEAD.size > len(content):
                 self.damage = _CUT
                 return
             length, crc = _HEAD.unpack_from(content, at)
             body = content[at + _HEAD.size : at + _HEAD.size + length]
-            if len(body) < length or zlib.crc32(body) != crc:
-                self.damage = _CUT if len(body) < length else _DAMAGED
+            # No entry is empty: zeros are what a file system leaves that had no time to write.
+            if len(body) < length or not length or zlib.crc32(body) != crc:
+                self.damage = _DAMAGED if len(body) == length > 0 else _CUT
                 return
             yield body
             at += _HEAD.size + length
 
 
-def _header(body: bytes, what: str) -> RunHeader:
-    try:
-        number = msgspec.msgpack.decode(body, type=_Numbered).format
-        if number > FORMAT:
-            raise InputError(
-                f"{what} was written by a later version (format {number}, this one reads {FORMAT}); update"
-            )
-        header = _HEADER_DECODER.decode(body)
-        if not re.fullmatch(r"[0-9]+/[0-9]+", header.frame):
-            raise ValueError(f"{header.frame!r} is no frame")
-        if len({one.instance_id for one in header.objects}) < len(header.objects):
-            raise ValueError("an object is in it twice")
-        for one in header.objects:
-            if len(one.initial) not in (0, len(one.hypotheses)):
-                raise ValueError(f"{one.name} has {len(one.hypotheses)} hypotheses and {len(one.initial)} scores")
-    except (msgspec.MsgspecError, ShapeError, ValueError, RecursionError) as error:
-        raise InputError(f"{what} is damaged: {one_line(str(error))}; run its session again") from None
+def _header(body: memoryview, what: str) -> RunHeader:
+    number = msgspec.msgpack.decode(body, type=_Numbered).format
+    if number > FORMAT:
+        raise InputError(f"{what} was written by a later version (format {number}, this one reads {FORMAT}); update")
+    header = _HEADER_DECODER.decode(body)
+    if frame_name(parse_frame(header.frame)) != header.frame:
+        raise ValueError(f"{quoted(header.frame)} is no frame")
+    if len({one.instance_id for one in header.objects}) < len(header.objects):
+        raise ValueError("an object is in it twice")
+    poses = [("camera pose", header.T_map_cam), ("table", header.T_table_cam)]
+    poses += [(f"ground truth of {one.name}", one.T_cam_obj_gt) for one in header.objects]
+    for name, T in poses:
+        if T is not None:
+            as_rigid(T, name)
+    for one in header.objects:
+        if len(one.initial) not in (0, len(one.hypotheses)):
+            raise ValueError(f"{one.name} has {len(one.hypotheses)} hypotheses and {len(one.initial)} scores")
     return header
+
+
+def _check_session(header: RunHeader) -> None:
+    try:
+        parsed_toml(header.session)
+    except ValueError:
+        raise ValueError("its session is no TOML") from None
 
 
 class _Numbered(msgspec.Struct):
@@ -247,7 +272,13 @@ class _Numbered(msgspec.Struct):
     format: int
 
 
-def _iteration(body: bytes) -> Iteration:
+class _Indexed(msgspec.Struct):
+    """What an iteration is known by."""
+
+    index: int
+
+
+def _iteration(body: bytes | memoryview) -> Iteration:
     iteration = _ITERATION_DECODER.decode(body)
     path = iteration.path
     return iteration if path is None else structs.replace(iteration, path=_with_all_steps(path))
@@ -255,6 +286,8 @@ def _iteration(body: bytes) -> Iteration:
 
 def _with_all_steps(path: SimulatedPath) -> SimulatedPath:
     """A path as it was read, with contacts for every step, as a run has them."""
+    if path.Ts_cam_obj.ndim != 3 or not len(path.Ts_cam_obj):
+        raise ValueError("a simulation has no pose")
     steps = len(path.Ts_cam_obj) - 1
     contacts = (NO_CONTACTS,) * (steps - len(path.contacts)) + path.contacts
     return SimulatedPath(path.Ts_cam_obj.astype(np.float64), contacts, path.tipping)
@@ -266,10 +299,14 @@ def _packed_array(value: np.ndarray) -> list[Any]:
 
 def _array(kind: Any, value: Any) -> np.ndarray:
     # msgspec names the field in what is raised here.
-    dtype, shape, content = value
+    dtype, shape, content = value if isinstance(value, list) and len(value) == 3 else (None, (), b"")
     if dtype not in _TYPES:
-        raise ValueError(f"{dtype!r} is no type of an array, expected one of {', '.join(_TYPES)}")
-    return np.frombuffer(content, np.dtype(dtype)).reshape(shape)
+        raise ValueError(f"no array, whose type is one of {', '.join(_TYPES)}")
+    is_shape = isinstance(shape, list) and all(isinstance(n, int) and 0 <= n < 2**31 for n in shape)
+    kind = np.dtype(dtype)
+    if not (is_shape and isinstance(content, bytes) and len(content) == math.prod(shape) * kind.itemsize):
+        raise ValueError("an array whose numbers do not fill its shape")
+    return np.frombuffer(content, kind).reshape(shape)
 
 
 _TYPES = ("<f8", "<f4", "<i8")
@@ -277,6 +314,7 @@ _TYPES = ("<f8", "<f4", "<i8")
 _ENCODER = msgspec.msgpack.Encoder(enc_hook=_packed_array)
 _HEADER_DECODER = msgspec.msgpack.Decoder(RunHeader, dec_hook=_array)
 _ITERATION_DECODER = msgspec.msgpack.Decoder(Iteration, dec_hook=_array)
+_INDEX_DECODER = msgspec.msgpack.Decoder(_Indexed)
 _END_DECODER = msgspec.msgpack.Decoder(RunEnd, dec_hook=_array)
 
 
@@ -287,6 +325,7 @@ def _check(header: RunHeader, iterations: Sequence[Iteration]) -> None:
         ShapeError: it holds arrays that no run makes.
     """
     arms = {one.instance_id: len(one.hypotheses) for one in header.objects}
+    obj_ids = {one.instance_id: one.obj_id for one in header.objects}
     n_nodes: dict[int, int] = {}
     """Nodes of each cluster's search tree, so far."""
     for k, i in enumerate(iterations, 1):
@@ -297,23 +336,61 @@ def _check(header: RunHeader, iterations: Sequence[Iteration]) -> None:
         if i.arm not in range(n_arms):
             subject = f"hypothesis {i.arm + 1} of instance {i.instance_id}"
             raise ValueError(f"iteration {i.index} is about {subject}, which has {n_arms}")
+        if i.obj_id != obj_ids[i.instance_id]:
+            raise ValueError(f"iteration {i.index} is about object {i.obj_id}, and instance {i.instance_id} is another")
+        if i.best.arm not in range(n_arms) or i.best.iteration > i.index:
+            raise ValueError(
+                f"the best pose after iteration {i.index} is of a hypothesis or iteration that is not there"
+            )
         if i.stage(i.accepted) is None:
             raise ValueError(f"iteration {i.index} accepted its {i.accepted} pose, and has none")
         choice = () if i.choice is None else (i.choice.plays, i.choice.mean, i.choice.exploration, i.choice.ucb)
-        if any(len(numbers) != n_arms for numbers in choice):
+        if any(len(numbers) != n_arms for numbers in choice) or (i.choice and i.choice.arm not in range(n_arms)):
             raise ValueError(f"iteration {i.index} chose from another number of hypotheses than {n_arms}")
         unknown = set(_other_instances(i)) - arms.keys()
         if unknown:
             raise ValueError(f"iteration {i.index} places instance {min(unknown)}, which is not in the header")
+        if i.path is not None and len(i.path.contacts) != len(i.path.Ts_cam_obj) - 1:
+            raise ValueError(f"the simulation of iteration {i.index} has more contacts than steps")
+        if i.path is not None and i.path.tipping and i.path.tipping.step > len(i.path.contacts):
+            raise ValueError(f"the simulation of iteration {i.index} tips over after its last step")
         if i.tree is not None:
             n, node = n_nodes.get(i.tree.cluster, 1), i.tree.node
             if node is not None:
-                if node.node != n or node.parent not in range(n):
+                if node.node != n or node.parent not in range(n) or node.arm not in range(arms[node.instance_id]):
                     raise ValueError(f"iteration {i.index} adds node {node.node} to a search tree of {n} nodes")
                 n += 1
             if not all(number in range(n) for number in i.tree.branch):
                 raise ValueError(f"iteration {i.index} visits a node of the search tree that was never added")
             n_nodes[i.tree.cluster] = n
+
+
+def _check_end(header: RunHeader, end: RunEnd, n: int) -> None:
+    """
+    Raises:
+        ValueError: it cannot be the end of that run, of ``n`` iterations.
+        ShapeError: it holds arrays that no run makes.
+    """
+    arms = {one.instance_id: len(one.hypotheses) for one in header.objects}
+    seen = set[int]()
+    for answer in end.answers:
+        if answer.frame != header.frame:
+            raise ValueError(f"an answer is about frame {quoted(answer.frame, 40)}, and the run about {header.frame}")
+        if answer.instance_id in seen:
+            raise ValueError(f"there are two answers for instance {answer.instance_id}")
+        seen |= set() if answer.instance_id is None else {answer.instance_id}
+        if answer.T_cam_obj is not None:
+            as_rigid(answer.T_cam_obj, f"the answer for {answer.name}")
+        if answer.middle_m is not None:
+            finite(answer.middle_m, f"the middle of {answer.name}", (3,))
+        n_arms = arms.get(answer.instance_id) if answer.instance_id is not None else None
+        if n_arms is not None and (answer.best_hypothesis or 0) > n_arms:
+            raise ValueError(f"the answer for {answer.name} is of hypothesis {answer.best_hypothesis} of {n_arms}")
+        if max(answer.best_iteration or 0, answer.worst_iteration or 0) > n:
+            raise ValueError(f"the answer for {answer.name} is of an iteration that is not in the file")
+    n_made = sum(answer.n_iterations for answer in end.answers)
+    if n_made != n:
+        raise ValueError(f"its answers come from {n_made} iterations, and {n or 'none'} are in it")
 
 
 def _other_instances(iteration: Iteration) -> Iterator[int]:
@@ -342,11 +419,12 @@ def _check_arrays(iteration: Iteration) -> None:
     for pose in placed:
         as_rigid(pose.T_cam_obj, f"placed pose of instance {pose.instance_id}")
     if choice is not None:
-        for name in ("plays", "mean", "exploration", "ucb"):
-            frozen(getattr(choice, name), name, (None,))
+        for name in ("plays", "mean"):
+            finite(getattr(choice, name), name, (None,))
+        for name in ("exploration", "ucb"):  # Infinite for what was never played.
+            if np.isnan(frozen(getattr(choice, name), name, (None,))).any():
+                raise ValueError(f"{name} of iteration {iteration.index} holds NaN")
     if path is not None:
-        if not len(path.Ts_cam_obj):
-            raise ValueError(f"the simulation of iteration {iteration.index} has no pose")
         finite(path.Ts_cam_obj, "simulated path", (None, 4, 4))
         for contacts in path.contacts:
             n = len(contacts.depths_m)

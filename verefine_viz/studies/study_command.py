@@ -13,7 +13,7 @@ from verefine_viz.batch.progress import counted_bar
 from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.settings import Session
-from verefine_viz.core.writing import clear_parts
+from verefine_viz.core.writing import check_no_link, clear_parts
 from verefine_viz.run.session_file import load_session
 from verefine_viz.studies.grasp_table import report_grasps
 from verefine_viz.studies.paper_tables import MOST_HYPOTHESES
@@ -68,6 +68,7 @@ def run_one(
     if request.own_initial_poses and name == "tables":
         n_seeds = 1  # nothing is drawn
     journal, n_done, n_all = out / f"{name}.journal", 0, 0
+    check_no_link(journal)
     try:
         with counted_bar(f"study {name}") as report:
 

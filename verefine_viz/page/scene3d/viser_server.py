@@ -1,7 +1,7 @@
 """viser's server for the 3D view, on a loopback port of its own that answers this machine's programs and its own page.
 
-viser has no options for whom it answers, for headers and scripts of its page, or for messages that it cannot read: its
-web server is wrapped while it starts. Written for viser 1.1.1.
+viser has no options for whom it answers, for headers and scripts of its page, for messages that it cannot read, or for
+how many threads it keeps: its web server and its pool are wrapped while it starts. Written for viser 1.1.1.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import re
 import secrets
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from http import HTTPStatus
 from pathlib import Path
@@ -23,6 +24,7 @@ from typing import Any
 
 import msgspec
 import viser
+import viser._viser
 import websockets.asyncio.server
 from viser._messages import GuiUpdateMessage, Message
 from websockets.asyncio.server import ServerConnection
@@ -32,6 +34,8 @@ from verefine_viz.rendering.gl_context import SOFTWARE
 
 _LOG = logging.getLogger(__name__)
 _CONSTRUCTION = threading.Lock()
+MOST_THREADS = 2
+"""Threads for callbacks, which are short; viser keeps up to 32 for good."""
 MOST_MALFORMED = 10
 """So many malformed messages and a client is disconnected."""
 _LARGEST_NUMBER = 2**53
@@ -85,10 +89,12 @@ def _guarded(server: viser.ViserServer) -> Iterator[None]:
         return original(*args, **{**kwargs, **ours})
 
     websockets.asyncio.server.serve = serve  # type: ignore[assignment, misc]
+    viser._viser.ThreadPoolExecutor = lambda max_workers: ThreadPoolExecutor(MOST_THREADS)  # type: ignore[assignment, misc]
     try:
         yield
     finally:
         websockets.asyncio.server.serve = original  # type: ignore[misc]
+        viser._viser.ThreadPoolExecutor = ThreadPoolExecutor  # type: ignore[misc]
 
 
 def admits(port: int, request: Request) -> bool:
