@@ -11,6 +11,7 @@ from typing import Annotated
 import tyro
 
 from verefine_viz.core.errors import InputError, VerefineError, one_line
+from verefine_viz.core.text_format import say
 
 DIFFERS, CANNOT, ENDED_EARLY = 1, 2, 3
 """Exit codes of --verify; the last is for a recording that is the same as far as it goes, but was stopped early."""
@@ -60,7 +61,7 @@ def _verify_all(recordings: Sequence[Path]) -> int:
         try:
             codes.add(_verify(recording))
         except VerefineError as error:
-            print(f"verefine-viz: {one_line(str(error))}", file=sys.stderr, flush=True)
+            say(f"verefine-viz: {error}", sys.stderr)
             codes.add(CANNOT)
     return next(code for code in (CANNOT, DIFFERS, ENDED_EARLY, 0) if code in codes)
 
@@ -78,7 +79,7 @@ def _verify(recording: Path) -> int:
 
     _check_file(recording)
     verification = verify(recording, again)
-    print(one_line(f"{recording}: {verification.text}"), flush=True)
+    say(one_line(f"{recording}: {verification.text}"))
     if verification.ends_early:
         return ENDED_EARLY
     return DIFFERS if verification.difference else 0
@@ -90,7 +91,7 @@ def _open(recording: Path) -> int:
     viewer = open_viewer(recording)
     try:
         where = f"at {viewer.address}  (Ctrl-C" if viewer.address else "in its window  (closing it, or Ctrl-C,"
-        print(f"verefine-viz: {one_line(str(recording))} in the rerun viewer, {where} ends it)", flush=True)
+        say(f"verefine-viz: {one_line(str(recording))} in the rerun viewer, {where} ends it)")
         return viewer.process.wait()
     except KeyboardInterrupt:
         return 0

@@ -15,6 +15,7 @@ from msgspec import structs
 from verefine_viz.commands.flags import AnySettings, SessionFlags, given
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.settings import BULLET, MethodSettings, Session
+from verefine_viz.core.text_format import say
 
 if TYPE_CHECKING:
     from verefine_viz.page.gallery import Gallery
@@ -66,7 +67,7 @@ class ViewCommand:
         if recording is not None:
             session = _recorded_session(recording, self.other)
         elif known := _data_folder(self.session, overrides):
-            print(f"{self.session}: {known.what}", file=sys.stderr)
+            say(f"{self.session}: {known.what}", sys.stderr)
             session = known.session
         elif self.session is not None and self.session.is_dir():
             from verefine_viz.batch.index import find_runs
@@ -74,10 +75,10 @@ class ViewCommand:
             from verefine_viz.run.session_parts import check_parts
 
             if note := find_runs(self.session).note:
-                print(note, file=sys.stderr)
+                say(note, sys.stderr)
             batch = read_gallery(self.session, overrides)
             for missing in batch.notes:
-                print(f"note: {missing}", file=sys.stderr)
+                say(f"note: {missing}", sys.stderr)
             session = batch.session(batch.worst.run)
             check_parts(session, f"run {batch.worst.run}", "open", f"view {self.session}")
         else:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from verefine_viz.core.errors import ShapeError
+from verefine_viz.core.errors import ContentError, ShapeError
 
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -73,7 +73,7 @@ def plain_array(loaded: object, dtype: DTypeLike) -> NDArray[Any]:
         ValueError: it is an archive, or of numbers that are no such (complex ones, text, floats for whole numbers).
     """
     if not isinstance(loaded, np.ndarray):
-        raise ValueError("an archive of arrays (.npz), expected one array (.npy)")
+        raise ContentError("an archive of arrays (.npz), expected one array (.npy)")
     if not np.can_cast(loaded.dtype, dtype, "same_kind"):
-        raise ValueError(f"an array of {loaded.dtype}, expected {np.dtype(dtype).name}")
+        raise ContentError(f"an array of {loaded.dtype}, expected {np.dtype(dtype).name}")
     return loaded.astype(dtype, copy=False)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from verefine_viz.core.algorithm_settings import GraspSettings
 from verefine_viz.core.array_cache import NPZ_READING, Arrays, cached
 from verefine_viz.core.arrays import Float, finite, plain_array
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import ContentError, InputError
 from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import as_rigid, axis_angle, transform
 from verefine_viz.core.model import ObjectModel
@@ -119,9 +119,12 @@ def read_annotated(file: Path, model: ObjectModel, settings: GraspSettings) -> F
     """
     with reading(file, "grasps") as opened:
         with NPZ_READING:
-            numbers = plain_array(np.load(opened, allow_pickle=False), np.float64).reshape(-1, 4, 4)
+            numbers = plain_array(np.load(opened, allow_pickle=False), np.float64)
+        if numbers.size % 16:
+            raise ContentError(f"an array of shape {numbers.shape}, expected (N, 4, 4) or (N, 16)")
+        numbers = numbers.reshape(-1, 4, 4)
         if not 0 < len(numbers) <= MOST:
-            raise ValueError(f"{len(numbers)} grasps, expected 1 to {MOST}")
+            raise ContentError(f"{len(numbers)} grasps, expected 1 to {MOST}")
         poses = np.array([as_rigid(T, f"grasp {k + 1}, 4×4 in metres, row by row,") for k, T in enumerate(numbers)])
     share = float(np.mean(_between(poses, model.points, settings.opening_m)))
     if share < AGREES:

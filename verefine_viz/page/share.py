@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from verefine_viz import __version__
-from verefine_viz.core.errors import InputError, VerefineError, unknown
+from verefine_viz.core.errors import InputError, VerefineError, one_line, unknown
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import atomic
@@ -87,7 +87,7 @@ def share(
         debugger = opened(path, frame)
         run = shared(debugger, f"verefine-viz view {command_path(path)}", maps)
         note = write_shared(run, end_scene(debugger) if with_scene else "", out)
-        return f"Frame {debugger.space.frame} of “{run.title}”. {note}".rstrip()
+        return f"Frame {debugger.space.frame} of “{one_line(run.title)}”. {note}".rstrip()
 
 
 def write_shared(run: SharedRun, scene: str, out: Path) -> str:

@@ -236,6 +236,8 @@ def _header(body: bytes, what: str) -> RunHeader:
         for one in header.objects:
             if len(one.initial) not in (0, len(one.hypotheses)):
                 raise ValueError(f"{one.name} has {len(one.hypotheses)} hypotheses and {len(one.initial)} scores")
+    except InputError:
+        raise
     except (msgspec.MsgspecError, ShapeError, ValueError, RecursionError) as error:
         raise InputError(f"{what} is damaged: {one_line(str(error))}; run its session again") from None
     return header

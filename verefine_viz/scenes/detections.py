@@ -11,7 +11,7 @@ import numpy as np
 from pycocotools import mask as coco
 
 from verefine_viz.core.arrays import Mask
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import ContentError, InputError
 from verefine_viz.core.files import Id, Real, decoded_json, first_line, read_json
 from verefine_viz.scenes.image_files import size_text
 
@@ -121,11 +121,13 @@ def decode_rle(encoded: RunLengths, shape: tuple[int, int]) -> Mask:
         ValueError: it is of another size than ``shape`` (height, width), or its runs do not fill the image.
     """
     if encoded.size != shape:
-        raise ValueError(f"the mask is made for [h, w] = {[*encoded.size]}, but the image is {size_text(shape)} pixels")
+        raise ContentError(
+            f"the mask is made for [h, w] = {[*encoded.size]}, but the image is {size_text(shape)} pixels"
+        )
     runs = _string_runs(encoded.counts) if isinstance(encoded.counts, str) else encoded.counts
     # Checked here because pycocotools leaves memory uninitialised where the runs end early.
     if runs is None or min(runs, default=0) < 0 or sum(runs) != shape[0] * shape[1]:
-        raise ValueError(f"the run lengths are damaged, expected a sum of {shape[0] * shape[1]} pixels, none below 0")
+        raise ContentError(f"the run lengths are damaged, expected a sum of {shape[0] * shape[1]} pixels, none below 0")
     uncompressed: Any = {"size": list(shape), "counts": runs}
     rle: Any = coco.frPyObjects(uncompressed, *shape)
     mask = np.ascontiguousarray(coco.decode(rle)).astype(bool)

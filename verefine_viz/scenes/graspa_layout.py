@@ -8,13 +8,14 @@ Models are the user's, in a folder as BOP has them. Source: Bottarel et al., GRA
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, SettingsError, unknown
+from verefine_viz.core.errors import ContentError, InputError, SettingsError, unknown
 from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import check_reach, inverse, transform
 from verefine_viz.core.model import ObjectModel
@@ -85,7 +86,7 @@ def read_layout(file: Path) -> tuple[LayoutObject, ...]:
     with reading(file, "layout", MOST_BYTES) as opened:
         elements = ET.parse(opened).getroot().findall("ManipulationObject")
         if not 0 < len(elements) <= MOST_OBJECTS:
-            raise ValueError(
+            raise ContentError(
                 f"it has {len(elements)} ManipulationObject, expected 1 to {MOST_OBJECTS}, as in GRASPA's layout_0.xml"
             )
         return tuple(LayoutObject(e.get("name", ""), _pose(e)) for e in elements)
@@ -94,13 +95,15 @@ def read_layout(file: Path) -> tuple[LayoutObject, ...]:
 def _pose(element: ET.Element) -> Float:
     where = element.get("name", "an object without a name")
     rows = [element.find(f".//Matrix4x4/row{k}") for k in (1, 2, 3)]
-    T = np.array([[float(row.get(f"c{k}", "nan")) for k in (1, 2, 3, 4)] for row in rows if row is not None])
+    T = np.full((3, 4), np.nan)
+    with suppress(ValueError):  # A word.
+        T = np.array([[float(row.get(f"c{k}", "nan")) for k in (1, 2, 3, 4)] for row in rows if row is not None])
     if T.shape != (3, 4) or not np.isfinite(T).all():
-        raise ValueError(f"{where}: expected a Matrix4x4 of finite numbers, c1 to c4 in row1 to row4")
+        raise ContentError(f"{where}: expected a Matrix4x4 of finite numbers, c1 to c4 in row1 to row4")
     U, _, Vt = np.linalg.svd(T[:, :3])
     R = U @ Vt
     if np.linalg.det(R) < 0 or np.abs(R - T[:, :3]).max() > SKEWED:
-        raise ValueError(f"{where}: its Matrix4x4 is no rotation; expected one, with the translation in mm")
+        raise ContentError(f"{where}: its Matrix4x4 is no rotation; expected one, with the translation in mm")
     t_m = T[:, 3] * 1e-3
     check_reach(t_m, where)
     return transform(R, t_m)

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import quoted
+from verefine_viz.core.errors import ContentError, quoted
 from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import as_rigid, transform
 from verefine_viz.core.writing import atomic
@@ -80,7 +80,7 @@ def _lines_of(raw: bytes, path: Path) -> tuple[ResultLine, ...]:
         # Line breaks as Python reads text: of any system.
         text = raw.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError:
-        raise ValueError(f"no text file, expected a BOP results CSV ({HEADER})") from None
+        raise ContentError(f"no text file, expected a BOP results CSV ({HEADER})") from None
     lines = text.split("\n")
     if lines[-1] == "":
         lines.pop()
@@ -91,19 +91,19 @@ def _lines_of(raw: bytes, path: Path) -> tuple[ResultLine, ...]:
             continue
         where = f"line {number}"
         if number == 1 and _is_header(line):
-            raise ValueError(f"{where}: the header is {quoted(line.strip())}, expected {HEADER} or none{_hint(path)}")
+            raise ContentError(f"{where}: the header is {quoted(line.strip())}, expected {HEADER} or none{_hint(path)}")
         new = _line_of(line, number, where)
         estimates.append(new)
         if new.time_s < 0:
             continue
         known = first_time.setdefault((new.scene_id, new.im_id), new.time_s)
         if abs(new.time_s - known) > 0.001:
-            raise ValueError(
+            raise ContentError(
                 f"{where}: time is {new.time_s:g} s, but {known:g} s in an earlier line of scene {new.scene_id}, "
                 f"image {new.im_id}; all estimates of an image share one time"
             )
     if not estimates:
-        raise ValueError(f"no estimates, expected a BOP results CSV ({HEADER})")
+        raise ContentError(f"no estimates, expected a BOP results CSV ({HEADER})")
     return tuple(estimates)
 
 
@@ -135,7 +135,7 @@ def results_line(row: ResultRow) -> str:
 def _row(line: ResultLine) -> ResultRow:
     for name, values in (("score", np.array(line.score)), ("R", line.R), ("t", line.t_mm)):
         if not np.isfinite(values).all():
-            raise ValueError(f"line {line.number}: {name} holds NaN or infinity, expected finite numbers")
+            raise ContentError(f"line {line.number}: {name} holds NaN or infinity, expected finite numbers")
     T_cam_obj = as_rigid(transform(line.R, line.t_mm * 1e-3), f"line {line.number}: the pose")
     return ResultRow(line.scene_id, line.im_id, line.obj_id, line.score, T_cam_obj, line.time_s)
 
@@ -144,7 +144,7 @@ def _line_of(line: str, number: int, where: str) -> ResultLine:
     fields = line.split(",")
     if len(fields) != 7:
         there = "a blank line" if not line.strip() else f"{len(fields)} comma-separated fields"
-        raise ValueError(f"{where}: found {there}, expected 7 fields ({HEADER})")
+        raise ContentError(f"{where}: found {there}, expected 7 fields ({HEADER})")
     names = ("scene_id", "im_id", "obj_id")
     scene_id, im_id, obj_id = (_integer(text, name, where) for text, name in zip(fields[:3], names, strict=True))
     score = float(_numbers(fields[3], 1, "score", where)[0])
@@ -152,7 +152,9 @@ def _line_of(line: str, number: int, where: str) -> ResultLine:
     try:
         time_s = float(fields[6])
     except ValueError:
-        raise ValueError(f"{where}: time is {quoted(fields[6].strip(), 40)}, expected seconds (-1 = unknown)") from None
+        raise ContentError(
+            f"{where}: time is {quoted(fields[6].strip(), 40)}, expected seconds (-1 = unknown)"
+        ) from None
     return ResultLine(number, scene_id, im_id, obj_id, score, R, t_mm, time_s)
 
 
@@ -172,9 +174,9 @@ def _integer(text: str, name: str, where: str) -> int:
     try:
         value = int(text)
     except ValueError:  # no integer, or one of more than 4300 digits
-        raise ValueError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected an integer") from None
+        raise ContentError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected an integer") from None
     if abs(value) >= 2**63:
-        raise ValueError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected an integer below 2⁶³")
+        raise ContentError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected an integer below 2⁶³")
     return value
 
 
@@ -183,8 +185,8 @@ def _numbers(text: str, n: int, name: str, where: str) -> Float:
     try:
         values = np.array([float(word) for word in text.split()])
     except ValueError:
-        raise ValueError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected {expected}") from None
+        raise ContentError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected {expected}") from None
     if len(values) != n:
         wrong = f"holds {len(values)} numbers" if len(values) else "is empty"
-        raise ValueError(f"{where}: {name} {wrong}, expected {expected}")
+        raise ContentError(f"{where}: {name} {wrong}, expected {expected}")
     return values

@@ -15,7 +15,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from verefine_viz.core.array_cache import NPZ_READING
 from verefine_viz.core.arrays import Float, plain_array
-from verefine_viz.core.errors import InputError, ShapeError, one_line
+from verefine_viz.core.errors import ContentError, InputError, ShapeError, one_line
 from verefine_viz.core.files import Numbers3, Numbers3x3, Numbers4x4, Real, decoded_json, first_line, reading
 from verefine_viz.core.geometry import as_rigid, check_reach
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
@@ -258,9 +258,9 @@ def _calls(folder: Path) -> tuple[list[Call], list[str]]:
                 if number == 1:
                     raise
         if not calls or calls[0].trace is None:
-            raise ValueError("it has not begun: its program was stopped before the images were written")
+            raise ContentError("it has not begun: its program was stopped before the images were written")
         if calls[0].trace != FORMAT:
-            raise ValueError("it was written by another version; record it again")
+            raise ContentError("it was written by another version; record it again")
     n = len(faults)
     return calls, [f"{n} line{'s' * (n > 1)} of the trace damaged and left out ({faults[0]})"] if faults else []
 
