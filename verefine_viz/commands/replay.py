@@ -10,7 +10,7 @@ from typing import Annotated
 
 import tyro
 
-from verefine_viz.core.errors import InputError, VerefineError, one_line
+from verefine_viz.core.errors import InputError, UnavailableError, VerefineError, one_line
 from verefine_viz.core.text_format import say
 
 DIFFERS, CANNOT, ENDED_EARLY = 1, 2, 3
@@ -90,9 +90,15 @@ def _open(recording: Path) -> int:
 
     viewer = open_viewer(recording)
     try:
+        if viewer.note:
+            say(f"note: {one_line(viewer.note)}", sys.stderr)
         where = f"at {viewer.address}  (Ctrl-C" if viewer.address else "in its window  (closing it, or Ctrl-C,"
         say(f"verefine-viz: {one_line(str(recording))} in the rerun viewer, {where} ends it)")
-        return viewer.process.wait()
+        code = viewer.process.wait()
+        if code > 0:
+            why = "with RUST_LOG=warn in its environment it says why"
+            raise UnavailableError(f"the rerun viewer ended by itself with exit code {code}; {why}")
+        return 0
     except KeyboardInterrupt:
         return 0
     finally:
