@@ -27,19 +27,24 @@ def frozen(value: ArrayLike, name: str, shape: tuple[int | None, ...], dtype: DT
         ShapeError: the shape differs.
     """
     try:
+        if isinstance(value, np.ndarray) and value.dtype.kind not in "biufO":  # numpy drops the imaginary part.
+            raise TypeError
         array = np.asarray(value, dtype=dtype)
-    except (TypeError, ValueError) as error:
-        raise ShapeError(f"{name} is not an array of {np.dtype(dtype).name}: {error}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise ShapeError(f"{name} is no array of numbers, expected {_shape_text(shape)}") from None
     if array.shape != shape and (
         array.ndim != len(shape) or any(want not in (None, got) for want, got in zip(shape, array.shape, strict=True))
     ):
-        letters = iter("nmkl")
-        wanted = "×".join(next(letters) if n is None else str(n) for n in shape)
-        raise ShapeError(f"{name} has shape {array.shape}, expected {wanted}")
+        raise ShapeError(f"{name} has shape {array.shape}, expected {_shape_text(shape)}")
     if array.flags.writeable:
         array = array.copy()
         array.flags.writeable = False
     return array
+
+
+def _shape_text(shape: tuple[int | None, ...]) -> str:
+    letters = iter("nmkl")
+    return "×".join(next(letters) if n is None else str(n) for n in shape)
 
 
 def set_fields(record: object, **arrays: object) -> None:

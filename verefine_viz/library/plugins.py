@@ -5,12 +5,14 @@ What such a part raises, and an answer that is none, is one line that names the 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from itertools import islice
 from typing import Any, TypeVar
 
+from verefine_viz.core.arguments import checked_text, described
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, ShapeError, quoted
+from verefine_viz.core.errors import ArgumentTypeError, InputError, ShapeError, quoted
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.own_parts import own_part
 from verefine_viz.core.problem import Hypothesis, Placed, Target
@@ -46,7 +48,7 @@ def refiner(name: str) -> Callable[[R], R]:
     def register(kind: R) -> R:
         _check(name, "refine", kind)
         checked = _checked_refiner(name, kind)
-        REFINERS[name] = lambda session: checked()
+        REFINERS[name] = lambda session: _made(f"refiner {name}", checked)
         return kind
 
     return register
@@ -67,10 +69,10 @@ def estimator(name: str) -> Callable[[E], E]:
     """
 
     def register(kind: E) -> E:
+        _check(name, "hypotheses", kind)
         if name in (*POSES_GIVEN, "session"):
             raise InputError(f"{name!r} is the name of another source of initial poses; choose another")
-        _check(name, "hypotheses", kind)
-        ESTIMATORS[name] = lambda session: _CheckedEstimator(name, kind())
+        ESTIMATORS[name] = lambda session: _CheckedEstimator(name, _made(f"estimator {name}", kind))
         return kind
 
     return register
@@ -90,10 +92,10 @@ def verifier(name: str) -> Callable[[V], V]:
     """
 
     def register(kind: V) -> V:
+        _check(name, "scores", kind)
         if name == EQ_1:
             raise InputError(f"{name!r} is the name of Eq. 1; choose another")
-        _check(name, "scores", kind)
-        VERIFIERS[name] = lambda settings: kind()
+        VERIFIERS[name] = lambda settings: _made(f"verifier {name}", kind)
         return kind
 
     return register
@@ -114,13 +116,18 @@ def simulator(name: str) -> Callable[[S], S]:
     """
 
     def register(kind: S) -> S:
+        _check(name, "settle", kind)
         if name == BULLET:
             raise InputError(f"{name!r} is the name of the simulator of this package; choose another")
-        _check(name, "settle", kind)
-        SIMULATORS[name] = lambda settings: kind()
+        SIMULATORS[name] = lambda settings: _made(f"simulator {name}", kind)
         return kind
 
     return register
+
+
+def _made(who: str, kind: Callable[[], Any]) -> Any:
+    with own_part(who):
+        return kind()
 
 
 def _checked_refiner(name: str, kind: Any) -> Callable[[], Refiner]:
@@ -152,6 +159,10 @@ class _CheckedEstimator:
 
 
 def _check(name: str, method: str, kind: Any) -> None:
+    if not re.fullmatch(r"\w[\w.+-]{0,80}", checked_text(name, "name", "the name of the part in settings")):
+        raise InputError(f"name is {quoted(name, 40)}, expected letters, digits, _ . + -")
+    if not isinstance(kind, type):
+        raise ArgumentTypeError(f"{described(kind)} cannot be registered, expected a class with the method {method}")
     built_in = (REFINERS.get(name), ESTIMATORS.get(name))
     if any(make.__module__ in _REGISTRIES for make in built_in if make is not None):
         raise InputError(f"{name!r} is the name of a part of this package; choose another")

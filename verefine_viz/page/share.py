@@ -8,12 +8,13 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import msgspec
 import numpy as np
 
 from verefine_viz import __version__
+from verefine_viz.core.arguments import checked_choice, checked_flag, checked_path, checked_text
 from verefine_viz.core.errors import InputError, VerefineError, one_line, unknown
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import Session
@@ -79,7 +80,11 @@ def share(
     Raises:
         VerefineError: it cannot be opened, or the file cannot be written.
     """
-    out = Path(out)
+    out = checked_path(out, "out", "the name of an HTML file")
+    checked_choice(maps, "maps", get_args(WithMaps))
+    checked_flag(with_scene, "with_scene")
+    if frame is not None:
+        checked_text(frame, "frame", 'its name, as "50/1", or None')
     if out.is_dir():
         raise InputError(f"{out} is a folder, expected the name of a file")
     with tempfile.TemporaryDirectory(prefix="verefine-viz-") as folder:
