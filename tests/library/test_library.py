@@ -178,7 +178,7 @@ def test_what_is_no_frame_no_section_and_no_pose_in_metres_is_one_line(mesh: Pat
     far = np.eye(4)
     far[:3, 3] = (0, 0, 600)
     for call, message in (
-        (lambda: vv.solve("data"), "'data' is no frame; make one by"),  # type: ignore[arg-type]
+        (lambda: vv.solve("data"), "frame is 'data', expected one made by"),  # type: ignore[arg-type]
         (
             lambda: vv.solve(frame, iterations=5),
             r"no section of the settings; write method=\{'iterations'",

@@ -69,9 +69,7 @@ def estimator(name: str) -> Callable[[E], E]:
     """
 
     def register(kind: E) -> E:
-        _check(name, "hypotheses", kind)
-        if name in (*POSES_GIVEN, "session"):
-            raise InputError(f"{name!r} is the name of another source of initial poses; choose another")
+        _check(name, "hypotheses", kind, (*POSES_GIVEN, "session"), "another source of initial poses")
         ESTIMATORS[name] = lambda session: _CheckedEstimator(name, _made(f"estimator {name}", kind))
         return kind
 
@@ -92,9 +90,7 @@ def verifier(name: str) -> Callable[[V], V]:
     """
 
     def register(kind: V) -> V:
-        _check(name, "scores", kind)
-        if name == EQ_1:
-            raise InputError(f"{name!r} is the name of Eq. 1; choose another")
+        _check(name, "scores", kind, (EQ_1,), "Eq. 1")
         VERIFIERS[name] = lambda settings: _made(f"verifier {name}", kind)
         return kind
 
@@ -116,9 +112,7 @@ def simulator(name: str) -> Callable[[S], S]:
     """
 
     def register(kind: S) -> S:
-        _check(name, "settle", kind)
-        if name == BULLET:
-            raise InputError(f"{name!r} is the name of the simulator of this package; choose another")
+        _check(name, "settle", kind, (BULLET,), "the simulator of this package")
         SIMULATORS[name] = lambda settings: _made(f"simulator {name}", kind)
         return kind
 
@@ -158,11 +152,13 @@ class _CheckedEstimator:
         return pool
 
 
-def _check(name: str, method: str, kind: Any) -> None:
+def _check(name: str, method: str, kind: Any, taken: tuple[str, ...] = (), by: str = "") -> None:
     if not re.fullmatch(r"\w[\w.+-]{0,80}", checked_text(name, "name", "the name of the part in settings")):
         raise InputError(f"name is {quoted(name, 40)}, expected letters, digits, _ . + -")
     if not isinstance(kind, type):
         raise ArgumentTypeError(f"{described(kind)} cannot be registered, expected a class with the method {method}")
+    if name in taken:
+        raise InputError(f"{name!r} is the name of {by}; choose another")
     built_in = (REFINERS.get(name), ESTIMATORS.get(name))
     if any(make.__module__ in _REGISTRIES for make in built_in if make is not None):
         raise InputError(f"{name!r} is the name of a part of this package; choose another")
