@@ -184,7 +184,7 @@ def test_what_is_no_frame_no_section_and_no_pose_in_metres_is_one_line(mesh: Pat
             r"no section of the settings; write method=\{'iterations'",
         ),
         (lambda: vv.solve(frame, scor={}), "did you mean 'score'"),
-        (lambda: vv.solve(frame, score=3), "score=3 is no dict"),  # type: ignore[arg-type]
+        (lambda: vv.solve(frame, score=3), "score is 3, expected score="),  # type: ignore[arg-type]
         (lambda: vv.score(frame, "box 0", far), "is it in millimetres"),
         (lambda: vv.refine(frame, "box 0", far), "is it in millimetres"),
         (lambda: vv.score(frame, "box 0", np.zeros((0, 4, 4))), "with N ≥ 1"),

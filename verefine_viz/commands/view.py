@@ -13,7 +13,7 @@ import tyro
 from msgspec import structs
 
 from verefine_viz.commands.flags import AnySettings, SessionFlags, given
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import InputError, one_line
 from verefine_viz.core.settings import BULLET, MethodSettings, Session
 from verefine_viz.core.text_format import say
 
@@ -68,6 +68,8 @@ class ViewCommand:
             session = _recorded_session(recording, self.other)
         elif known := _data_folder(self.session, overrides):
             say(f"{self.session}: {known.what}", sys.stderr)
+            for note in known.notes:
+                say(f"note: {one_line(note)}", sys.stderr)
             session = known.session
         elif self.session is not None and self.session.is_dir():
             from verefine_viz.batch.index import find_runs
