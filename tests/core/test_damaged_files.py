@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import tomllib
 from collections.abc import Callable, Iterator
@@ -16,6 +17,7 @@ import scipy.io
 import trimesh
 from PIL import Image
 
+import verefine_viz
 from tests.learned.tiny_network import constant_network
 from tests.recording.runs import run_file, session
 from verefine_viz.core.algorithm_settings import GraspSettings
@@ -26,6 +28,7 @@ from verefine_viz.learned.depth_crops import FORMAT
 from verefine_viz.learned.onnx_network import OnnxNetwork
 from verefine_viz.recording.reader import read_recording
 from verefine_viz.run.session_file import load_session
+from verefine_viz.scenes.detections import mask_of
 from verefine_viz.scenes.graspa_layout import read_layout
 from verefine_viz.scenes.image_files import read_color, read_depth
 from verefine_viz.scenes.mat_file import mat_arrays
@@ -183,3 +186,34 @@ def test_what_a_file_lacks_is_named(tmp_path: Path) -> None:
         assert message in str(error.value), name
     (tmp_path / "whole.ply").write_text(head.format(z, faces) + body)
     assert len(read_mesh(tmp_path / "whole.ply", 1.0).faces) == 1
+
+
+def test_readers_raise_what_is_shown() -> None:
+    """An error of Python counts as a library's, whose words are not shown: what a reader says is a ContentError."""
+    package = Path(verefine_viz.__file__).parent
+    found = [
+        f"{path.relative_to(package)}:{node.lineno}"
+        for folder in ("scenes", "grasping", "learned", "core", "evaluation/ground_truth.py", "physics/given_parts.py")
+        for path in ([package / folder] if folder.endswith(".py") else (package / folder).rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Raise) and node.exc is not None and ast.unparse(node.exc).startswith("ValueError(")
+    ]
+    assert not found
+
+
+def test_what_would_fill_the_memory_is_refused(tmp_path: Path) -> None:
+    n = 500_001
+    ids = np.zeros(n, np.int8)
+    np.savez_compressed(tmp_path / "a.npz", scene_id=ids, im_id=ids, obj_id=ids, poses=np.zeros((n, 3, 4), np.int8))
+    with pytest.raises(VerefineError, match="it has 500001 poses, expected at most 500000"):
+        read_estimates(tmp_path / "a.npz")
+    one = np.ones(1)
+    np.savez(tmp_path / "b.npz", scene_id=one, im_id=1.5 * one, obj_id=one, poses=np.eye(4)[None])
+    with pytest.raises(VerefineError, match=r"im_id of entry 0 is 1\.5, expected the numbers"):
+        read_estimates(tmp_path / "b.npz")
+    mask = {"size": [6, 8], "counts": [0, 0] * 500 + [48]}
+    for counts in (mask["counts"], "0" * 2000):
+        raw = msgspec.Raw(json.dumps({**mask, "counts": counts}).encode())
+        with pytest.raises(VerefineError, match="'segmentation' is larger than a mask of 8×6 pixels can be"):
+            mask_of(raw, (6, 8), "a.json, entry 0")
+    assert mask_of(msgspec.Raw(json.dumps({"size": [6, 8], "counts": [1] * 48}).encode()), (6, 8), "").sum() == 24

@@ -34,6 +34,8 @@ class RunLengths(msgspec.Struct, frozen=True):
     counts: str | list[int]
 
 
+MOST_PER_PIXEL = 8
+"""Bytes of JSON that a run takes; of runs there are no more than pixels."""
 NO_MASK = (b"null", b"{}", b"[]", b'""')
 """What stands for a box without a mask."""
 
@@ -107,6 +109,8 @@ def mask_of(segmentation: msgspec.Raw, shape: tuple[int, int], where: str) -> Ma
         InputError: it is no run-length encoding, damaged, or made for another image size.
     """
     raw = bytes(segmentation)
+    if len(raw) > MOST_PER_PIXEL * shape[0] * shape[1] + 1000:
+        raise InputError(f"{where}: 'segmentation' is larger than a mask of {size_text(shape)} pixels can be")
     try:
         return decode_rle(decoded_json(raw, RunLengths), shape)
     except (ValueError, RecursionError) as error:

@@ -20,7 +20,7 @@ PICKLED = (".pkl", ".pickle", ".pth", ".pt", ".tar")
 IDS = (("scene_id",), ("im_id", "image_id", "view_id"), ("obj_id", "object_id", "category_id"))
 FARTHEST_IN_METRES = 20.0
 """Poses whose median distance is larger are in millimetres."""
-MOST_ROWS, MOST_BYTES = 2_000_000, 1_000_000_000
+MOST_ROWS, MOST_BYTES = 500_000, 1_000_000_000
 
 
 def read_estimates(path: Path | str) -> tuple[ResultRow, ...]:
@@ -65,10 +65,19 @@ def _rows_of_arrays(path: Path) -> tuple[ResultRow, ...]:
         poses = _poses(arrays)
         scores = _column(arrays, ("score", "scores")) if {"score", "scores"} & {*arrays} else np.ones(len(poses))
         lengths = {len(column) for column in (*ids, poses, scores)}
-        if len(lengths) != 1 or not 0 < len(poses) <= MOST_ROWS:
+        if len(poses) > MOST_ROWS:
+            raise ContentError(f"it has {len(poses)} poses, expected at most {MOST_ROWS}; write those of fewer images")
+        if len(lengths) != 1 or not len(poses):
             raise ContentError(f"its arrays have {', '.join(map(str, sorted(lengths)))} entries, expected one number")
         if not np.isfinite(scores).all() or not all(np.isfinite(column).all() for column in ids):
             raise ContentError("a score or an id is NaN or infinite")
+        for names, column in zip(IDS, ids, strict=True):
+            broken = np.flatnonzero(column != np.round(column))
+            if len(broken):
+                raise ContentError(
+                    f"{names[0]} of entry {broken[0]} is {column[broken[0]]:g}, expected the numbers of scene, image "
+                    "and object"
+                )
         checked = [as_rigid(T, f"entry {k}: the pose") for k, T in enumerate(poses)]
         columns = (*(column.astype(np.int64).tolist() for column in ids), scores.tolist(), checked)
         return tuple(ResultRow(*row) for row in zip(*columns, strict=True))
