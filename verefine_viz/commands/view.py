@@ -119,10 +119,16 @@ class ViewCommand:
         if self.other is not None or (self.session is not None and self.session.suffix != ".toml"):
             wrong = self.session if self.other is None else self.other
             raise InputError(f"{wrong} is no session; with --watch expected a session file (.toml) or none")
-        from verefine_viz.batch.watch import Watch
+        from verefine_viz.batch.index import is_batch_folder
+        from verefine_viz.batch.watch import Watch, data_folders
         from verefine_viz.page.app import check_method
         from verefine_viz.run.session_file import DURING_A_RUN, load_session
 
+        if is_batch_folder(folder) and not data_folders(folder):
+            raise InputError(
+                f"{folder} holds runs, which are not watched: verefine-viz view {folder} shows them; expected a folder "
+                "in which frames arrive"
+            )
         base = load_session(self.session, overrides) if self.session is not None else None
         by_options = {section: given for section, given in overrides.items() if section in DURING_A_RUN}
         settings = base or load_session(None, by_options)

@@ -113,7 +113,7 @@ def write_shared(run: SharedRun, scene: str, out: Path) -> str:
     elif scene:
         note = f"The 3D view is left out: it takes {len(scene) / 1e6:.0f} MB."
     with atomic(out) as part:
-        part.write_text(bundle(messages, run.answers, elements, run.title), encoding="utf-8")
+        part.write_text(bundle(messages, run.answers, elements, run.title), encoding="utf-8", errors="replace")
     return note
 
 
@@ -215,7 +215,7 @@ def shared(
     for branch in branches["list"]:
         index = branch["index"]
         asked = _wants(frame, branch, runs[index], verdicts.get(index), maps, objects)
-        wants |= {msgspec.json.encode(of): of for of in asked}
+        wants |= {p.encoded(of): of for of in asked}
     if branches["compare"]:
         a, b = branches["compare"]["a"], branches["compare"]["b"]
         done = [len(runs[index]["rows"]) for index in (a, b)]
@@ -246,7 +246,7 @@ def end_scene(debugger: PageState) -> str:
 
 def _portable(message: Json) -> Json:
     """Return a message without what names places on this machine."""
-    message = msgspec.json.decode(msgspec.json.encode(message))
+    message = msgspec.json.decode(p.encoded(message))
     if message["t"] == "frame":
         message |= {name: message[name] and Path(message[name]).name for name in ("session_file", "recording")}
         message |= {"frames": [message["frame"]], "demos": [], "sessions": [], "run": ""}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
@@ -44,10 +45,10 @@ class Call(msgspec.Struct, frozen=True):
     object: Number | None = None
     name: Annotated[str, Meta(max_length=200)] = ""
     """Name of the object, or of the step."""
-    mesh: str | None = None
+    mesh: Annotated[str, Meta(max_length=300)] | None = None
     """Beside this an object has a unit, a mask and a ground truth."""
     unit_m: Annotated[float, Meta(gt=0, le=1000)] = 1.0
-    mask: str = ""
+    mask: Annotated[str, Meta(max_length=300)] = ""
     truth: Numbers4x4 | None = None
     axis: Numbers3 | None = None
     """Axis of symmetry."""
@@ -104,7 +105,7 @@ def _lacks(folder: Path) -> str:
         return "still being written" if is_written else "damaged"
     if not is_closed and (status.st_size == 0 or _is_fresh(folder / CALLS)):
         return "still being written"
-    missing = next((name for name in named if not (folder / name).is_file()), "")
+    missing = next((name for name in named if not os.path.isfile(folder / name)), "")  # noqa: PTH113
     return f"{missing} is missing" if missing else ""
 
 
