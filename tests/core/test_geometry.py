@@ -84,7 +84,7 @@ def test_the_nearest_rotation_is_a_rotation_and_leaves_one_alone(T) -> None:  # 
         (np.diag([1.0, 1, -1, 1]), r"det\(R\) = -1.000, expected a rotation"),
         (np.diag([2.0, 2, 2, 1]), r"det\(R\) = 8.000"),
         (np.vstack([np.eye(4)[:3], [0, 0, 1, 1]]), "last row"),
-        ("pose", "is not an array"),
+        ("pose", "is no array of numbers"),
     ],
 )
 def test_what_is_not_a_pose_is_said(value, expected) -> None:  # type: ignore[no-untyped-def]

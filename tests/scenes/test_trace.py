@@ -331,12 +331,17 @@ def test_what_a_trace_holds_in_silence_is_named(tmp_path: Path, capsys: pytest.C
     depth = np.load(folder / "far" / "depth.npy") * 1000
     np.save(folder / "millimetres" / "depth.npy", depth.astype(np.uint16))
     np.save(folder / "far" / "depth.npy", depth)
+    for name in ("x" * 280, "x" * 5000):  # The first is a name that no system takes, the second none of a trace.
+        calls = write_trace(folder / f"long {len(name)}", mesh).folder / "calls.jsonl"
+        calls.write_text(calls.read_text().replace("mesh_0/box.obj", name))
     for path in folder.rglob("*"):
         os.utime(path, (1e9, 1e9))
-    assert left_out_of(folder) == ("damaged (damaged)",)
+    assert left_out_of(folder) == ("damaged (damaged)", f"long 280 ({'x' * 280} is missing)")
+    note = "1 line of the trace damaged and left out (line 2: Expected `str` of length <= 300 (at $.mesh))"
+    assert note in read_trace(folder / "long 5000").notes
     known = data_at(folder, {})
     assert known is not None
-    assert known.notes == ("traces left out: damaged (damaged)",)
+    assert known.notes[0].startswith("traces left out: damaged (damaged), ")
     note = "1 poses left out, of objects that were never declared (number 7)"
     assert read_trace(folder / "undeclared").notes == (note,)
     assert read_trace(folder / "whole").notes == ()

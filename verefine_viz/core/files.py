@@ -20,7 +20,6 @@ from typing import Annotated, Any, BinaryIO, Generic, Literal, TypeVar, get_args
 
 import msgspec
 import numpy as np
-import yaml
 from msgspec import Meta
 
 from verefine_viz.core.arrays import Float
@@ -190,6 +189,8 @@ def read_json(path: Path, kind: type[T], what: str = "") -> T:
 
 def read_yaml(path: Path, kind: type[T], what: str = "") -> T:
     """Return the content of a YAML file as ``kind``; as :func:`read_json`."""
+    import yaml  # Of all that reads files few need it.
+
     with reading(path, what, MOST_YAML_BYTES) as file:
         try:
             return msgspec.convert(_of_yaml(file.read()), kind, strict=False, dec_hook=array_of)
@@ -203,6 +204,8 @@ def read_yaml(path: Path, kind: type[T], what: str = "") -> T:
 
 def _of_yaml(raw: bytes) -> Any:
     """The content of a YAML file, event by event: PyYAML's own tree of it takes 80 times the file's size."""
+    import yaml
+
     known: dict[str, Any] = {}
     within: list[list[Any]] = [[]]
     """Items of each list that is open, keys and values in turns of each mapping; of the file first."""
