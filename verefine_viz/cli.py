@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import io
+import logging
 import os
 import re
 import signal
@@ -16,6 +17,7 @@ import stat
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 from types import FrameType
@@ -38,9 +40,11 @@ from verefine_viz.commands.study import StudyCommand
 from verefine_viz.commands.train import TrainCommand
 from verefine_viz.commands.view import ViewCommand
 from verefine_viz.core.errors import SettingsError, VerefineError, one_line, quoted, unknown
+from verefine_viz.core.text_format import plain, say
 from verefine_viz.core.writing import DISK_FULL, expand_home
 
 PROGRAM = "verefine-viz"
+DEBUG = "--debug"
 USAGE = 2
 """Exit code for bad usage or input."""
 LONGEST = 300
@@ -77,22 +81,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # A file's name need not be text.
             stream.reconfigure(errors="backslashreplace")
+    if logging.lastResort is not None:  # What prints warnings where nothing else was set up.
+        logging.lastResort.setFormatter(_PlainLines())
     if words == ["--version"]:
-        print(f"{PROGRAM} {verefine_viz.__version__}")
+        say(f"{PROGRAM} {verefine_viz.__version__}")
         return 0
     if "\0" in "".join(words):
         return fail(f"{quoted(next(word for word in words if chr(0) in word))}: it holds \\0, which no path can")
     with stopped_by_signals():
-        return _run([_with_home(word) for word in words])
+        return _run([_with_home(word) for word in words if word != DEBUG], DEBUG in words)
 
 
-def _run(words: list[str]) -> int:
-    """The exit code of a command; what it raises becomes one line."""
+class _PlainLines(logging.Formatter):
+    def format(self, record: logging.LogRecord) -> str:
+        return plain(super().format(record))
+
+
+def _run(words: list[str], with_causes: bool) -> int:
+    """The exit code of a command; what it raises becomes one line, below where it was raised if that is asked for."""
     try:
         code = parse(words).run(words[1:])
         sys.stdout.flush()
         return code
     except VerefineError as error:
+        if with_causes:
+            say(_with_its_causes(error), sys.stderr)
         return fail(str(error))
     except RuntimeError as error:
         if str(error).startswith("Symlink loop"):  # Python 3.13 raises none.
@@ -113,8 +126,17 @@ def _run(words: list[str]) -> int:
         _drop_output()
         return fail(f"cannot write the output: {error.strerror}")
     except KeyboardInterrupt as stop:
-        print("stopped", file=sys.stderr)
+        say("stopped", sys.stderr)
         return 128 + (stop.signal if isinstance(stop, Stopped) else signal.SIGINT)
+
+
+def _with_its_causes(error: BaseException) -> str:
+    """Where an error was raised, and all that was raised before it, also what libraries said of a file."""
+    one: BaseException | None = error
+    while one is not None:
+        one.__suppress_context__ = False
+        one = one.__cause__ or one.__context__
+    return "".join(traceback.format_exception(error))
 
 
 class Stopped(KeyboardInterrupt):
@@ -236,7 +258,8 @@ def _parsed(words: list[str]) -> Command:
         show_help(ViewCommand, f"{PROGRAM} view", words)
     names = [Annotated[_named(kind), tyro.conf.subcommand(name)] for name, kind in COMMANDS.items()]
     one_of: Any = Union[tuple(names)]  # noqa: UP007
-    return tyro.cli(one_of, prog=PROGRAM, args=words, description=verefine_viz.__doc__)
+    about = f"{verefine_viz.__doc__}\n\nEvery command takes {DEBUG}: an error comes with all that led to it."
+    return tyro.cli(one_of, prog=PROGRAM, args=words, description=about)
 
 
 def _named(kind: type[Command]) -> Any:
@@ -248,7 +271,7 @@ def _named(kind: type[Command]) -> Any:
 
 def fail(text: str) -> int:
     """One line on stderr; exit code 2."""
-    print(f"{PROGRAM}: {one_line(text)}", file=sys.stderr)
+    say(f"{PROGRAM}: {one_line(text)}", sys.stderr)
     return USAGE
 
 

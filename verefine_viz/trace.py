@@ -41,6 +41,8 @@ CALLS = "calls.jsonl"
 FORMAT = 1
 RIGID_TOLERANCE = 0.05
 """Largest deviation of RᵀR from the identity in a pose that is written; what reads the trace takes the nearest."""
+LEAST_FOCAL = 0.05
+"""Least focal length as a share of the image's width: that of a lens of 168°."""
 FARTHEST_M = 60.0
 """A median depth, or a pose, further away is in millimetres."""
 SHOWN = 3
@@ -78,7 +80,8 @@ class Trace:
     """
 
     def __init__(self, folder: Path | str, K: Any, depth_m: Any, rgb: Any = None, gravity_cam: Any = None) -> None:
-        intrinsics, depth, photo = _intrinsics(K), _depth(depth_m), None if rgb is None else _array(rgb)
+        depth, photo = _depth(depth_m), None if rgb is None else _array(rgb)
+        intrinsics = _intrinsics(K, depth.shape[1])
         if photo is not None and (photo.dtype != np.uint8 or photo.shape != (*depth.shape, 3)):
             raise ValueError(
                 f"rgb is {photo.dtype} of shape {photo.shape}, expected uint8 of shape {(*depth.shape, 3)}, as depth_m"
@@ -358,7 +361,7 @@ def _numbers(values: Any, name: str, shape: tuple[int, ...]) -> np.ndarray:
         raise ValueError(f"{name} is no array of numbers, expected {shape}") from None
 
 
-def _intrinsics(K: Any) -> np.ndarray:
+def _intrinsics(K: Any, width: int) -> np.ndarray:
     if K is None:
         raise ValueError("K is missing, expected the camera matrix, (3, 3) [px]")
     matrix = _numbers(K, "K", (3, 3))
@@ -366,6 +369,11 @@ def _intrinsics(K: Any) -> np.ndarray:
         raise ValueError(f"K has shape {matrix.shape}, expected (3, 3) finite numbers with focal lengths > 0 [px]")
     if matrix[1, 0] or matrix[2].tolist() != [0, 0, 1]:
         raise ValueError("K is no camera matrix, expected rows fx s cx, 0 fy cy and 0 0 1; is it transposed?")
+    if min(matrix[0, 0], matrix[1, 1]) < LEAST_FOCAL * width:
+        raise ValueError(
+            f"K has focal lengths {matrix[0, 0]:g}, {matrix[1, 1]:g} for images {width} px wide, expected pixels; "
+            "multiply a normalised K by the image's width and height"
+        )
     return matrix
 
 
@@ -375,6 +383,8 @@ def _depth(depth_m: Any) -> np.ndarray:
     depth = _array(depth_m)
     if depth.ndim != 2 or depth.size == 0 or depth.dtype.kind not in "fiu":
         raise ValueError(f"depth_m is {depth.dtype} of shape {depth.shape}, expected numbers of shape (H, W)")
+    if depth.dtype.kind in "iu":
+        raise ValueError(f"depth_m is {depth.dtype}, expected metres as floats; divide millimetres by 1000")
     metres = np.nan_to_num(depth.astype(np.float32), nan=0.0, posinf=0.0, neginf=0.0)
     if not (metres > 0).any() or metres.min() < 0:
         raise ValueError(

@@ -234,7 +234,7 @@ def test_the_real_program_says_one_line_and_exits_2(tmp_path: Path) -> None:
 def test_what_cannot_be_grasped_is_named_in_one_line(bad_input: BadInput) -> None:
     layout = ("--scene.source", "layout", "--scene.dataset", bad_input.made.root, "--scene.layout")
     cases = (
-        ((*layout, bad_input.file("notes.xml", "banana")), "ParseError"),
+        ((*layout, bad_input.file("notes.xml", "banana")), "it cannot be read as XML"),
         (("--scene.demo", "duck", "--grasp.folder", bad_input.folder / "none"), "is no folder"),
         (("--scene.demo", "duck", "--grasp.opening-m", "0.02"), "frame 0/0: no object can be gripped"),
     )

@@ -197,6 +197,18 @@ def test_an_error_is_one_line_whatever_it_quotes(
     assert capsys.readouterr().err == "verefine-viz: bad name 'x�[2J'\n"
 
 
+def test_debug_shows_what_a_library_said(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "a.vfrun.npz"
+    path.write_bytes(b"no archive")
+    words = ["evaluate", str(path), "--dataset", str(tmp_path)]
+    for given, is_said in ((words, False), ([*words, "--debug"], True), (["--debug", *words], True)):
+        assert cli.main(given) == 2
+        lines = capsys.readouterr().err.splitlines()
+        assert lines[-1].startswith("verefine-viz: "), given
+        assert (len(lines) > 1) == is_said, given
+        assert any("Traceback" in line for line in lines) == is_said, given
+
+
 def test_a_file_that_cannot_be_used_is_one_line(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

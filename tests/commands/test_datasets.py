@@ -188,7 +188,7 @@ FAULTS: list[tuple[Callable[[Made], object], str, str]] = [
     (damaged("../../models/models_info.json"), "models", "models_info.json: not JSON"),
     (with_meshes_of_another_kind, "models", "expected meshes, obj_000001.ply and so on"),
     (lambda made: (made.scene / "mask_visib/000001_000002.png").unlink(), "masks", "000001_000002.png is missing"),
-    (damaged("mask/000000_000000.png"), "masks", "000000_000000.png: cannot identify image file"),
+    (damaged("mask/000000_000000.png"), "masks", "000000_000000.png: it is empty, fetch it again"),
     (with_a_mask_of(0, None), "masks", "covers 0 px, expected at least 10 px"),
     (with_a_mask_of(9, 0.6), "masks", "covers 9 px, expected at least 10 px"),
     (

@@ -16,6 +16,7 @@ import pytest
 
 from tests.batch.outputs import done
 from tests.fakes import box_problem
+from tests.made_runs import answer, finished, written
 from tests.run.kept_frames import box_mesh, found, kept
 from verefine_viz.batch.index import read_batch
 from verefine_viz.batch.runs import Runs
@@ -46,6 +47,8 @@ REFUSED: list[tuple[list[str], str]] = [
     (["--out", "runs"], "--out is for the results of --watch FOLDER; leave it out, or name the folder to watch"),
     (["--watch", "frames", "--method.name", "best"], "unknown method 'best'"),
     (["none.toml", "--watch", "frames"], "session file none.toml does not exist"),
+    (["--watch", "batch"], "batch holds runs, which are not watched: verefine-viz view batch shows them"),
+    (["--watch", "batch/runs"], "batch/runs holds runs, which are not watched"),
 ]
 
 
@@ -53,6 +56,8 @@ def test_what_cannot_be_watched_is_refused_in_one_line(
     frames: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(frames.parent)
+    written(frames.parent / "batch", finished("1/0", [answer(1, 0)]))
+    (frames.parent / "batch" / "run.json").write_text("{}")
     for words, why in REFUSED:
         assert main(["view", *words]) == 2
         said = capsys.readouterr().err

@@ -86,7 +86,7 @@ def test_the_nearest_rotation_is_a_rotation_and_leaves_one_alone(T) -> None:  # 
         (np.zeros((4, 4)), r"det\(R\) = 0.000, RᵀR is 1 from the identity"),
         (np.diag([2.0, 2, 2, 1]), r"det\(R\) = 8.000"),
         (np.vstack([np.eye(4)[:3], [0, 0, 1, 1]]), "last row"),
-        ("pose", "is not an array"),
+        ("pose", "is no array of numbers"),
     ],
 )
 def test_what_is_not_a_pose_is_said(value, expected) -> None:  # type: ignore[no-untyped-def]

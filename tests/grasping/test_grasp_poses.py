@@ -30,7 +30,7 @@ def test_what_holds_no_grasp_of_the_object_is_refused(tmp_path: Path, block: Obj
     for poses, message in (
         (transform(np.eye(3), [0.0, 0.0, 0.4])[None], "another object"),
         (np.diag([2.0, 1.0, 1.0, 1.0])[None], "4×4 in metres"),
-        (np.zeros((3, 5)), "cannot reshape array"),
+        (np.zeros((3, 5)), r"an array of shape \(3, 5\), expected \(N, 4, 4\)"),
         (np.zeros((0, 16)), "0 grasps, expected 1 to"),
     ):
         np.save(tmp_path / "block.npy", poses)

@@ -178,13 +178,13 @@ def test_what_is_no_frame_no_section_and_no_pose_in_metres_is_one_line(mesh: Pat
     far = np.eye(4)
     far[:3, 3] = (0, 0, 600)
     for call, message in (
-        (lambda: vv.solve("data"), "'data' is no frame; make one by"),  # type: ignore[arg-type]
+        (lambda: vv.solve("data"), "frame is 'data', expected one made by"),  # type: ignore[arg-type]
         (
             lambda: vv.solve(frame, iterations=5),
             r"no section of the settings; write method=\{'iterations'",
         ),
         (lambda: vv.solve(frame, scor={}), "did you mean 'score'"),
-        (lambda: vv.solve(frame, score=3), "score=3 is no dict"),  # type: ignore[arg-type]
+        (lambda: vv.solve(frame, score=3), "score is 3, expected score="),  # type: ignore[arg-type]
         (lambda: vv.score(frame, "box 0", far), "is it in millimetres"),
         (lambda: vv.refine(frame, "box 0", far), "is it in millimetres"),
         (lambda: vv.score(frame, "box 0", np.zeros((0, 4, 4))), "with N ≥ 1"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import gzip
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -72,6 +73,18 @@ def test_a_run_file_and_a_record_are_shared_alike(tmp_path: Path, what: str):
     share(path if what == "run file" else read_run_file(path), tmp_path / "a.html", with_scene=False)
     messages = messages_in((tmp_path / "a.html").read_text("utf-8"))
     assert [message["t"] for message in messages] == ["hello", "file", "frame", "branches", "run", "verdict"]
+
+
+def test_a_folder_whose_name_is_no_text_is_shared(tmp_path: Path):
+    folder = tmp_path / os.fsdecode(b"b\xff\x1b[2J")
+    make_batch(folder, frames=["0/1"])
+    note = share(folder, tmp_path / "a.html", with_scene=False)
+    assert note.startswith("Frame 0/1 of")
+    assert messages_in((tmp_path / "a.html").read_text("utf-8"))[0]["t"] == "hello"
+    message = {"t": "file", "name": folder.name, "in": [{folder.name: 1.5, "n": np.float32(2)}]}
+    assert msgspec.json.decode(p.encoded(message)) == {
+        "t": "file", "name": "b?\x1b[2J", "in": [{"b?\x1b[2J": 1.5, "n": 2.0}],
+    }  # fmt: skip
 
 
 def test_what_cannot_be_shared_is_refused_in_one_line_and_writes_nothing(tmp_path: Path):

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import subprocess
 import urllib.request
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from tests.recording.runs import recorded_run, session
 from tests.recording.screenshots import screenshots
 from verefine_viz.core.errors import UnavailableError
 from verefine_viz.core.palette import CLASS_COLORS, STAGE_COLORS
+from verefine_viz.recording import rerun_viewer
 from verefine_viz.recording.rerun_viewer import open_viewer
 
 
@@ -31,6 +33,23 @@ def test_viewer_listens_on_loopback_only(tmp_path: Path, monkeypatch: pytest.Mon
     finally:
         process.kill()
         process.wait()
+
+
+@pytest.mark.usefixtures("processes")
+def test_a_damaged_recording_is_named_here_and_not_in_the_viewers_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[Mapping[str, str]] = []
+    monkeypatch.delenv("RUST_LOG", raising=False)
+    monkeypatch.setattr(rerun_viewer, "start_viewer", lambda arguments, env: started.append(env))
+    path = tmp_path / "run.rrd"
+    recorded_run(path)
+    assert open_viewer(path, web=False).note == ""
+    content = bytearray(path.read_bytes())
+    content[len(content) // 3 : len(content) // 3 + 200] = b"\7" * 200
+    path.write_bytes(content)
+    assert open_viewer(path, web=False).note == f"{path} is damaged; the viewer shows what can be read of it"
+    assert [env["RUST_LOG"] for env in started] == ["off", "off"]
 
 
 def listening(process: subprocess.Popen[bytes]) -> list[str]:

@@ -58,6 +58,7 @@ def test_it_is_no_recording_of_a_run(tmp_path: Path) -> None:
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.usefixtures("processes")
 def test_replay_opens_it_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_sequence(tmp_path / SEQUENCE_FILE, "Boxes", tracks())
     started: list[list[str]] = []

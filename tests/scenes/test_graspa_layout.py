@@ -82,7 +82,10 @@ def test_a_file_or_a_pose_that_is_none_is_named(tmp_path: Path, models: Path) ->
     with pytest.raises(InputError, match="expected a Matrix4x4 of finite numbers"):
         read_layout(_layout(tmp_path, rotation=np.full((3, 3), np.nan)))
     file = tmp_path / "layout.xml"
-    for content, message in (("banana", "layout.xml: ParseError"), ("<Scene/>", "it has 0 ManipulationObject")):
+    for content, message in (
+        ("banana", "it cannot be read as XML"),
+        ("<Scene/>", "it has 0 ManipulationObject"),
+    ):
         file.write_text(content)
         with pytest.raises(InputError, match=message):
             _opened(file, models)

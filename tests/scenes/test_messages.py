@@ -47,7 +47,7 @@ def written(file: str, text: str) -> Spoil:
 
 
 FRAMES: tuple[tuple[Spoil, str], ...] = (
-    (lambda m: cut(m.scene / "depth/000003.png"), "depth/000003.png: image file is truncated"),
+    (lambda m: cut(m.scene / "depth/000003.png"), "depth/000003.png: it is cut off, fetch it again"),
     (lambda m: (m.scene / "depth/000003.png").unlink(), "depth/000003.png is missing; a depth image is needed"),
     (lambda m: image(m, "depth/000003.png", np.zeros((60, 80), np.uint16)), "is 0 everywhere: the frame has no depth"),
     (lambda m: image(m, "depth/000003.png", np.ones((60, 80, 3), np.uint8)), "is a RGB image, expected one channel"),

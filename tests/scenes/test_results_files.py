@@ -55,7 +55,7 @@ def test_what_is_none_is_one_line(tmp_path: Path) -> None:
         ("a.pkl", pickle.dumps({"pose": 1}), "is pickled, and reading it could run code"),
         ("a.yml", b"2: {3: {1: [1, 2]}}", "2, 3, 1: Expected 16 numbers"),
         ("a.yml", b"2: &a {1: {1: [1]}}\n3: *a\n", "aliases"),
-        ("a.yml", b"[", "while parsing"),
+        ("a.yml", b"[", "not YAML from line 2"),
         ("a.npz", b"PK", "a.npz"),
     ):
         (tmp_path / name).write_bytes(content)

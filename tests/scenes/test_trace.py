@@ -22,12 +22,12 @@ from verefine_viz.core.settings import HypothesesSettings, SceneSettings
 from verefine_viz.methods.per_object import PerObject
 from verefine_viz.methods.recorded_steps import recorded_steps
 from verefine_viz.physics.simulator import BulletSimulator
-from verefine_viz.run.data_folder import open_session
+from verefine_viz.run.data_folder import data_at, open_session
 from verefine_viz.run.engine import Run
 from verefine_viz.run.toolbox import Toolbox
 from verefine_viz.scenes.recorded_frame import frame_ids
 from verefine_viz.scenes.source import open_scene
-from verefine_viz.scenes.trace_files import read_trace, traces_in
+from verefine_viz.scenes.trace_files import left_out_of, read_trace, traces_in
 from verefine_viz.trace import Trace
 
 K = np.array([[120.0, 0, 80], [0, 120, 60], [0, 0, 1]])
@@ -317,3 +317,47 @@ def test_a_trace_opens_without_solids_for_a_simulator(tmp_path: Path, monkeypatc
     assert made == []
     Toolbox(open_session(tmp_path / "t", {"method": {"name": "rir"}})).problem(toolbox.frames[0])
     assert made == ["box"]
+
+
+def test_what_a_trace_holds_in_silence_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mesh = write_box(tmp_path / "box.obj")
+    for name in ("whole", "damaged", "undeclared", "millimetres", "far"):
+        write_trace(tmp_path / "traces" / name, mesh)
+    folder = tmp_path / "traces"
+    (folder / "damaged" / "calls.jsonl").write_bytes(b"\0garbage" * 100)
+    line = {"step": 0, "object": 7, "T": pose().ravel().tolist(), "name": "icp"}
+    with (folder / "undeclared" / "calls.jsonl").open("a") as file:
+        file.write(json.dumps(line) + "\n")
+    depth = np.load(folder / "far" / "depth.npy") * 1000
+    np.save(folder / "millimetres" / "depth.npy", depth.astype(np.uint16))
+    np.save(folder / "far" / "depth.npy", depth)
+    for name in ("x" * 280, "x" * 5000):  # The first is a name that no system takes, the second none of a trace.
+        calls = write_trace(folder / f"long {len(name)}", mesh).folder / "calls.jsonl"
+        calls.write_text(calls.read_text().replace("mesh_0/box.obj", name))
+    for path in folder.rglob("*"):
+        os.utime(path, (1e9, 1e9))
+    assert left_out_of(folder) == ("damaged (damaged)", f"long 280 ({'x' * 280} is missing)")
+    note = "1 line of the trace damaged and left out (line 2: Expected `str` of length <= 300 (at $.mesh))"
+    assert note in read_trace(folder / "long 5000").notes
+    known = data_at(folder, {})
+    assert known is not None
+    assert known.notes[0].startswith("traces left out: damaged (damaged), ")
+    note = "1 poses left out, of objects that were never declared (number 7)"
+    assert read_trace(folder / "undeclared").notes == (note,)
+    assert read_trace(folder / "whole").notes == ()
+    for name, said in (("millimetres", "it holds uint16, expected metres"), ("far", "a median depth of 800, expected")):
+        with pytest.raises(InputError, match=said):
+            read_trace(folder / name)
+
+
+def test_a_normalised_camera_and_depth_in_whole_numbers_are_refused(tmp_path: Path) -> None:
+    depth, _ = picture()
+    for given, said in (
+        ({"K": np.diag([0.75, 1.0, 1.0])}, "multiply a normalised K by the image's width and height"),
+        ({"K": K * 2}, "expected rows fx s cx"),
+        ({"depth_m": (depth * 1000).astype(np.uint16)}, "depth_m is uint16, expected metres as floats"),
+        ({"depth_m": np.ones(SHAPE, int)}, "depth_m is int64, expected metres as floats"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            Trace(tmp_path / "t", **{"K": K, "depth_m": depth, **given})  # pyright: ignore[reportArgumentType]
+    assert not (tmp_path / "t").exists()

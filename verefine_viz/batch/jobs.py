@@ -14,6 +14,7 @@ from verefine_viz.batch.folder import SESSION_FILE, RunFolder
 from verefine_viz.batch.session_check import check
 from verefine_viz.core.errors import SettingsError, unknown
 from verefine_viz.core.settings import Session
+from verefine_viz.core.text_format import say
 from verefine_viz.core.writing import check_no_link
 from verefine_viz.methods.registry import METHODS
 from verefine_viz.run.data_folder import open_session
@@ -87,11 +88,7 @@ def sweep_jobs(
 
 
 def _session(path: Path | None, overrides: Mapping[str, Any]) -> Session:
-    return (
-        load_session(None, overrides)
-        if path is None
-        else open_session(path, overrides, partial(print, file=sys.stderr))
-    )
+    return load_session(None, overrides) if path is None else open_session(path, overrides, partial(say, to=sys.stderr))
 
 
 def check_jobs(jobs: Sequence[BatchJob]) -> int:

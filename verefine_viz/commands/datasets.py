@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from verefine_viz.core.errors import SettingsError, UnavailableError, one_line, unknown
+from verefine_viz.core.text_format import say
 from verefine_viz.core.writing import check_folder
 
 HUB = "https://huggingface.co/datasets/bop-benchmark"
@@ -121,8 +122,8 @@ def _fetch(name: str, folder: Path) -> int:
     if entry is None:
         raise SettingsError(unknown("data set", name, [entry.name for entry in CATALOGUE]))
     for path in _download(entry, folder):
-        print(path)
-    print(_fetch_instructions(entry, folder)[-1])
+        say(path)
+    say(_fetch_instructions(entry, folder)[-1])
     return 0
 
 
@@ -184,7 +185,7 @@ def _check(folder: Path, sensor: str) -> int:
     console = Terminal(highlight=False)
     faulty: list[str] = []
     if inside := inside_dataset(folder):
-        print(one_line(f"{folder} lies in the data set {inside.dataset}; its split {inside.split} is checked"))
+        say(one_line(f"{folder} lies in the data set {inside.dataset}; its split {inside.split} is checked"))
     folder, splits = (inside.dataset, (inside.split,)) if inside else (folder, splits_of(folder))
     for split in splits:
         with console.status(f"checking {escape(split)}"):

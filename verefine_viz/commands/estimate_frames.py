@@ -21,6 +21,7 @@ from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.algorithm_settings import DependencySettings
 from verefine_viz.core.errors import SettingsError
 from verefine_viz.core.settings import Session
+from verefine_viz.core.text_format import say
 from verefine_viz.core.writing import atomic, check_file, check_no_link, clear_parts
 from verefine_viz.estimators.registry import ESTIMATORS
 from verefine_viz.run.data_folder import open_session
@@ -44,7 +45,7 @@ def write_pools(
     Raises:
         VerefineError: the session or ``out`` cannot be used.
     """
-    session = _only_estimating(open_session(path, overrides, partial(print, file=sys.stderr)))
+    session = _only_estimating(open_session(path, overrides, partial(say, to=sys.stderr)))
     if session.hypotheses.source not in ESTIMATORS:
         raise SettingsError(
             f"hypotheses.source is {session.hypotheses.source!r}, expected an estimator ({', '.join(ESTIMATORS)}); "

@@ -9,6 +9,8 @@ from typing import Annotated
 
 import tyro
 
+from verefine_viz.core.text_format import say
+
 
 @dataclass(frozen=True)
 class ImportCommand:
@@ -26,6 +28,6 @@ class ImportCommand:
         for line in imported(self.folder, self.out):
             n_failed += " failed: " in line
             n_done += " → " in line
-            print(line, flush=True)
-        print(f"View it: verefine-viz view {self.out}" if n_done else "No frame was imported.")
+            say(line)
+        say(f"View it: verefine-viz view {self.out}" if n_done else "No frame was imported.")
         return 1 if n_failed else 0

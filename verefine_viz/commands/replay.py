@@ -10,7 +10,8 @@ from typing import Annotated
 
 import tyro
 
-from verefine_viz.core.errors import InputError, VerefineError, one_line
+from verefine_viz.core.errors import InputError, UnavailableError, VerefineError, one_line
+from verefine_viz.core.text_format import say
 
 DIFFERS, CANNOT, ENDED_EARLY = 1, 2, 3
 """Exit codes of --verify; the last is for a recording that is the same as far as it goes, but was stopped early."""
@@ -60,7 +61,7 @@ def _verify_all(recordings: Sequence[Path]) -> int:
         try:
             codes.add(_verify(recording))
         except VerefineError as error:
-            print(f"verefine-viz: {one_line(str(error))}", file=sys.stderr, flush=True)
+            say(f"verefine-viz: {error}", sys.stderr)
             codes.add(CANNOT)
     return next(code for code in (CANNOT, DIFFERS, ENDED_EARLY, 0) if code in codes)
 
@@ -79,7 +80,7 @@ def _verify(recording: Path) -> int:
 
     _check_file(recording)
     verification = verify(recording, again, end_again)
-    print(one_line(f"{recording}: {verification.text}"), flush=True)
+    say(one_line(f"{recording}: {verification.text}"))
     if verification.ends_early:
         return ENDED_EARLY
     return DIFFERS if verification.difference else 0
@@ -90,9 +91,15 @@ def _open(recording: Path) -> int:
 
     viewer = open_viewer(recording)
     try:
+        if viewer.note:
+            say(f"note: {one_line(viewer.note)}", sys.stderr)
         where = f"at {viewer.address}  (Ctrl-C" if viewer.address else "in its window  (closing it, or Ctrl-C,"
-        print(f"verefine-viz: {one_line(str(recording))} in the rerun viewer, {where} ends it)", flush=True)
-        return viewer.process.wait()
+        say(f"verefine-viz: {one_line(str(recording))} in the rerun viewer, {where} ends it)")
+        code = viewer.process.wait()
+        if code > 0:
+            why = "with RUST_LOG=warn in its environment it says why"
+            raise UnavailableError(f"the rerun viewer ended by itself with exit code {code}; {why}")
+        return 0
     except KeyboardInterrupt:
         return 0
     finally:

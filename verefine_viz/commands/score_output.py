@@ -24,6 +24,7 @@ from verefine_viz.batch.progress import counted_bar
 from verefine_viz.batch.terminal import Terminal
 from verefine_viz.core.errors import VerefineError
 from verefine_viz.core.files import reading
+from verefine_viz.core.text_format import say
 from verefine_viz.evaluation.averages import Precision, Recalls
 from verefine_viz.evaluation.bop_scores import BopScores
 from verefine_viz.evaluation.matched_estimates import correct_share, mean_errors
@@ -69,7 +70,7 @@ def print_scores(
             sensor,
         )
     if as_json:
-        print(json.dumps(_evaluation_json(evaluation), indent=2, ensure_ascii=False, allow_nan=False))
+        say(json.dumps(_evaluation_json(evaluation), indent=2, ensure_ascii=False, allow_nan=False))
         return
     console = Terminal(highlight=False)
     for title, table in _overviews(evaluation):

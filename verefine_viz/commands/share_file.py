@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from verefine_viz.core.errors import InputError
+from verefine_viz.core.text_format import say
 from verefine_viz.core.writing import check_file
 
 
@@ -43,5 +44,5 @@ class ShareCommand:
         check_file(out, "run.html")
         with Terminal(stderr=True).status("Working out what the file shows"):
             note = share(self.what, out, self.frame, self.maps, with_scene=self.scene)
-        print(f"{note}\n{out} ({out.stat().st_size / 1e6:.1f} MB)", flush=True)
+        say(f"{note}\n{out} ({out.stat().st_size / 1e6:.1f} MB)")
         return 0

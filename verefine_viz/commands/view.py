@@ -13,8 +13,9 @@ import tyro
 from msgspec import structs
 
 from verefine_viz.commands.flags import AnySettings, SessionFlags, given
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import InputError, one_line
 from verefine_viz.core.settings import BULLET, MethodSettings, Session
+from verefine_viz.core.text_format import say
 
 if TYPE_CHECKING:
     from verefine_viz.page.gallery import Gallery
@@ -66,7 +67,9 @@ class ViewCommand:
         if recording is not None:
             session = _recorded_session(recording, self.other)
         elif known := _data_folder(self.session, overrides):
-            print(f"{self.session}: {known.what}", file=sys.stderr)
+            say(f"{self.session}: {known.what}", sys.stderr)
+            for note in known.notes:
+                say(f"note: {one_line(note)}", sys.stderr)
             session = known.session
         elif self.session is not None and self.session.is_dir():
             from verefine_viz.batch.index import find_runs
@@ -74,10 +77,10 @@ class ViewCommand:
             from verefine_viz.run.session_parts import check_parts
 
             if note := find_runs(self.session).note:
-                print(note, file=sys.stderr)
+                say(note, sys.stderr)
             batch = read_gallery(self.session, overrides)
             for missing in batch.notes:
-                print(f"note: {missing}", file=sys.stderr)
+                say(f"note: {missing}", sys.stderr)
             session = batch.session(batch.worst.run)
             check_parts(session, f"run {batch.worst.run}", "open", f"view {self.session}")
         else:
@@ -116,10 +119,16 @@ class ViewCommand:
         if self.other is not None or (self.session is not None and self.session.suffix != ".toml"):
             wrong = self.session if self.other is None else self.other
             raise InputError(f"{wrong} is no session; with --watch expected a session file (.toml) or none")
-        from verefine_viz.batch.watch import Watch
+        from verefine_viz.batch.index import is_batch_folder
+        from verefine_viz.batch.watch import Watch, data_folders
         from verefine_viz.page.app import check_method
         from verefine_viz.run.session_file import DURING_A_RUN, load_session
 
+        if is_batch_folder(folder) and not data_folders(folder):
+            raise InputError(
+                f"{folder} holds runs, which are not watched: verefine-viz view {folder} shows them; expected a folder "
+                "in which frames arrive"
+            )
         base = load_session(self.session, overrides) if self.session is not None else None
         by_options = {section: given for section, given in overrides.items() if section in DURING_A_RUN}
         settings = base or load_session(None, by_options)

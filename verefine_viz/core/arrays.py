@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from verefine_viz.core.errors import ShapeError
+from verefine_viz.core.errors import ContentError, ShapeError
 
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -27,19 +27,24 @@ def frozen(value: ArrayLike, name: str, shape: tuple[int | None, ...], dtype: DT
         ShapeError: the shape differs.
     """
     try:
+        if isinstance(value, np.ndarray) and value.dtype.kind not in "biufO":  # numpy drops the imaginary part.
+            raise TypeError
         array = np.asarray(value, dtype=dtype)
-    except (TypeError, ValueError) as error:
-        raise ShapeError(f"{name} is not an array of {np.dtype(dtype).name}: {error}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise ShapeError(f"{name} is no array of numbers, expected {_shape_text(shape)}") from None
     if array.shape != shape and (
         array.ndim != len(shape) or any(want not in (None, got) for want, got in zip(shape, array.shape, strict=True))
     ):
-        letters = iter("nmkl")
-        wanted = "×".join(next(letters) if n is None else str(n) for n in shape)
-        raise ShapeError(f"{name} has shape {array.shape}, expected {wanted}")
+        raise ShapeError(f"{name} has shape {array.shape}, expected {_shape_text(shape)}")
     if array.flags.writeable:
         array = array.copy()
         array.flags.writeable = False
     return array
+
+
+def _shape_text(shape: tuple[int | None, ...]) -> str:
+    letters = iter("nmkl")
+    return "×".join(next(letters) if n is None else str(n) for n in shape)
 
 
 def set_fields(record: object, **arrays: object) -> None:
@@ -73,7 +78,7 @@ def plain_array(loaded: object, dtype: DTypeLike) -> NDArray[Any]:
         ValueError: it is an archive, or of numbers that are no such (complex ones, text, floats for whole numbers).
     """
     if not isinstance(loaded, np.ndarray):
-        raise ValueError("an archive of arrays (.npz), expected one array (.npy)")
+        raise ContentError("an archive of arrays (.npz), expected one array (.npy)")
     if not np.can_cast(loaded.dtype, dtype, "same_kind"):
-        raise ValueError(f"an array of {loaded.dtype}, expected {np.dtype(dtype).name}")
+        raise ContentError(f"an array of {loaded.dtype}, expected {np.dtype(dtype).name}")
     return loaded.astype(dtype, copy=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-from verefine_viz.core.text_format import listed
+from verefine_viz.core.text_format import listed, plain
 
 NEAR = 0.65
 """Names are near whose letters agree by this share, as with two of three or three of four in the same order."""
@@ -19,15 +19,23 @@ class VerefineError(Exception):
         return one_line(super().__str__())
 
 
-class InputError(VerefineError):
-    """A file or folder is missing, damaged, or holds something impossible."""
+class InputError(VerefineError, ValueError):
+    """A file, a folder or an argument is missing, damaged, or holds something impossible."""
 
 
-class SettingsError(VerefineError):
+class ArgumentTypeError(InputError, TypeError):
+    """An argument is of another type than was asked for."""
+
+
+class SettingsError(VerefineError, ValueError):
     """A session file or an option has an unknown name or a value outside its range."""
 
 
-class ShapeError(VerefineError):
+class ContentError(VerefineError, ValueError):
+    """What is read is not what it should be; :func:`core.files.reading` puts the name of the file before it."""
+
+
+class ShapeError(ContentError):
     """An array does not have the shape, type or values (finite, rigid, …) that were asked for."""
 
 
@@ -80,4 +88,4 @@ def quoted(value: object, most: int = 80) -> str:
 
 def one_line(text: str) -> str:
     """An error's text for a terminal, whatever it quotes from files (line breaks, terminal codes)."""
-    return "".join(c if c.isprintable() else "�" for c in " ".join(text.split()))
+    return plain(" ".join(text.split()))

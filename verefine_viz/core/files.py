@@ -1,4 +1,7 @@
-"""The door: every file that comes from outside is opened here, and what goes wrong in it becomes one line."""
+"""The door: every file that comes from outside is opened here, and what goes wrong in it becomes one line.
+
+The line is in words of this program. What a library said is the context of the error, which ``--debug`` prints.
+"""
 
 from __future__ import annotations
 
@@ -20,21 +23,43 @@ import numpy as np
 from msgspec import Meta
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, ShapeError, VerefineError, one_line, quoted
+from verefine_viz.core.errors import ContentError, InputError, VerefineError, one_line, quoted
 
 MOST_BYTES = 2_000_000_000
 """Size of a file that is read, unless its reader says less."""
 MOST_JSON_BYTES = 1_000_000_000
 """Largest JSON file, and largest text that a .json.gz unpacks to."""
-MOST_YAML_BYTES = 50_000_000
+MOST_YAML_BYTES = 10_000_000
+"""Reading it takes eighty times as much memory."""
 LONGEST = 300
-"""What is shown of an error of a library [characters]."""
+"""What is shown of an error [characters]."""
 LEVELS_BELOW = 3
 """How far below a folder, named by mistake, what was meant is searched for."""
 _CUT_OFF = re.compile(
-    r"truncated|ended before|\bEOF|No data left|read all data|expected length|to its end", re.IGNORECASE
+    r"truncated|ended before|EOFError|\bEOF|No data left|read all data|expected length|to its end|no element found|"
+    r"unclosed token|failed finding central|requires a buffer of|could not read bytes",
+    re.IGNORECASE,
 )
 """What libraries say where a file ends too early."""
+KINDS_OF_FILE = {
+    "a PLY mesh": (".ply",),
+    "an OBJ mesh": (".obj",),
+    "an STL mesh": (".stl",),
+    "a glTF mesh": (".glb", ".gltf"),
+    "an image": (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".gif", ".tga", ".webp"),
+    "an array of numpy": (".npy",),
+    "an archive of numpy arrays": (".npz",),
+    "a MATLAB file": (".mat",),
+    "an ONNX network": (".onnx",),
+    "a file of torch's weights": (".pth", ".pt", ".checkpoint"),
+    "JSON": (".json", ".gz", ".jsonl"),
+    "YAML": (".yml", ".yaml"),
+    "XML": (".xml",),
+    "a table": (".csv",),
+    "text": (".txt", ".mtl"),
+}
+"""What a file with such an ending should be."""
+_SHOULD_BE = {ending: kind for kind, endings in KINDS_OF_FILE.items() for ending in endings}
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a pipe"),
@@ -64,12 +89,20 @@ def reading(path: Path, what: str = "", most_bytes: int = MOST_BYTES) -> Iterato
         with opened(path, name, most_bytes) as file:
             yield file
     except Exception as error:
-        if isinstance(error, VerefineError) and not isinstance(error, ShapeError):
+        if isinstance(error, VerefineError) and not isinstance(error, ContentError):
             raise
-        line = first_line(error)
-        is_empty = path.is_file() and path.stat().st_size == 0
-        how = "empty" if is_empty else "cut off" if _CUT_OFF.search(line) else ""
-        raise InputError(f"{name}: {line}{f'; it is {how}, fetch it again' * bool(how)}") from None
+        raise InputError(f"{name}: {_fault(error, path)}") from None
+
+
+def _fault(error: Exception, path: Path) -> str:
+    """What is wrong with the content of a file that was being read."""
+    is_empty = path.is_file() and path.stat().st_size == 0
+    how = "empty" if is_empty else "cut off" if _CUT_OFF.search(f"{type(error).__name__} {error}") else ""
+    line = first_line(error, _SHOULD_BE.get(path.suffix.lower(), ""))
+    if not how:
+        return line
+    # What is left of it may look like many things, so that only words of this program say more.
+    return f"{line}; it is {how}, fetch it again" if isinstance(error, ContentError) else f"it is {how}, fetch it again"
 
 
 def read_file(path: Path, what: str = "", most_bytes: int = MOST_BYTES) -> bytes:
@@ -78,16 +111,24 @@ def read_file(path: Path, what: str = "", most_bytes: int = MOST_BYTES) -> bytes
         return file.read()
 
 
-def first_line(error: Exception) -> str:
-    """Describe what was raised in one line."""
+def first_line(error: Exception, should_be: str = "") -> str:
+    """Describe what was raised in one line: in the words of this program or of the system, never in a library's.
+
+    Args:
+        error: what was raised.
+        should_be: what was read, as "a PLY mesh".
+    """
     if isinstance(error, MemoryError):
         return "it does not fit into memory"
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
-    text = (error.strerror if isinstance(error, OSError) else None) or str(error)
-    line = one_line(re.sub(r" <_io[^>]*>", "", next(iter(text.strip().splitlines()), "")))[:LONGEST]
-    is_plain = isinstance(error, ValueError | OSError | VerefineError | msgspec.MsgspecError)
-    return line if line and is_plain else f"{type(error).__name__}: {line}".removesuffix(": ")
+    if isinstance(error, VerefineError):
+        return one_line(str(error))[:LONGEST]
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    if isinstance(error, UnicodeDecodeError):
+        return "it is no text in UTF-8"
+    return f"it cannot be read as {should_be or 'what it should be'}: it is damaged, or of another kind"
 
 
 def opened(path: Path, name: str = "", most_bytes: int = MOST_BYTES) -> BinaryIO:
@@ -101,6 +142,8 @@ def opened(path: Path, name: str = "", most_bytes: int = MOST_BYTES) -> BinaryIO
         # Before it is opened: opening a device can do something, and opening a pipe waits for its other end.
         _check_regular(os.stat(path), name, most_bytes)  # noqa: PTH116
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except InputError:
+        raise
     except FileNotFoundError:
         raise InputError(f"{name} does not exist") from None
     except OSError as error:
@@ -168,29 +211,43 @@ def sorted_out(raw: Sequence[msgspec.Raw], kind: type[T]) -> tuple[list[tuple[in
 
 def read_yaml(path: Path, kind: type[T], what: str = "") -> T:
     """Return the content of a YAML file as ``kind``; as :func:`read_json`."""
+    import yaml  # Of all that reads files few need it.
+
     with reading(path, what, MOST_YAML_BYTES) as file:
         raw = file.read()
         if b"*" in raw:  # A few lines of them stand for gigabytes.
-            raise ValueError("aliases (*) are not read")
-        return msgspec.yaml.decode(raw, type=kind, strict=False, dec_hook=array_of)
+            raise ContentError("aliases (*) are not read")
+        try:
+            return msgspec.yaml.decode(raw, type=kind, strict=False, dec_hook=array_of)
+        except msgspec.ValidationError as error:
+            raise ContentError(_at_place(error)) from None
+        except (msgspec.DecodeError, yaml.YAMLError) as error:
+            mark = getattr(error.__cause__ or error, "problem_mark", None)
+            where = "" if mark is None else f" from line {mark.line + 1}, column {mark.column + 1} on"
+            raise ContentError(f"not YAML{where}") from None
 
 
 def decoded_json(raw: bytes, kind: type[T]) -> T:
-    """Return JSON as ``kind``; ValueError where it is damaged or something else."""
+    """Return JSON as ``kind``; ContentError where it is damaged or something else."""
     if raw[:2] == b"\x1f\x8b":
         with gzip.GzipFile(fileobj=io.BytesIO(raw)) as packed:
             raw = packed.read(MOST_JSON_BYTES + 1)
         if len(raw) > MOST_JSON_BYTES:
-            raise ValueError(f"it unpacks to more than {MOST_JSON_BYTES / 1e6:.0f} MB")
+            raise ContentError(f"it unpacks to more than {MOST_JSON_BYTES / 1e6:.0f} MB")
     raw = raw.removeprefix(codecs.BOM_UTF8)
     if b"NaN" in raw or b"Infinity" in raw:  # Python writes them, and no field takes them.
         raw = _NOT_FINITE.sub(b"null", raw)
     try:
         return _decoder(kind).decode(raw)
     except msgspec.ValidationError as error:
-        raise ValueError(re.sub(r" - at `\$(.*)`$", r" (at $\1)", str(error))) from None
+        raise ContentError(_at_place(error)) from None
     except msgspec.DecodeError as error:
-        raise ValueError(f"not JSON: {_placed(str(error).removeprefix('JSON is malformed: '), raw)}") from None
+        raise ContentError(f"not JSON: {_placed(str(error).removeprefix('JSON is malformed: '), raw)}") from None
+
+
+def _at_place(error: msgspec.ValidationError) -> str:
+    """What msgspec found at which place, as "Expected `int` (at [3].cam_K)"."""
+    return re.sub(r" - at `(?:key in )?\$(.*)`$", r" (at $\1)", str(error))
 
 
 def _placed(message: str, raw: bytes) -> str:
@@ -213,16 +270,16 @@ def _decoder(kind: type[T]) -> msgspec.json.Decoder[T]:
 
 
 def array_of(kind: Any, value: Any) -> Float:
-    """Return a decoded list as an array of ``kind``, such as :data:`Numbers3`; ValueError where it is none."""
+    """Return a decoded list as an array of ``kind``, such as :data:`Numbers3`; ContentError where it is none."""
     shape = tuple(get_args(length)[0] for length in get_args(get_args(kind)[0]))
     try:
         numbers = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"Expected {math.prod(shape)} numbers") from None
+        raise ContentError(f"Expected {math.prod(shape)} numbers") from None
     if numbers.size != math.prod(shape):
-        raise ValueError(f"Expected {math.prod(shape)} numbers, got {numbers.size}")
+        raise ContentError(f"Expected {math.prod(shape)} numbers, got {numbers.size}")
     if not (np.abs(numbers) < 1e100).all():
-        raise ValueError("Expected finite numbers")
+        raise ContentError("Expected finite numbers")
     return numbers.reshape(shape)
 
 
@@ -266,7 +323,7 @@ class Numbered(Mapping[int, T], Generic[T]):
         raw = self._raw[number]
         try:
             return decoded_json(bytes(raw), self._kind)
-        except (ValueError, RecursionError) as error:
+        except (ContentError, RecursionError) as error:
             raise InputError(f"{self.where(number)}: {first_line(error)}") from None
 
     def __contains__(self, number: object) -> bool:

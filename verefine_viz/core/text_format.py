@@ -1,9 +1,11 @@
-"""Lists of names in one line, and how many decimals a sentence needs."""
+"""Lists of names in one line, how many decimals a sentence needs, and what a terminal may be sent."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Sequence
 from itertools import accumulate
+from typing import TextIO
 
 LONGEST = 220
 """A list of names in a message is cut when it is longer [characters]."""
@@ -69,3 +71,13 @@ def distinguishing_digits(lead: float) -> int:
     Two where that shows, or where nothing does; six at most.
     """
     return next((n for n in (2, 3, 4, 5) if lead >= 3 * 10.0**-n), 6 if lead > 0 else 2)
+
+
+def plain(text: str) -> str:
+    """The text as a terminal may be sent it: whatever it quotes from files, without codes; its lines stay."""
+    return "".join(c if c.isprintable() or c in "\n\t" else "�" for c in text)
+
+
+def say(text: object, to: TextIO | None = None) -> None:
+    """Print a text to a terminal or a pipe, at once; the standard output unless another one is given."""
+    print(plain(str(text)), file=sys.stdout if to is None else to, flush=True)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from verefine_viz.core.algorithm_settings import GraspSettings
 from verefine_viz.core.array_cache import NPZ_READING, Arrays, cached
 from verefine_viz.core.arrays import Float, finite, plain_array
-from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.errors import ContentError, InputError, ShapeError
 from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import as_rigid, axis_angle, rounding_note, transform
 from verefine_viz.core.model import ObjectModel
@@ -122,9 +122,12 @@ def read_annotated(file: Path, model: ObjectModel, settings: GraspSettings) -> G
     """
     with reading(file, "grasps") as opened:
         with NPZ_READING:
-            numbers = plain_array(np.load(opened, allow_pickle=False), np.float64).reshape(-1, 4, 4)
+            numbers = plain_array(np.load(opened, allow_pickle=False), np.float64)
+        if numbers.size % 16:
+            raise ContentError(f"an array of shape {numbers.shape}, expected (N, 4, 4) or (N, 16)")
+        numbers = numbers.reshape(-1, 4, 4)
         if not 0 < len(numbers) <= MOST:
-            raise ValueError(f"{len(numbers)} grasps, expected 1 to {MOST}")
+            raise ContentError(f"{len(numbers)} grasps, expected 1 to {MOST}")
         rigid: list[Float] = []
         faults: list[str] = []
         for k, T in enumerate(numbers):
@@ -133,7 +136,7 @@ def read_annotated(file: Path, model: ObjectModel, settings: GraspSettings) -> G
             except ShapeError as error:
                 faults.append(str(error))
         if not rigid:
-            raise ValueError(faults[0])
+            raise ContentError(faults[0])
         poses = np.array(rigid)
     share = float(np.mean(_between(poses, model.points, settings.opening_m)))
     if share < AGREES:

@@ -126,6 +126,9 @@ def fill_crop(
     y = T[1, 0] * centre_obj[0] + T[1, 1] * centre_obj[1] + T[1, 2] * centre_obj[2] + T[1, 3]
     z = T[2, 0] * centre_obj[0] + T[2, 1] * centre_obj[1] + T[2, 2] * centre_obj[2] + T[2, 3]
     away_m = np.sqrt(x * x + y * y + z * z)
+    if away_m == 0.0:
+        look_at(0.0, 0.0, 1.0, R_crop_cam)
+        return False
     look_at(x / away_m, y / away_m, z / away_m, R_crop_cam)
     if not (z > 0.0 and away_m > NEAREST_RADII * radius_m):
         return False

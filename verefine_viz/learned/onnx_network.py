@@ -16,8 +16,8 @@ import onnxruntime
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from verefine_viz.core.errors import InputError
-from verefine_viz.core.files import Id, Numbers3, decoded_json, first_line, read_file, reading
+from verefine_viz.core.errors import ContentError, InputError
+from verefine_viz.core.files import Id, Numbers3, decoded_json, read_file, reading
 from verefine_viz.core.refiner_steps import TrainedRange
 
 PACKAGED = Path(__file__).parent / "weights"
@@ -70,14 +70,17 @@ class OnnxNetwork:
         how = f"verefine-viz train {_command(name)} writes one"
         with reading(path, "weights", LARGEST_BYTES):
             if any(loop in content for loop in _LOOPS):
-                raise ValueError(f"a network with loops, which may never end; {how}")
-            self._session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+                raise ContentError(f"a network with loops, which may never end; {how}")
+            # Without a second try, of which it prints.
+            self._session = onnxruntime.InferenceSession(
+                content, options, providers=["CPUExecutionProvider"], enable_fallback=0
+            )
             written = self._session.get_modelmeta().custom_metadata_map.get(CARD)
             if written is None:
-                raise ValueError(f"a network without a model card, expected {name}, format {format}; {how}")
+                raise ContentError(f"a network without a model card, expected {name}, format {format}; {how}")
             card = decoded_json(written.encode(), ModelCard)
             if (card.network, card.format) != (name, format):
-                raise ValueError(f"{card.network}, format {card.format}, expected {name}, format {format}; {how}")
+                raise ContentError(f"{card.network}, format {card.format}, expected {name}, format {format}; {how}")
         self.card = card
         self._inputs = [given.name for given in self._session.get_inputs()]
 
@@ -94,8 +97,10 @@ class OnnxNetwork:
         """
         try:
             results = self._session.run(None, dict(zip(self._inputs, inputs, strict=True)))
-        except Exception as error:
-            raise InputError(f"weights {self.path} cannot be used: {first_line(error)}") from None
+        except Exception:
+            raise InputError(
+                f"weights {self.path} cannot be used: the network takes other inputs than {self.card.network}"
+            ) from None
         answers = tuple(np.asarray(result, dtype=np.float64) for result in results)
         if not all(np.isfinite(answer).all() for answer in answers):
             raise InputError(f"weights {self.path} give NaN or infinity; train them again, or use others")

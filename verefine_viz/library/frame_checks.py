@@ -7,13 +7,15 @@ from collections.abc import Mapping
 from contextlib import suppress
 from itertools import chain, zip_longest
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from verefine_viz.core.arguments import checked_name, checked_path, described
 from verefine_viz.core.arrays import Float, Mask, finite, frozen
 from verefine_viz.core.camera import Camera
-from verefine_viz.core.errors import InputError, ShapeError, one_line
+from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.geometry import apply, as_rigid, rounding_note
 from verefine_viz.core.problem import Hypothesis
 from verefine_viz.core.text_format import unusable
@@ -32,6 +34,10 @@ WHOLE = 0.9
 """Share of the image that no mask of one object covers."""
 TOO_FAR = 30.0
 """So many times as far away as its mask a pose must have a wrong unit."""
+MOST_PIXELS = 25_000_000
+"""No depth sensor has more; what is worked out for each takes hundreds of bytes."""
+MOST_SKEW_PX = 0.5
+LARGEST_UNIT_M = 1000.0
 NEAREST_M, FARTHEST_M = 0.005, 60.0
 """Depth beyond the second counts as not measured; a median beyond either is no depth in metres."""
 Poses = ArrayLike | Mapping[str, ArrayLike] | None
@@ -39,7 +45,24 @@ Poses = ArrayLike | Mapping[str, ArrayLike] | None
 
 def checked_camera(K: ArrayLike, shape: tuple[int, ...]) -> Camera:
     """The camera of images of ``shape``; InputError or ShapeError where K is no pinhole camera's matrix [px]."""
-    return Camera(intrinsics_of(CameraEntry(cam_K=finite(K, "K", (3, 3))), "K"), shape[1], shape[0])
+    matrix = finite(K, "K", (3, 3))
+    if abs(matrix[0, 1]) > MOST_SKEW_PX:
+        raise ShapeError(
+            f"K has a skew of {matrix[0, 1]:g} px, expected 0: the camera has none here; rectify the images with a K "
+            "without skew"
+        )
+    return Camera(intrinsics_of(CameraEntry(cam_K=matrix), "K"), shape[1], shape[0])
+
+
+def as_array(given: ArrayLike, name: str) -> NDArray[Any]:
+    """An array of real numbers, of any shape; ShapeError where it is none."""
+    try:
+        array = np.asarray(given)
+    except (TypeError, ValueError, OverflowError):
+        raise ShapeError(f"{name} is no array of numbers") from None
+    if array.dtype.kind not in "biuf":
+        raise ShapeError(f"{name} is {described(given)}, expected an array of numbers")
+    return array
 
 
 def direction(given: ArrayLike, name: str) -> Float:
@@ -52,6 +75,11 @@ def direction(given: ArrayLike, name: str) -> Float:
 
 def checked_depth(depth_m: ArrayLike) -> NDArray[np.float32]:
     """Depth (H, W) [m], 0 where nothing was measured; ShapeError where it is none, or not in metres."""
+    given = depth_m if isinstance(depth_m, np.ndarray) else np.asarray(depth_m, dtype=object)
+    if given.size > MOST_PIXELS:
+        raise ShapeError(f"depth_m is of {given.size / 1e6:.0f} megapixels, expected at most {MOST_PIXELS / 1e6:.0f}")
+    if given.dtype.kind in "iu":
+        raise ShapeError(f"depth_m is {given.dtype}, expected metres as floats; divide millimetres by 1000")
     depth = np.nan_to_num(frozen(depth_m, "depth_m", (None, None)), nan=0.0, posinf=0.0, neginf=0.0)
     if not depth.any():
         raise ShapeError("depth_m has no measured pixel")
@@ -66,7 +94,7 @@ def checked_depth(depth_m: ArrayLike) -> NDArray[np.float32]:
 
 def checked_photo(rgb: ArrayLike, shape: tuple[int, int]) -> NDArray[np.uint8]:
     """A colour image (H, W, 3); ShapeError where it is none of ``shape``."""
-    photo = np.asarray(rgb)
+    photo = as_array(rgb, "rgb")
     if photo.dtype != np.uint8:
         raise ShapeError(f"rgb is of {photo.dtype}, expected uint8, 0 to 255")
     return frozen(photo, "rgb", (*shape, 3), np.uint8)
@@ -93,13 +121,12 @@ def checked_object(
         InputError: the mesh cannot be read, or what is given does not fit together.
         ShapeError: an array has another shape, or no pose is one.
     """
-    if not isinstance(name, str) or not (name := one_line(name).strip()):
-        raise InputError(f"name of an object is {name!r}, expected a text")
-    if not isinstance(mesh, str | Path):
-        raise InputError(f"mesh of {name} is a {type(mesh).__name__}, expected the path of a PLY, OBJ, GLB or STL file")
-    if not isinstance(unit_m, int | float) or not 0 < unit_m < np.inf:
-        raise InputError(f"unit_m of {name} is {unit_m!r}, expected metres per unit of the mesh, as 0.001")
-    path, seen, covered = Path(mesh), None, None
+    name = checked_name(name, "name of an object")
+    path = checked_path(mesh, f"mesh of {name}", "the path of a PLY, OBJ, GLB or STL file")
+    if not isinstance(unit_m, int | float) or isinstance(unit_m, bool) or not 0 < unit_m <= LARGEST_UNIT_M:
+        what = f"{described(unit_m)}, expected metres per unit of the mesh, as 0.001"
+        raise InputError(f"unit_m of {name} is {what}")
+    seen = covered = None
     if mask is not None:
         seen = _mask(mask, name, camera.shape)
         covered = points_cam[seen & (points_cam[..., 2] > 0)]
@@ -142,15 +169,15 @@ def _by_estimator(poses: Poses, name: str) -> Mapping[str, ArrayLike]:
         return {}
     by_estimator = poses if isinstance(poses, Mapping) else {"given": poses}
     for estimator in by_estimator:
-        if not re.fullmatch(r"\w[\w.+-]{0,80}", estimator):
+        if not isinstance(estimator, str) or not re.fullmatch(r"\w[\w.+-]{0,80}", estimator):
             raise InputError(
-                f"estimator {estimator!r} of {name}: expected letters, digits, _ . + -, as it names a file"
+                f"estimator {described(estimator)} of {name}: expected letters, digits, _ . + -, as it names a file"
             )
     return by_estimator
 
 
 def _mask(given: ArrayLike, where: str, shape: tuple[int, int]) -> Mask:
-    values = np.asarray(given)
+    values = as_array(given, f"mask of {where}")
     mask = frozen(values != 0, f"mask of {where}", shape, bool)
     if not mask.any():
         raise ShapeError(f"mask of {where} is empty")
@@ -191,8 +218,10 @@ def _check_size(diameter_m: float, covered: Float, path: Path, unit_m: float, aw
 def _first_distance_m(*given: ArrayLike | None) -> float:
     """How far away the first pose is that can be read [m]; 0 where there is none."""
     for one in given:
-        with suppress(TypeError, ValueError, ShapeError):
-            T = np.asarray(one, dtype=np.float64).reshape(-1, 4, 4)
+        if one is None:
+            continue
+        with suppress(ShapeError, ValueError):
+            T = as_array(one, "pose").astype(np.float64).reshape(-1, 4, 4)
             if len(T):
                 return float(np.linalg.norm(as_rigid(T[0], "pose")[:3, 3]))
     return 0.0
@@ -205,10 +234,7 @@ def _poses(
     rotations of the others, as they are given.
     """
     name = f"pose of {where} by {estimator}"
-    try:
-        array = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ShapeError(f"{name} is no array, expected (4, 4) or (N, 4, 4)") from None
+    array = as_array(given, name)
     if array.size == 0:
         return []
     poses: list[Float | None] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +12,9 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
+from verefine_viz.core.arguments import checked_mapping, checked_name, checked_path, checked_text, described
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, SettingsError, ShapeError, one_line, unknown
+from verefine_viz.core.errors import ArgumentTypeError, InputError, SettingsError, ShapeError, unknown
 from verefine_viz.core.problem import Problem, Target
 from verefine_viz.core.settings import Session
 from verefine_viz.library.frame_checks import checked_camera, checked_depth, checked_object, checked_photo, direction
@@ -24,6 +26,7 @@ from verefine_viz.scenes.demo import demo_names
 from verefine_viz.scenes.recorded_frame import RecordedFrame
 from verefine_viz.scenes.recorded_source import RecordedSource
 from verefine_viz.scenes.source import SceneSource
+from verefine_viz.scenes.trace_files import is_trace
 from verefine_viz.trace import Trace
 
 
@@ -57,7 +60,7 @@ class Frame:
             down = None if gravity_cam is None else direction(gravity_cam, "gravity_cam")
         except ShapeError as error:
             raise InputError(str(error)) from None
-        self.name = one_line(name)
+        self.name = checked_name(name, "name")
         self._recorded = RecordedFrame(self.name, self._camera.K, depth, photo, (), down)
         self._points = self._camera.back_project(depth.astype(np.float64))
 
@@ -147,9 +150,11 @@ class Frame:
             The folder; where it held a trace, the next free name.
 
         Raises:
-            InputError: it cannot be written.
+            InputError: it holds something else, or cannot be written.
         """
-        seen = self._recorded
+        seen, folder = self._recorded, checked_path(folder, "folder", "the folder of the trace")
+        if folder.is_dir() and not is_trace(folder) and any(folder.iterdir()):
+            raise InputError(f"{folder} holds something else; choose a new folder for the trace")
         try:
             with Trace(folder, K=seen.K, depth_m=seen.depth_m, rgb=seen.rgb, gravity_cam=seen.down_cam) as trace:
                 for one in seen.objects:
@@ -171,11 +176,12 @@ class Frame:
             InputError: a mesh is another one than its name had before, or the folder holds something else or cannot be
                 written.
         """
+        folder = checked_path(folder, "folder", "the folder of the data set")
         source = self.tools({})[0].source
         frame = captured(source.problem(source.frames[0]))
         axes = {one.name: one.symmetry_axis for one in self._recorded.objects}
         objects = [replace(one, symmetry_axis=axes[one.name]) for one in frame.objects]
-        return CaptureFolder(Path(folder)).add(replace(frame, objects=objects, down_cam=self._recorded.down_cam))
+        return CaptureFolder(folder).add(replace(frame, objects=objects, down_cam=self._recorded.down_cam))
 
 
 class OpenedFrame:
@@ -228,19 +234,24 @@ AnyFrame = Frame | OpenedFrame
 def check_frame(frame: object) -> None:
     """Raise InputError where something else is given in place of a frame."""
     if not isinstance(frame, Frame | OpenedFrame):
-        raise InputError(f"{frame!r:.80} is no frame; make one by Frame(K, depth_m, rgb) or open_frame(path)")
+        raise ArgumentTypeError(
+            f"frame is {described(frame)}, expected one made by Frame(K, depth_m, rgb) or open_frame(path)"
+        )
 
 
 def check_sections(sections: Mapping[str, Any]) -> None:
     """Raise SettingsError where a keyword is no section of the settings; names the section that has such a field."""
     known, defaults = Session.__struct_fields__, Session()
+    checked_mapping(sections, "sections", "settings by section, as in a session file")
     for name, fields in sections.items():
         if name not in known:
             homes = [own for own in known if name in getattr(getattr(defaults, own), "__struct_fields__", ())]
             where = f"write {homes[0]}={{{name!r}: …}}" if homes else unknown("section", name, known)
             raise SettingsError(f"{name}= is no section of the settings; {where}")
         if not isinstance(fields, Mapping) and isinstance(getattr(defaults, name), msgspec.Struct):
-            raise SettingsError(f"{name}={fields!r:.40} is no dict, expected {name}={{…}} as in a session file")
+            raise SettingsError(f"{name} is {described(fields)}, expected {name}={{…}} as in a session file")
+        if isinstance(fields, Mapping):
+            checked_mapping(fields, name, f"{name}={{…}} with names of settings, as in a session file")
 
 
 def open_frame(path: Path | str, frame: str = "", **sections: Mapping[str, Any]) -> OpenedFrame:
@@ -255,6 +266,7 @@ def open_frame(path: Path | str, frame: str = "", **sections: Mapping[str, Any])
         InputError: there is no such frame.
         VerefineError: the data or the settings cannot be used.
     """
+    checked_text(frame, "frame", 'its name, as "50/1", or ""')
     source = Toolbox(_session_of(path, sections)).source
     if frame and frame not in source.frames:
         raise InputError(f"{unknown('frame', frame, source.frames)} ({path})")
@@ -268,20 +280,21 @@ def open_dataset(path: Path | str, **sections: Mapping[str, Any]) -> Iterator[Op
         path: what ``verefine-viz view`` opens; or the name of a built-in scene.
         sections: settings, each section a dict as in a session file: ``scene={"split": "test"}``.
 
-    Yields:
+    Returns:
         The frames, in the order of the data set; each is read when it is used.
 
     Raises:
         VerefineError: the data or the settings cannot be used.
     """
     source = Toolbox(_session_of(path, sections)).source
-    yield from (OpenedFrame(path, sections, source, frame) for frame in source.frames)
+    return (OpenedFrame(path, sections, source, frame) for frame in source.frames)
 
 
 def target_of(problem: Problem, name: str | int) -> Target:
     """The target of an object's name, or of its instance_id; InputError where the frame has none, or several."""
-    if isinstance(name, int):
-        return problem.target(name)
+    if isinstance(name, int | np.integer) and not isinstance(name, bool):
+        return problem.target(int(name))
+    checked_text(name, "name", "an object's name, or its instance_id")
     own = [target for target in problem.targets if target.model.name == name]
     if not own:
         there = [target.model.name for target in problem.targets]
@@ -294,9 +307,11 @@ def target_of(problem: Problem, name: str | int) -> Target:
 
 
 def _session_of(path: Path | str, sections: Mapping[str, Any]) -> Session:
-    if isinstance(path, str) and not Path(path).exists() and path in demo_names():
+    folder = checked_path(path, "path", "what verefine-viz view opens, or the name of a built-in scene")
+    check_sections(sections)
+    if isinstance(path, str) and not os.path.lexists(folder) and path in demo_names():
         return load_session(None, {**sections, "scene": {"demo": path, **sections.get("scene", {})}}, "settings")
-    return open_session(Path(path), sections)
+    return open_session(folder, sections)
 
 
 class _InMemory:

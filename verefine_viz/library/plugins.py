@@ -5,12 +5,14 @@ What such a part raises, and an answer that is none, is one line that names the 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from itertools import islice
 from typing import Any, TypeVar
 
+from verefine_viz.core.arguments import checked_text, described
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, ShapeError, quoted
+from verefine_viz.core.errors import ArgumentTypeError, InputError, ShapeError, quoted
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.own_parts import own_part
 from verefine_viz.core.problem import Hypothesis, Placed, Target
@@ -46,7 +48,7 @@ def refiner(name: str) -> Callable[[R], R]:
     def register(kind: R) -> R:
         _check(name, "refine", kind)
         checked = _checked_refiner(name, kind)
-        REFINERS[name] = lambda session: checked()
+        REFINERS[name] = lambda session: _made(f"refiner {name}", checked)
         return kind
 
     return register
@@ -67,10 +69,8 @@ def estimator(name: str) -> Callable[[E], E]:
     """
 
     def register(kind: E) -> E:
-        if name in (*POSES_GIVEN, "session"):
-            raise InputError(f"{name!r} is the name of another source of initial poses; choose another")
-        _check(name, "hypotheses", kind)
-        ESTIMATORS[name] = lambda session: _CheckedEstimator(name, kind())
+        _check(name, "hypotheses", kind, (*POSES_GIVEN, "session"), "another source of initial poses")
+        ESTIMATORS[name] = lambda session: _CheckedEstimator(name, _made(f"estimator {name}", kind))
         return kind
 
     return register
@@ -90,10 +90,8 @@ def verifier(name: str) -> Callable[[V], V]:
     """
 
     def register(kind: V) -> V:
-        if name == EQ_1:
-            raise InputError(f"{name!r} is the name of Eq. 1; choose another")
-        _check(name, "scores", kind)
-        VERIFIERS[name] = lambda settings: kind()
+        _check(name, "scores", kind, (EQ_1,), "Eq. 1")
+        VERIFIERS[name] = lambda settings: _made(f"verifier {name}", kind)
         return kind
 
     return register
@@ -114,13 +112,16 @@ def simulator(name: str) -> Callable[[S], S]:
     """
 
     def register(kind: S) -> S:
-        if name == BULLET:
-            raise InputError(f"{name!r} is the name of the simulator of this package; choose another")
-        _check(name, "settle", kind)
-        SIMULATORS[name] = lambda settings: kind()
+        _check(name, "settle", kind, (BULLET,), "the simulator of this package")
+        SIMULATORS[name] = lambda settings: _made(f"simulator {name}", kind)
         return kind
 
     return register
+
+
+def _made(who: str, kind: Callable[[], Any]) -> Any:
+    with own_part(who):
+        return kind()
 
 
 def _checked_refiner(name: str, kind: Any) -> Callable[[], Refiner]:
@@ -151,7 +152,13 @@ class _CheckedEstimator:
         return pool
 
 
-def _check(name: str, method: str, kind: Any) -> None:
+def _check(name: str, method: str, kind: Any, taken: tuple[str, ...] = (), by: str = "") -> None:
+    if not re.fullmatch(r"\w[\w.+-]{0,80}", checked_text(name, "name", "the name of the part in settings")):
+        raise InputError(f"name is {quoted(name, 40)}, expected letters, digits, _ . + -")
+    if not isinstance(kind, type):
+        raise ArgumentTypeError(f"{described(kind)} cannot be registered, expected a class with the method {method}")
+    if name in taken:
+        raise InputError(f"{name!r} is the name of {by}; choose another")
     built_in = (REFINERS.get(name), ESTIMATORS.get(name))
     if any(make.__module__ in _REGISTRIES for make in built_in if make is not None):
         raise InputError(f"{name!r} is the name of a part of this package; choose another")

@@ -9,15 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from verefine_viz.core.arrays import Float
+from verefine_viz.core.arguments import checked_count, checked_path, checked_text, described
+from verefine_viz.core.arrays import Float, frozen
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.geometry import as_rigid, check_reach
 from verefine_viz.core.problem import Hypothesis, Placed, Target
 from verefine_viz.core.scores import ScoreMaps, Scores
 from verefine_viz.estimators.registry import make_estimator
 from verefine_viz.evaluation.results_scores import Evaluation, evaluate_files
-from verefine_viz.library.frame_to_solve import AnyFrame, check_frame, target_of
+from verefine_viz.library.frame_to_solve import AnyFrame, check_frame, check_sections, target_of
 from verefine_viz.run.toolbox import Toolbox
+
+MOST_STEPS = MOST_HYPOTHESES = 10_000
+"""Of a simulation, and of an estimator; as settings have them."""
 
 
 def score(frame: AnyFrame, name: str | int, poses: ArrayLike, **sections: Mapping[str, Any]) -> Scores:
@@ -57,8 +61,11 @@ def score_maps(frame: AnyFrame, name: str | int, pose: ArrayLike, **sections: Ma
         InputError: the frame has no such object, or the pose is none.
         SettingsError: a setting is unknown or out of range.
     """
+    poses = _poses(pose)
+    if len(poses) > 1:
+        raise ShapeError(f"pose is of {len(poses)} poses, expected one, (4, 4); call score_maps for each")
     tools, target = _object(frame, name, sections)
-    return tools.verifier.maps(target, _poses(pose)[0])
+    return tools.verifier.maps(target, poses[0])
 
 
 def refine(
@@ -80,35 +87,41 @@ def refine(
         InputError: the frame has no such object, or a pose is none.
         SettingsError: there is no such refiner or setting.
     """
-    method = {**({"refiner": refiner} if refiner else {}), **sections.get("method", {})}
-    tools, target = _object(frame, name, {**sections, "method": method})
-    given = _poses(poses)
+    given, own = _poses(poses), {"refiner": refiner} if checked_text(refiner, "refiner", "its name") else {}
+    check_sections(sections)
+    tools, target = _object(frame, name, {**sections, "method": {**own, **sections.get("method", {})}})
     refined = np.stack([tools.refiner.refine(target, T) for T in given])
     return refined.reshape(np.shape(poses))
 
 
-def settle(frame: AnyFrame, name: str | int, pose: ArrayLike, steps: int = 60, **sections: Mapping[str, Any]) -> Float:
+def settle(frame: AnyFrame, name: str | int, poses: ArrayLike, steps: int = 60, **sections: Mapping[str, Any]) -> Float:
     """Let an object move under gravity on the support plane (paper Sec. III-A).
 
     Args:
         frame: the frame.
         name: the object's name, or its instance_id.
-        pose: (4, 4) T_cam_obj [m].
-        steps: number of steps of 1/60 s.
+        poses: T_cam_obj [m], (4, 4) or (N, 4, 4); each moves by itself.
+        steps: number of steps of 1/60 s, at most 10 000.
         sections: settings: ``physics={"collider": "hull"}``.
 
     Returns:
-        The poses (steps + 1, 4, 4) [m], the given one first.
+        The poses (steps + 1, 4, 4) [m] of one, the given one first, or (N, steps + 1, 4, 4) of N. An object that leaves
+        the reach of the camera stays where it was last.
 
     Raises:
-        InputError: there is no such object, no support plane, or the pose is none.
+        InputError: there is no such object, no support plane, or a pose is none.
     """
+    given, steps = _poses(poses), checked_count(steps, "steps", 1, MOST_STEPS)
     tools, target = _object(frame, name, sections)
     support = target.observation.support
     if support is None or tools.simulator is None:
         raise InputError("nothing is simulated: no support plane is seen and no gravity is given, or physics is off")
-    placed = Placed(target.instance.instance_id, target.model, _poses(pose)[0])
-    return np.asarray(tools.simulator.settle(placed, (), support, steps).Ts_cam_obj)
+    paths = np.empty((len(given), steps + 1, 4, 4))
+    for k, T in enumerate(given):
+        moved = tools.simulator.settle(Placed(target.instance.instance_id, target.model, T), (), support, steps)
+        paths[k, : len(moved.Ts_cam_obj)] = moved.Ts_cam_obj
+        paths[k, len(moved.Ts_cam_obj) :] = moved.Ts_cam_obj[-1]
+    return paths.reshape(*np.shape(poses)[:-2], steps + 1, 4, 4)
 
 
 def estimate(
@@ -120,7 +133,7 @@ def estimate(
         frame: the frame.
         name: the object's name, or its instance_id.
         estimator: ppf (point pair features), pcs (congruent point sets), densefusion, or one of your own.
-        n: how many at most.
+        n: how many at most, up to 10 000.
         sections: settings: ``ppf={"step_m": 0.005}``.
 
     Returns:
@@ -129,6 +142,7 @@ def estimate(
     Raises:
         InputError: there is no such object, or the estimator lacks what it needs.
     """
+    n, estimator = checked_count(n, "n", 1, MOST_HYPOTHESES), checked_text(estimator, "estimator", "its name")
     tools, target = _object(frame, name, sections)
     return make_estimator(estimator, tools.session).hypotheses(target, n)
 
@@ -148,8 +162,11 @@ def evaluate(results: Path | str | Sequence[Path | str], dataset: Path | str, sp
     Raises:
         InputError: a file is missing or damaged, or the data set has no ground truth.
     """
-    paths = [results] if isinstance(results, str | Path) else results
-    return evaluate_files([Path(path) for path in paths], Path(dataset), split)
+    expected = "the path of a results file (CSV), or a list of them"
+    several = results if isinstance(results, list | tuple) and results else [results]
+    paths = [checked_path(path, "results", expected) for path in several]
+    folder = checked_path(dataset, "dataset", "the folder of a data set")
+    return evaluate_files(paths, folder, checked_text(split, "split", 'the name of a folder, or ""'))
 
 
 def _object(frame: AnyFrame, name: str | int, sections: Mapping[str, Any]) -> tuple[Toolbox, Target]:
@@ -160,9 +177,14 @@ def _object(frame: AnyFrame, name: str | int, sections: Mapping[str, Any]) -> tu
 
 def _poses(given: ArrayLike) -> Float:
     """Poses (N, 4, 4) of one or several; InputError where one is none, or too far away to be in metres."""
-    array = np.asarray(given, dtype=np.float64)
+    expected = "expected T_cam_obj in metres, (4, 4) or (N, 4, 4) with N ≥ 1"
+    try:
+        array = np.asarray(given)
+        array = frozen(array, "poses", array.shape)
+    except (ShapeError, TypeError, ValueError):
+        raise ShapeError(f"poses is {described(given)}, {expected}") from None
     if array.shape[-2:] != (4, 4) or array.ndim not in (2, 3) or not array.size:
-        raise InputError(f"poses are of shape {array.shape}, expected (4, 4) or (N, 4, 4) with N ≥ 1")
+        raise ShapeError(f"poses are of shape {array.shape}, {expected}")
     try:
         poses = np.stack([as_rigid(T, f"pose {k}") for k, T in enumerate(array.reshape(-1, 4, 4))])
         for k, T in enumerate(poses):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 from msgspec import structs
 
 from verefine_viz.batch.summary import run_end
+from verefine_viz.core.arguments import checked_mapping, checked_path, checked_text
 from verefine_viz.core.errors import InputError
 from verefine_viz.core.records import Iteration
 from verefine_viz.core.settings import Session
@@ -119,7 +121,7 @@ class Run:
         Raises:
             InputError: the path has another ending, its folder holds something else, or it cannot be written.
         """
-        path = Path(path)
+        path = checked_path(path, "path", f'the name of a file, as "drop{SUFFIX}"')
         if path.suffix != SUFFIX:
             raise InputError(f"{path} is no name of a run; expected {path.stem}{SUFFIX}")
         record, session = self.record(), self.session
@@ -173,15 +175,19 @@ class Run:
         method, n = self.session.method.name, self._run.length
         return f"<Run of {method} on {self.frame.name}: {n} of {self._run.n_iterations} iterations>"
 
-    def diagnose(self) -> dict[str, Diagnosis]:
-        """Why each failed answer failed, by the object's name; finishes the run and re-runs it without each cause.
+    def diagnose(self) -> dict[str | int, Diagnosis]:
+        """Why each failed answer failed, by the object's name, or by its instance_id where several have one name.
+
+        It finishes the run and re-runs it without each cause.
 
         Returns:
             An entry for each object whose ADD(-S) is not below 10 % of its diameter; none without ground truth.
         """
         self._run.finish()
-        names = {target.instance.instance_id: target.model.name for target in self._run.problem.targets}
-        return {names[one.instance_id]: one for one in diagnose(self._run, self._tools)}
+        targets = self._run.problem.targets
+        n_of = Counter(target.model.name for target in targets)
+        keys = {t.instance.instance_id: t.model.name for t in targets if n_of[t.model.name] == 1}
+        return {keys.get(one.instance_id, one.instance_id): one for one in diagnose(self._run, self._tools)}
 
 
 def step(
@@ -208,7 +214,11 @@ def step(
         SettingsError: a setting is unknown or out of range.
         InputError: nothing can be solved in the frame.
     """
-    given = {**({"name": method} if isinstance(method, str) else method), **({"refiner": refiner} if refiner else {})}
+    given = {"name": method} if isinstance(method, str) else method
+    given = {**checked_mapping(given, "method", 'its name, or its section as {"name": "rir", …}')}
+    if checked_text(refiner, "refiner", "its name"):
+        given["refiner"] = refiner
+    checked_text(preset, "preset", "recommended, paper or published")
     return Run(frame, {**({"preset": preset} if preset else {}), **sections, "method": given})
 
 

@@ -55,8 +55,8 @@ def loaded(content: bytes, path: Path, name: str) -> PoseNet | PoseRefineNet:
     try:
         # Numbers and arrays only: nothing is unpickled that could run.
         state = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
-    except Exception as error:
-        raise InputError(f"weights {path} are no .pth file of torch ({type(error).__name__})") from None
+    except Exception:
+        raise InputError(f"weights {path} are no .pth file of torch, or are damaged") from None
     if not isinstance(state, Mapping) or not all(isinstance(value, Tensor) for value in state.values()):
         raise InputError(f"weights {path} hold no state of a network (names and arrays)")
     state = {_official_name(str(key)): value for key, value in state.items()}

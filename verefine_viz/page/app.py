@@ -18,6 +18,7 @@ from verefine_viz.core.files import first_line
 from verefine_viz.core.observation import Observation
 from verefine_viz.core.progress_token import ProgressToken
 from verefine_viz.core.settings import Session
+from verefine_viz.core.text_format import say
 from verefine_viz.methods.registry import METHODS
 from verefine_viz.page import proxy
 from verefine_viz.page.blobs import Blobs
@@ -310,11 +311,11 @@ def serve(
     shown = {"gallery": gallery, "first": first, "watch": watch, "recording": recording}
     app = App(session, session_path, host, port, allowed_origins, **shown).start()
     try:
-        print(f"verefine-viz: {app.url}  (Ctrl-C ends it)", flush=True)
+        say(f"verefine-viz: {app.url}  (Ctrl-C ends it)")
         for note in notes:
-            print(f"note: {one_line(note)}", flush=True)
+            say(f"note: {one_line(note)}")
         if watch is not None:
-            print(one_line(f"watching {watch.folder}; results in {watch.out}"), flush=True)
+            say(one_line(f"watching {watch.folder}; results in {watch.out}"))
         app.wait_until_ready()
         if open_browser:
             webbrowser.open(app.url)

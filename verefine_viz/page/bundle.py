@@ -11,10 +11,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import msgspec
 from PIL import Image
 
 from verefine_viz.page.blobs import Blobs
+from verefine_viz.page.protocol import encoded
 
 WEB = Path(__file__).parent / "web"
 CSP = (
@@ -86,7 +86,7 @@ def element(name: str, media_type: str, text: str) -> str:
 def part(name: str, messages: Iterable[Json], answers: Iterable[tuple[Json, Json]]) -> str:
     """Return what a server would send, and wants with what answers them, as a part of the document."""
     content = {"messages": list(messages), "answers": list(answers)}
-    return element(name, "text/plain", compressed(msgspec.json.encode(content)))
+    return element(name, "text/plain", compressed(encoded(content)))
 
 
 def picture(path: str, data: bytes, media_type: str) -> str:

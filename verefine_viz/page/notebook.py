@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from verefine_viz.core.arguments import checked_count
 from verefine_viz.page.app import App
 from verefine_viz.page.openable import path_of, read_openable
 
@@ -60,6 +61,7 @@ def show(what: Any, height: int = HEIGHT_PX) -> ShownPage:
     Raises:
         VerefineError: it cannot be opened.
     """
+    height = checked_count(height, "height", 50, 10_000)
     folder = tempfile.TemporaryDirectory(prefix="verefine-viz-")
     try:
         there = read_openable(path_of(what, Path(folder.name)))

@@ -6,12 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.arguments import checked_path, described
+from verefine_viz.core.errors import ArgumentTypeError, InputError
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import expand_home
 from verefine_viz.page.gallery import Gallery
 from verefine_viz.run.record import RunRecord
 from verefine_viz.run.run_file import SUFFIX, write_record
+
+TAKES = "a run, as vv.step(frame) or vv.solve(frame) make it, its record, or a path of a run, a session or a folder"
 
 
 @dataclass(frozen=True)
@@ -60,12 +63,12 @@ def path_of(what: Any, folder: Path) -> Path:
         InputError: it is nothing of these.
     """
     if isinstance(what, str | Path):
-        return expand_home(str(what))
+        return expand_home(str(checked_path(what, "what", TAKES)))
     path = folder / f"run{SUFFIX}"
     if isinstance(what, RunRecord):
         write_record(path, what)
-    elif hasattr(what, "save"):
+    elif hasattr(what, "record") and not isinstance(what, type):  # A frame, too, can be saved.
         what.save(path)
     else:
-        raise InputError(f"{type(what).__name__} cannot be shown; expected a run, its record, or the path of one")
+        raise ArgumentTypeError(f"{described(what)} cannot be shown, expected {TAKES}")
     return path

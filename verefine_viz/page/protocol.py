@@ -345,6 +345,31 @@ def read_verb(text: str | bytes) -> AnyVerb:
         raise InputError(f"not a verb: {error}") from None
 
 
+def encoded(message: Any) -> bytes:
+    """Encode what a browser gets; half characters, as in names of files that are no UTF-8, become "?"."""
+    try:
+        return msgspec.json.encode(message, enc_hook=_plain)
+    except UnicodeEncodeError:
+        return msgspec.json.encode(_whole(msgspec.to_builtins(message, enc_hook=_plain)))
+
+
+def _plain(value: Any) -> Any:
+    """Write numpy's numbers and arrays, and sets, as JSON can."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, set | frozenset):
+        return sorted(value)
+    raise TypeError(f"{type(value).__name__} cannot be sent to the page")
+
+
+def _whole(value: Any) -> Any:
+    if isinstance(value, str):
+        return value.encode("utf-8", "replace").decode()
+    if isinstance(value, dict):
+        return {_whole(key): _whole(one) for key, one in value.items()}
+    return [*map(_whole, value)] if isinstance(value, list | tuple) else value
+
+
 def write_verb(verb: AnyVerb) -> str:
     """Encode a verb as a line of the log."""
-    return msgspec.json.encode(verb).decode()
+    return encoded(verb).decode()

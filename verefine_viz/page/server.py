@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import anyio.to_thread
-import msgspec
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -28,7 +27,7 @@ from verefine_viz.core.errors import InputError, UnavailableError
 from verefine_viz.core.files import id_of
 from verefine_viz.page.admission import Admission, Guard, is_loopback, reached_at, url_host
 from verefine_viz.page.blobs import Blobs
-from verefine_viz.page.protocol import AnyVerb, read_verb
+from verefine_viz.page.protocol import AnyVerb, encoded, read_verb
 
 _LOG = logging.getLogger(__name__)
 WEB = Path(__file__).parent / "web"
@@ -145,7 +144,7 @@ class PageServer:
 
     def post(self, message: dict[str, Any], window: int | None = None) -> None:
         """Send a message to a window, or to all. Callable from any thread."""
-        text = msgspec.json.encode(message, enc_hook=_plain).decode()
+        text = encoded(message).decode()
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._put, text, window)
 
@@ -168,9 +167,7 @@ class PageServer:
         await socket.accept()
         window = Window(next(self._numbers))
         self._windows[window.number] = window
-        await socket.send_text(
-            msgspec.json.encode({"t": "hello", "window": window.number, "version": __version__}).decode()
-        )
+        await socket.send_text(encoded({"t": "hello", "window": window.number, "version": __version__}).decode())
         self._receive(window.number, None)
         sending = asyncio.create_task(_send_all(socket, window))
         try:
@@ -239,15 +236,6 @@ async def _send_all(socket: WebSocket, window: Window) -> None:
     while (text := await window.out.get()) is not None:
         await socket.send_text(text)
     await socket.close(1001)
-
-
-def _plain(value: Any) -> Any:
-    """Write numpy's numbers and arrays, and sets, as JSON can."""
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    if isinstance(value, set | frozenset):
-        return sorted(value)
-    raise TypeError(f"{type(value).__name__} cannot be sent to the page")
 
 
 def bind(host: str, port: int) -> socket.socket:

@@ -8,13 +8,14 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import msgspec
 import numpy as np
 
 from verefine_viz import __version__
-from verefine_viz.core.errors import InputError, VerefineError, unknown
+from verefine_viz.core.arguments import checked_choice, checked_flag, checked_path, checked_text
+from verefine_viz.core.errors import InputError, VerefineError, one_line, unknown
 from verefine_viz.core.progress_token import NEVER_CANCELLED, ProgressToken
 from verefine_viz.core.settings import Session
 from verefine_viz.core.writing import atomic
@@ -79,7 +80,11 @@ def share(
     Raises:
         VerefineError: it cannot be opened, or the file cannot be written.
     """
-    out = Path(out)
+    out = checked_path(out, "out", "the name of an HTML file")
+    checked_choice(maps, "maps", get_args(WithMaps))
+    checked_flag(with_scene, "with_scene")
+    if frame is not None:
+        checked_text(frame, "frame", 'its name, as "50/1", or None')
     if out.is_dir():
         raise InputError(f"{out} is a folder, expected the name of a file")
     with tempfile.TemporaryDirectory(prefix="verefine-viz-") as folder:
@@ -87,7 +92,7 @@ def share(
         debugger = opened(path, frame)
         run = shared(debugger, f"verefine-viz view {command_path(path)}", maps)
         note = write_shared(run, end_scene(debugger) if with_scene else "", out)
-        return f"Frame {debugger.space.frame} of “{run.title}”. {note}".rstrip()
+        return f"Frame {debugger.space.frame} of “{one_line(run.title)}”. {note}".rstrip()
 
 
 def write_shared(run: SharedRun, scene: str, out: Path) -> str:
@@ -108,7 +113,7 @@ def write_shared(run: SharedRun, scene: str, out: Path) -> str:
     elif scene:
         note = f"The 3D view is left out: it takes {len(scene) / 1e6:.0f} MB."
     with atomic(out) as part:
-        part.write_text(bundle(messages, run.answers, elements, run.title), encoding="utf-8")
+        part.write_text(bundle(messages, run.answers, elements, run.title), encoding="utf-8", errors="replace")
     return note
 
 
@@ -210,7 +215,7 @@ def shared(
     for branch in branches["list"]:
         index = branch["index"]
         asked = _wants(frame, branch, runs[index], verdicts.get(index), maps, objects)
-        wants |= {msgspec.json.encode(of): of for of in asked}
+        wants |= {p.encoded(of): of for of in asked}
     if branches["compare"]:
         a, b = branches["compare"]["a"], branches["compare"]["b"]
         done = [len(runs[index]["rows"]) for index in (a, b)]
@@ -241,7 +246,7 @@ def end_scene(debugger: PageState) -> str:
 
 def _portable(message: Json) -> Json:
     """Return a message without what names places on this machine."""
-    message = msgspec.json.decode(msgspec.json.encode(message))
+    message = msgspec.json.decode(p.encoded(message))
     if message["t"] == "frame":
         message |= {name: message[name] and Path(message[name]).name for name in ("session_file", "recording")}
         message |= {"frames": [message["frame"]], "demos": [], "sessions": [], "run": ""}

@@ -143,10 +143,15 @@ def chunks_of(path: Path) -> list[Chunk]:
         return RrdReader(path).stream().to_chunks()
 
 
+def is_whole(path: Path) -> bool:
+    """Whether rerun can read all of a recording, or of what a killed program wrote of it."""
+    return _rerun("verify", "--check-footers", "false", str(path.resolve())).returncode == 0
+
+
 def read_bytes(path: Path, entity: str) -> bytes | None:
     """What :meth:`RecordingFile.log_bytes` logged; None where it is not there, as in a recording that was cut off."""
     # Asked of another process first: bytes that make no sense abort the one that reads them.
-    if _rerun("verify", "--check-footers", "false", str(path.resolve())).returncode != 0:
+    if not is_whole(path):
         return None
     with suppress(RuntimeError, ValueError, OSError):
         for chunk in chunks_of(path):

@@ -14,7 +14,7 @@ from urllib.parse import quote
 
 from verefine_viz.recording.reader import check_rerun_file
 from verefine_viz.recording.recorder import Recorder
-from verefine_viz.recording.recording_file import executable
+from verefine_viz.recording.recording_file import executable, is_whole
 from verefine_viz.run.record import session_of
 from verefine_viz.run.run_file import SUFFIX, read_run_file
 
@@ -28,6 +28,8 @@ class OpenViewer:
     process: subprocess.Popen[bytes]
     address: str
     """What to type into a browser; empty = it is a window of its own."""
+    note: str = ""
+    """What is wrong with the recording."""
 
 
 def open_viewer(path: Path, web: bool | None = None) -> OpenViewer:
@@ -45,16 +47,17 @@ def open_viewer(path: Path, web: bool | None = None) -> OpenViewer:
         path = drawn(path, Path(tempfile.mkdtemp(prefix="verefine-")))
     else:
         check_rerun_file(path)
-    # Its own lines of progress would bury ours.
-    env = {"RUST_LOG": "warn", **os.environ}
+    note = "" if is_whole(path) else f"{path} is damaged; the viewer shows what can be read of it"
+    # Its own lines, in colours, would bury ours.
+    env = {"RUST_LOG": "off", "NO_COLOR": "1", **os.environ}
     in_browser = not has_display() if web is None else web
     if not in_browser:
-        return OpenViewer(start_viewer([str(path)], env), "")
+        return OpenViewer(start_viewer([str(path)], env), "", note)
     page, data = free_port(), free_port()
     arguments = [str(path), "--web-viewer", "--web-viewer-port", str(page), "--port", str(data)]
     # The page alone would be empty: its address says where the recording comes from.
     source = quote(f"rerun+http://{LOOPBACK}:{data}/proxy", safe="")
-    return OpenViewer(start_viewer(arguments, env), f"http://{LOOPBACK}:{page}?url={source}")
+    return OpenViewer(start_viewer(arguments, env), f"http://{LOOPBACK}:{page}?url={source}", note)
 
 
 def drawn(path: Path, folder: Path) -> Path:

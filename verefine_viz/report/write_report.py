@@ -118,7 +118,7 @@ def write_report(
     ]
     progress("writing", 0, 1)
     with atomic(path) as file:
-        file.write_text(bundle(messages, (), elements, message["title"]), encoding="utf-8")
+        file.write_text(bundle(messages, (), elements, message["title"]), encoding="utf-8", errors="replace")
     n_left = len(left_out)
     notes += [f"{n_left} of {len(folders)} runs left out, see the report."] if n_left else []
     notes += [f"{one['data']}: {one['bop']}" for one in message["sections"] if "No BOP scores" in one["bop"]]

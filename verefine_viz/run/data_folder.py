@@ -42,6 +42,8 @@ class KnownData:
     what: str
     """As shown to the user: "2 traces"."""
     session: Session
+    notes: tuple[str, ...] = ()
+    """What of them cannot be used."""
 
 
 def data_at(folder: Path, overrides: Mapping[str, Any]) -> KnownData | None:
@@ -99,7 +101,8 @@ def _recorded(folder: Path, recording: LayoutReader, overrides: Mapping[str, Any
     sections: dict[str, Any] = {"scene": scene, "hypotheses": {"source": source}}
     if {"source": source, **overrides.get("hypotheses", {})}["source"] == "recorded":
         sections["method"] = {"name": "trace"}
-    return KnownData(f"{recording.LAYOUT}, {n} frame{'s' * (n > 1)}", _session(folder, sections, overrides))
+    what = f"{recording.LAYOUT}, {n} frame{'s' * (n > 1)}"
+    return KnownData(what, _session(folder, sections, overrides), tuple(recording.notes))
 
 
 def _session(folder: Path, sections: Mapping[str, Mapping[str, Any]], overrides: Mapping[str, Any]) -> Session:

@@ -1,5 +1,5 @@
-"""Kernels (core/kernels.py) are compiled once after installing, a minute or two in all: says so, and has one process do it
-for all.
+"""Kernels (core/kernels.py) are compiled once after installing, a minute or two in all: says so, and has one process do
+it for all.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ import msgspec
 import tomli_w
 from msgspec.inspect import FloatType, IntType, StrType, StructType, TupleType, Type, UnionType, VarTupleType, type_info
 
-from verefine_viz.core.errors import InputError, SettingsError, meant, quoted, unknown
+from verefine_viz.core.errors import ContentError, InputError, SettingsError, meant, quoted, unknown
 from verefine_viz.core.files import read_file
 from verefine_viz.core.presets import preset_fields
 from verefine_viz.core.setting_types import expected, fields_of
@@ -153,11 +153,11 @@ def parsed_toml(text: str) -> dict[str, Any]:
     except tomllib.TOMLDecodeError:
         raise
     except RecursionError:
-        raise ValueError(too_deep) from None
+        raise ContentError(too_deep) from None
     except ValueError:  # Python reads no integer of more than 4300 digits.
-        raise ValueError("it has a number of thousands of digits") from None
+        raise ContentError("it has a number of thousands of digits") from None
     if _is_deeper(raw, DEEPEST):
-        raise ValueError(too_deep)
+        raise ContentError(too_deep)
     return raw
 
 

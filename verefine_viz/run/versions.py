@@ -11,7 +11,8 @@ from verefine_viz.core.settings import Session
 from verefine_viz.run.session_parts import weights_of
 
 PACKAGES = (
-    "numpy", "numba", "scipy", "pybullet", "open3d", "coacd", "trimesh", "onnxruntime", "moderngl", "viser", "rerun-sdk",
+    "numpy", "numba", "scipy", "pybullet", "open3d", "coacd", "trimesh", "onnxruntime", "moderngl", "viser",
+    "rerun-sdk",
 )  # fmt: skip
 OTHER_BUILDS = {"pybullet": "pybullet-arm64", "open3d": "open3d-cpu"}
 """Other builds of a package's code, with module names of the same; docs/decisions/other-builds.md."""

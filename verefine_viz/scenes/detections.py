@@ -11,7 +11,7 @@ import numpy as np
 from pycocotools import mask as coco
 
 from verefine_viz.core.arrays import Mask
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import ContentError, InputError
 from verefine_viz.core.files import Id, Real, decoded_json, first_line, read_entries
 from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.image_files import size_text
@@ -35,6 +35,8 @@ class RunLengths(msgspec.Struct, frozen=True):
     counts: str | list[int]
 
 
+MOST_PER_PIXEL = 8
+"""Bytes of JSON that a run takes; of runs there are no more than pixels."""
 NO_MASK = (b"null", b"{}", b"[]", b'""')
 """What stands for a box without a mask."""
 
@@ -115,6 +117,8 @@ def mask_of(segmentation: msgspec.Raw, shape: tuple[int, int], where: str) -> Ma
         InputError: it is no run-length encoding, damaged, or made for another image size.
     """
     raw = bytes(segmentation)
+    if len(raw) > MOST_PER_PIXEL * shape[0] * shape[1] + 1000:
+        raise InputError(f"{where}: 'segmentation' is larger than a mask of {size_text(shape)} pixels can be")
     try:
         return decode_rle(decoded_json(raw, RunLengths), shape)
     except (ValueError, RecursionError) as error:
@@ -129,11 +133,13 @@ def decode_rle(encoded: RunLengths, shape: tuple[int, int]) -> Mask:
         ValueError: it is of another size than ``shape`` (height, width), or its runs do not fill the image.
     """
     if encoded.size != shape:
-        raise ValueError(f"the mask is made for [h, w] = {[*encoded.size]}, but the image is {size_text(shape)} pixels")
+        raise ContentError(
+            f"the mask is made for [h, w] = {[*encoded.size]}, but the image is {size_text(shape)} pixels"
+        )
     runs = _string_runs(encoded.counts) if isinstance(encoded.counts, str) else encoded.counts
     # Checked here because pycocotools leaves memory uninitialised where the runs end early.
     if runs is None or min(runs, default=0) < 0 or sum(runs) != shape[0] * shape[1]:
-        raise ValueError(f"the run lengths are damaged, expected a sum of {shape[0] * shape[1]} pixels, none below 0")
+        raise ContentError(f"the run lengths are damaged, expected a sum of {shape[0] * shape[1]} pixels, none below 0")
     uncompressed: Any = {"size": list(shape), "counts": runs}
     rle: Any = coco.frPyObjects(uncompressed, *shape)
     mask = np.ascontiguousarray(coco.decode(rle)).astype(bool)

@@ -8,13 +8,14 @@ Models are the user's, in a folder as BOP has them. Source: Bottarel et al., GRA
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, SettingsError, ShapeError, unknown
+from verefine_viz.core.errors import ContentError, InputError, SettingsError, ShapeError, unknown
 from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import as_rigid, check_reach, inverse, rounding_note, transform
 from verefine_viz.core.model import ObjectModel
@@ -84,7 +85,7 @@ def read_layout(file: Path) -> tuple[tuple[LayoutObject, ...], tuple[str, ...]]:
     with reading(file, "layout", MOST_BYTES) as opened:
         elements = ET.parse(opened).getroot().findall("ManipulationObject")
         if not 0 < len(elements) <= MOST_OBJECTS:
-            raise ValueError(
+            raise ContentError(
                 f"it has {len(elements)} ManipulationObject, expected 1 to {MOST_OBJECTS}, as in GRASPA's layout_0.xml"
             )
         objects: list[LayoutObject] = []
@@ -109,9 +110,11 @@ def read_layout(file: Path) -> tuple[tuple[LayoutObject, ...], tuple[str, ...]]:
 def _matrix(element: ET.Element, where: str) -> Float:
     """Rotation and translation [mm], (3, 4)."""
     rows = [element.find(f".//Matrix4x4/row{k}") for k in (1, 2, 3)]
-    T = np.array([[float(row.get(f"c{k}", "nan")) for k in (1, 2, 3, 4)] for row in rows if row is not None])
+    T = np.full((3, 4), np.nan)
+    with suppress(ValueError):  # A word.
+        T = np.array([[float(row.get(f"c{k}", "nan")) for k in (1, 2, 3, 4)] for row in rows if row is not None])
     if T.shape != (3, 4) or not np.isfinite(T).all():
-        raise ValueError(f"{where}: expected a Matrix4x4 of finite numbers, c1 to c4 in row1 to row4")
+        raise ContentError(f"{where}: expected a Matrix4x4 of finite numbers, c1 to c4 in row1 to row4")
     return T
 
 

@@ -17,7 +17,7 @@ from trimesh.resolvers import FilePathResolver
 from trimesh.visual import TextureVisuals
 from trimesh.visual.color import linear_to_srgb, to_float, to_rgba, uv_to_color
 
-from verefine_viz.core.errors import one_line
+from verefine_viz.core.errors import ContentError, one_line
 from verefine_viz.core.files import first_line, read_file
 from verefine_viz.scenes.image_files import open_image
 from verefine_viz.trace import file_beside, gltf_header, lines_that_name, material_files
@@ -63,16 +63,16 @@ class MeshFiles(FilePathResolver):
             return self._materials
         try:
             if any(float(n) != (option == "s") for option, values in MOVED.findall(name) for n in values.split()):
-                raise ValueError("its material scales or moves it")
+                raise ContentError("its material scales or moves it")
             path = file_beside(self._folders, name)
             if path is None:
-                raise FileNotFoundError("it does not exist")
+                raise ContentError("it does not exist")
             content = read_file(path)
             if self.mesh.suffix.lower() == ".gltf" and path.suffix.lower() not in Image.registered_extensions():
                 return content  # A buffer.
             content = _texture_file(content)
         except Exception as error:
-            self.fault(name, first_line(error))
+            self.fault(name, first_line(error, "an image"))
             raise
         self.n_images += 1
         return content
@@ -89,10 +89,10 @@ class MeshFiles(FilePathResolver):
                 path = file_beside(self._folders, one)
                 try:
                     if path is None:
-                        raise FileNotFoundError("it does not exist")
+                        raise ContentError("it does not exist")
                     text = read_file(path)
                 except Exception as error:
-                    self.fault(one, first_line(error))
+                    self.fault(one, first_line(error, "text"))
                     continue
                 self._materials += text.decode("utf-8", "surrogateescape") + "\n"
                 self._folders.append(path.parent)
@@ -207,7 +207,7 @@ def _part(
         colors = np.asarray(uv_to_color(visual.uv, image))
         rgb = materials.setdefault(id(image), image.convert("RGB"))
     except Exception as error:  # Cut off, inside of the mesh's file.
-        files.faults.append(f"a texture in {files.mesh.name} cannot be used: {first_line(error)}")
+        files.faults.append(f"a texture in {files.mesh.name} cannot be used: {first_line(error, 'an image')}")
         return None
     return _ColouredPart(colors[:, :3], rgb, np.asarray(visual.uv, dtype=np.float32)[faces])
 

@@ -19,7 +19,7 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError
+from verefine_viz.core.errors import ContentError, InputError
 from verefine_viz.core.files import id_of, reading
 from verefine_viz.core.model import Texture
 from verefine_viz.scenes.materials import MeshColours, MeshFiles, check_gltf, look_of
@@ -112,7 +112,7 @@ def read_mesh(path: Path, unit_m: float) -> Mesh:
             vertices, faces, colors, is_whole = merged(vertices, faces, colors)
             uv = None if uv is None else uv[is_whole]
         if not len(faces):
-            raise ValueError("all its triangles are degenerate: it has no surface")
+            raise ContentError("all its triangles are degenerate: it has no surface")
         turned = turned_outward(vertices, faces)
         faces = np.where(turned[:, None], faces[:, ::-1], faces)
         skin = None if image is None or uv is None else Texture(image, np.where(turned[:, None, None], uv[:, ::-1], uv))
@@ -206,6 +206,8 @@ def _loaded(
     kind = path.suffix.lower()
     header = file.read(MOST_HEAD_BYTES).split(b"end_header")[0] if kind == ".ply" else b""
     file.seek(0)
+    if kind == ".ply":
+        _check_ply(header)
     source = io.BytesIO(beside.with_materials(file.read())) if kind == ".obj" and beside is not None else file
     with warnings.catch_warnings(), np.errstate(all="ignore"):  # Its numbers are checked below.
         warnings.simplefilter("error", Image.DecompressionBombWarning)
@@ -218,17 +220,17 @@ def _loaded(
         if isinstance(scene.geometry[name], trimesh.Trimesh):
             parts.append((scene.geometry[name].copy().apply_transform(T), scene.geometry[name].visual))
     if sum(len(mesh.faces) for mesh, _ in parts) == 0:
-        raise ValueError("no triangles; a triangle mesh is expected, not a point cloud")
+        raise ContentError("no triangles; a triangle mesh is expected, not a point cloud")
     before = np.cumsum([0] + [len(mesh.vertices) for mesh, _ in parts])
     vertices = np.concatenate([np.asarray(mesh.vertices, dtype=np.float64) for mesh, _ in parts])
     faces = np.concatenate([np.asarray(mesh.faces) + start for (mesh, _), start in zip(parts, before, strict=False)])
     promised = re.search(rb"^element\s+face\s+(\d+)", header, re.MULTILINE)
     if promised and len(faces) < int(promised[1]):
-        raise ValueError(f"it ends after {len(faces)} of {int(promised[1])} faces; fetch it again")
+        raise ContentError(f"it ends after {len(faces)} of {int(promised[1])} faces; fetch it again")
     if not np.abs(vertices).max() < LARGEST_COORDINATE:
-        raise ValueError(f"vertices that are NaN or beyond ±{LARGEST_COORDINATE:g}")
+        raise ContentError(f"vertices that are NaN or beyond ±{LARGEST_COORDINATE:g}")
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise ValueError("faces that name vertices that do not exist; fetch it again")
+        raise ContentError("faces that name vertices that do not exist; fetch it again")
     if beside is None:
         return vertices, faces, None
     if header.count(b"TextureFile") > 1:
@@ -237,6 +239,23 @@ def _loaded(
         file.seek(0)
         check_gltf(file, scene, beside)
     return vertices, faces, look_of(parts, beside)
+
+
+def _check_ply(header: bytes) -> None:
+    """Raise ContentError where a PLY file's header lacks what a mesh needs."""
+    if not header.startswith(b"ply"):
+        raise ContentError("it does not begin as a PLY file does: it is damaged, or of another kind")
+    vertex = re.search(rb"^element\s+vertex\s+\d+((?:\s*^(?:property|comment).*$)*)", header, re.MULTILINE)
+    names = {line.split()[-1] for line in vertex[1].splitlines() if line.strip()} if vertex is not None else set()
+    lacking = [axis for axis in ("x", "y", "z") if axis.encode() not in names]
+    if vertex is None or lacking:
+        what = "vertices" if vertex is None else " and ".join(lacking)
+        raise ContentError(f"the PLY has no {what}; expected vertices with x, y and z, and faces")
+    faces = re.search(rb"^element\s+face\s+\d+((?:\s*^(?:property|comment).*$)*)", header, re.MULTILINE)
+    if faces is not None and not re.search(
+        rb"^property\s+list\s+\S+\s+\S+\s+vertex_ind(?:ex|ices)\b", faces[1], re.MULTILINE
+    ):
+        raise ContentError("the PLY has no vertex_indices in its faces; expected a list of them")
 
 
 # Models as BOP has them: binary PLY files in millimetres, and their entries in models_info.json.

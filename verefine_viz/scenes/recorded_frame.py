@@ -6,15 +6,14 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
-import scipy.io
 from numpy.typing import ArrayLike, NDArray
 
 from verefine_viz.core.array_cache import NPZ_READING
 from verefine_viz.core.arrays import Float, Mask, plain_array
-from verefine_viz.core.errors import InputError, ShapeError
+from verefine_viz.core.errors import ContentError, InputError, ShapeError
 from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import FARTHEST_M, as_rigid, distance_m, rotation_of_quat_wxyz, transform
 from verefine_viz.core.problem import Hypothesis, RecordedStep
@@ -23,7 +22,6 @@ from verefine_viz.scenes.meshes import FORMATS
 
 MOST_BYTES = 1_000_000
 """Size of a file with a matrix."""
-MOST_MAT_BYTES = 50_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,10 +198,18 @@ def numbers_in(path: Path) -> Float:
             with NPZ_READING:
                 values = plain_array(np.load(file, allow_pickle=False), np.float64)
         else:
-            values = np.array(file.read().decode("utf-8-sig").replace(",", " ").split(), dtype=np.float64)
+            values = _numbers_of(file.read().decode("utf-8-sig"))
         if not np.isfinite(values).all():
-            raise ValueError("it holds NaN or infinity, expected finite numbers")
+            raise ContentError("it holds NaN or infinity, expected finite numbers")
         return values
+
+
+def _numbers_of(text: str) -> Float:
+    words = text.replace(",", " ").split()
+    try:
+        return np.array(words, dtype=np.float64)
+    except ValueError:
+        raise ContentError("it holds words, expected numbers alone") from None
 
 
 def matrix_in(path: Path) -> Float:
@@ -240,14 +246,3 @@ def pose_of_quat(quat_wxyz: ArrayLike, t_m: ArrayLike) -> Float:
     if not np.linalg.norm(quat_wxyz) > 1e-6:
         raise ShapeError("the pose has a quaternion of zeros")
     return near_pose(transform(rotation_of_quat_wxyz(quat_wxyz), np.asarray(t_m, np.float64)))
-
-
-def mat_arrays(path: Path, *names: str) -> dict[str, NDArray[Any]]:
-    """The arrays of a MATLAB file that it has, of the given names.
-
-    Raises:
-        InputError: it is damaged, or one of them does not hold numbers.
-    """
-    with reading(path, most_bytes=MOST_MAT_BYTES) as file:
-        arrays = scipy.io.loadmat(file, variable_names=names)
-        return {name: plain_array(arrays[name], np.float64) for name in names if name in arrays}

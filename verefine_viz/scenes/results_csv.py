@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError, ShapeError, quoted
+from verefine_viz.core.errors import ContentError, InputError, ShapeError, quoted
 from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import as_rigid, rounding_note, transform
 from verefine_viz.core.text_format import unusable
@@ -145,7 +145,7 @@ def _lines_of(raw: bytes, path: Path) -> ResultLines:
         # Line breaks as Python reads text: of any system.
         text = raw.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError:
-        raise ValueError(f"no text file, expected a BOP results CSV ({HEADER})") from None
+        raise ContentError(f"no text file, expected a BOP results CSV ({HEADER})") from None
     lines = text.split("\n")
     if lines[-1] == "":
         lines.pop()
@@ -158,7 +158,7 @@ def _lines_of(raw: bytes, path: Path) -> ResultLines:
             continue
         where = f"line {number}"
         if number == 1 and _is_header(line):
-            raise ValueError(f"{where}: the header is {quoted(line.strip())}, expected {HEADER} or none{_hint(path)}")
+            raise ContentError(f"{where}: the header is {quoted(line.strip())}, expected {HEADER} or none{_hint(path)}")
         try:
             new = _line_of(line, number, where)
         except ValueError as error:
@@ -173,7 +173,7 @@ def _lines_of(raw: bytes, path: Path) -> ResultLines:
             new = replace(new, time_s=known)
         estimates.append(new)
     if not estimates:
-        raise ValueError(next(iter(faults.values()), f"no estimates, expected a BOP results CSV ({HEADER})"))
+        raise ContentError(next(iter(faults.values()), f"no estimates, expected a BOP results CSV ({HEADER})"))
     return ResultLines(tuple(estimates), faults, tuple(other_times))
 
 
@@ -205,7 +205,7 @@ def results_line(row: ResultRow) -> str:
 def _row(line: ResultLine) -> ResultRow:
     for name, values in (("score", np.array(line.score)), ("R", line.R), ("t", line.t_mm)):
         if not np.isfinite(values).all():
-            raise ValueError(f"line {line.number}: {name} holds NaN or infinity, expected finite numbers")
+            raise ContentError(f"line {line.number}: {name} holds NaN or infinity, expected finite numbers")
     T_cam_obj = as_rigid(transform(line.R, line.t_mm * 1e-3), f"line {line.number}: the pose")
     return ResultRow(line.scene_id, line.im_id, line.obj_id, line.score, T_cam_obj, line.time_s)
 
@@ -214,7 +214,7 @@ def _line_of(line: str, number: int, where: str) -> ResultLine:
     fields = line.split(",")
     if len(fields) != 7:
         there = "a blank line" if not line.strip() else f"{len(fields)} comma-separated fields"
-        raise ValueError(f"{where}: found {there}, expected 7 fields ({HEADER})")
+        raise ContentError(f"{where}: found {there}, expected 7 fields ({HEADER})")
     names = ("scene_id", "im_id", "obj_id")
     scene_id, im_id, obj_id = (_integer(text, name, where) for text, name in zip(fields[:3], names, strict=True))
     score = float(_numbers(fields[3], 1, "score", where)[0])
@@ -222,7 +222,9 @@ def _line_of(line: str, number: int, where: str) -> ResultLine:
     try:
         time_s = float(fields[6])
     except ValueError:
-        raise ValueError(f"{where}: time is {quoted(fields[6].strip(), 40)}, expected seconds (-1 = unknown)") from None
+        raise ContentError(
+            f"{where}: time is {quoted(fields[6].strip(), 40)}, expected seconds (-1 = unknown)"
+        ) from None
     return ResultLine(number, scene_id, im_id, obj_id, score, R, t_mm, time_s)
 
 
@@ -242,9 +244,9 @@ def _integer(text: str, name: str, where: str) -> int:
     try:
         value = int(text)
     except ValueError:  # no integer, or one of more than 4300 digits
-        raise ValueError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected an integer") from None
+        raise ContentError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected an integer") from None
     if abs(value) >= 2**63:
-        raise ValueError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected an integer below 2⁶³")
+        raise ContentError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected an integer below 2⁶³")
     return value
 
 
@@ -253,8 +255,8 @@ def _numbers(text: str, n: int, name: str, where: str) -> Float:
     try:
         values = np.array([float(word) for word in text.split()])
     except ValueError:
-        raise ValueError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected {expected}") from None
+        raise ContentError(f"{where}: {name} is {quoted(text.strip(), 40)}, expected {expected}") from None
     if len(values) != n:
         wrong = f"holds {len(values)} numbers" if len(values) else "is empty"
-        raise ValueError(f"{where}: {name} {wrong}, expected {expected}")
+        raise ContentError(f"{where}: {name} {wrong}, expected {expected}")
     return values

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
@@ -15,14 +16,14 @@ from numpy.typing import DTypeLike, NDArray
 
 from verefine_viz.core.array_cache import NPZ_READING
 from verefine_viz.core.arrays import Float, frozen, plain_array
-from verefine_viz.core.errors import InputError, ShapeError, one_line
+from verefine_viz.core.errors import ContentError, InputError, ShapeError, one_line
 from verefine_viz.core.files import Numbers3, Numbers3x3, Numbers4x4, Real, decoded_json, first_line, reading
 from verefine_viz.core.geometry import as_rigid, check_reach, rounding_note
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.image_files import DEEPEST_M
 from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, frame_ids, natural_key
-from verefine_viz.trace import CALLS, FORMAT
+from verefine_viz.trace import CALLS, FARTHEST_M, FORMAT
 
 MOST_BYTES, MOST_OBJECTS, MOST_HYPOTHESES, MOST_STEPS = 200_000_000, 100, 1000, 20_000
 """Limits of the calls of a trace; hypotheses and steps are those of one object."""
@@ -45,10 +46,10 @@ class Call(msgspec.Struct, frozen=True):
     object: Number | None = None
     name: Annotated[str, Meta(max_length=200)] = ""
     """Name of the object, or of the step."""
-    mesh: str | None = None
+    mesh: Annotated[str, Meta(max_length=300)] | None = None
     """Beside this an object has a unit, a mask and a ground truth."""
     unit_m: Annotated[float, Meta(gt=0, le=1000)] = 1.0
-    mask: str = ""
+    mask: Annotated[str, Meta(max_length=300)] = ""
     truth: Numbers4x4 | None = None
     axis: Numbers3 | None = None
     """Axis of symmetry."""
@@ -74,19 +75,17 @@ def traces_in(folder: Path) -> tuple[Path, ...]:
     """The traces of a folder: itself, or those directly in it that are complete, by name with numbers as numbers."""
     if is_trace(folder):
         return (folder,)
-    return tuple(
-        sorted(filter(_is_complete, filter(is_trace, folder.iterdir())), key=lambda path: natural_key(path.name))
-    )
+    return tuple(path for path in _inside(folder) if not _lacks(path))
 
 
 def left_out_of(folder: Path) -> tuple[str, ...]:
-    """The names of traces in a folder that are being written, or lack files."""
-    inside = () if is_trace(folder) else filter(is_trace, folder.iterdir())
-    return tuple(
-        one_line(path.name)
-        for path in sorted(inside, key=lambda path: natural_key(path.name))
-        if not _is_complete(path)
-    )
+    """The traces in a folder that are damaged, being written, or lack files, each with the reason."""
+    lacks = {path: _lacks(path) for path in (() if is_trace(folder) else _inside(folder))}
+    return tuple(one_line(f"{path.name} ({why})") for path, why in lacks.items() if why)
+
+
+def _inside(folder: Path) -> list[Path]:
+    return sorted(filter(is_trace, folder.iterdir()), key=lambda path: natural_key(path.name))
 
 
 def written_ns(folder: Path) -> dict[int, int]:
@@ -97,15 +96,27 @@ def written_ns(folder: Path) -> dict[int, int]:
     return {number: (path / CALLS).stat().st_ctime_ns for (_, number), path in zip(ids, traces, strict=True)}
 
 
-def _is_complete(folder: Path) -> bool:
-    """Whether a trace was closed, or its program has not written for a while, and all files are there that it names."""
+def _lacks(folder: Path) -> str:
+    """Why a trace cannot be opened: damaged, not closed and just written to, or without a file that it names."""
     try:
         status = (folder / CALLS).stat()
         is_closed, named = _summary(folder, status.st_mtime_ns, status.st_size)
     except (InputError, OSError):
+        is_written = _is_fresh(folder / CALLS)
+        return "still being written" if is_written else "damaged"
+    if not is_closed and (status.st_size == 0 or _is_fresh(folder / CALLS)):
+        return "still being written"
+    missing = next((name for name in named if not os.path.isfile(folder / name)), "")  # noqa: PTH113
+    return f"{missing} is missing" if missing else ""
+
+
+def _is_fresh(path: Path) -> bool:
+    """Whether a file is empty, or was written to a moment ago."""
+    try:
+        status = path.stat()
+    except OSError:
         return False
-    is_over = is_closed or (status.st_size > 0 and time.time() - status.st_mtime > QUIET_S)
-    return is_over and all((folder / name).is_file() for name in named)
+    return status.st_size == 0 or time.time() - status.st_mtime <= QUIET_S
 
 
 @lru_cache(maxsize=10_000)
@@ -175,8 +186,7 @@ def read_trace(folder: Path) -> RecordedFrame:
     head, name = calls[0], one_line(folder.resolve().name)
     if head.K is None:
         raise InputError(f"trace {folder} has no camera; record it again")
-    depth = _loaded(folder / "depth.npy", np.float32)
-    depth = np.where(np.isfinite(depth), depth, np.float32(0))
+    depth = _depth_of(folder / "depth.npy")
     rgb = _loaded(folder / "rgb.npy", np.uint8) if head.rgb else None
     if not ((depth >= 0) & (depth <= DEEPEST_M)).all():
         raise InputError(f"{folder / 'depth.npy'}: depth that is negative, or beyond {DEEPEST_M:g} m")
@@ -191,6 +201,11 @@ def read_trace(folder: Path) -> RecordedFrame:
     begun = [call for call in calls if call.mesh is not None]
     if len(begun) > MOST_OBJECTS:
         raise InputError(f"trace {folder} has {len(begun)} objects, expected at most {MOST_OBJECTS}")
+    strange = {call.object for call in calls if call.T is not None} - {call.object for call in begun}
+    if strange:
+        n = sum(call.T is not None and call.object in strange for call in calls)
+        numbers = ", ".join(map(str, sorted(strange, key=str)[:5]))
+        notes.append(f"{n} poses left out, of objects that were never declared (number {numbers})")
     own = _poses_by_name(calls)
     given = [T for call in calls for T in (call.T, call.truth) if T is not None]
     notes += rounding_note("poses of the trace", (T[:3, :3] for T in given))
@@ -275,11 +290,25 @@ def _calls(folder: Path) -> tuple[list[Call], list[str]]:
                 if number == 1:
                     raise
         if not calls or calls[0].trace is None:
-            raise ValueError("it has not begun: its program was stopped before the images were written")
+            raise ContentError("it has not begun: its program was stopped before the images were written")
         if calls[0].trace != FORMAT:
-            raise ValueError("it was written by another version; record it again")
+            raise ContentError("it was written by another version; record it again")
     n = len(faults)
     return calls, [f"{n} line{'s' * (n > 1)} of the trace damaged and left out ({faults[0]})"] if faults else []
+
+
+def _depth_of(path: Path) -> NDArray[np.float32]:
+    """The depth image [m]."""
+    with reading(path, most_bytes=MOST_BYTES) as file, NPZ_READING:
+        array = np.load(file, allow_pickle=False)
+        if isinstance(array, np.ndarray) and array.dtype.kind in "iu":
+            raise ContentError(f"it holds {array.dtype}, expected metres as float32; divide millimetres by 1000")
+        depth = plain_array(array, np.float32)
+        depth = np.where(np.isfinite(depth), depth, np.float32(0))  # Not measured.
+        median = float(np.median(depth[depth > 0])) if (depth > 0).any() else 0.0
+        if median > FARTHEST_M:
+            raise ContentError(f"a median depth of {median:.4g}, expected metres; divide millimetres by 1000")
+        return depth
 
 
 def _loaded(path: Path, dtype: DTypeLike) -> NDArray[Any]:

@@ -127,10 +127,8 @@ def read_checkpoint(path: Path, made_with: Mapping[str, Any], n_steps: int | Non
         saved = torch.load(path, weights_only=True)  # Numbers and arrays only: nothing is unpickled.
         is_same = (saved["format"], saved["made_with"]) == (CHECKPOINT_FORMAT, dict(made_with))
         seed, planned = saved["made_with"]["seed"], saved["n_steps"]
-    except Exception as error:
-        raise InputError(
-            f"checkpoint {path} cannot be read ({type(error).__name__}); delete it to begin again"
-        ) from None
+    except Exception:
+        raise InputError(f"checkpoint {path} is damaged, or of another program; delete it to begin again") from None
     if not is_same or n_steps not in (None, planned):
         others = (
             "" if seed != made_with["seed"] or n_steps not in (None, planned) else ", and other data or another size"

@@ -19,12 +19,12 @@ from verefine_viz.core.files import Numbers3x3, read_yaml
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.scenes.image_files import read_depth, size_text
 from verefine_viz.scenes.layouts.ycb_video import CLASSES, model_of
+from verefine_viz.scenes.mat_file import mat_arrays
 from verefine_viz.scenes.recorded_frame import (
     RecordedFrame,
     RecordedObject,
     color_of,
     images_in,
-    mat_arrays,
     pose_of_quat,
 )
 

@@ -28,7 +28,7 @@ class Reader:
         self.names = tuple(self._folders)
         self.is_sequence = len(self.names) > 1 and all(name.isdecimal() for name in self.names)
         left_out = left_out_of(folder)
-        note = f"traces still being written, or without all their files, left out: {listed(left_out)}"
+        note = f"traces left out: {listed(left_out)}"
         self.notes = (note,) * bool(left_out)
         by_age = sorted(self._folders.values(), key=begun_at)
         names = dict.fromkeys(name for path in by_age for name in object_names(path))

@@ -17,12 +17,12 @@ from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.files import read_file
 from verefine_viz.core.geometry import rounding_note
 from verefine_viz.scenes.image_files import read_depth, read_steps, size_text
+from verefine_viz.scenes.mat_file import mat_arrays
 from verefine_viz.scenes.recorded_frame import (
     RecordedFrame,
     RecordedObject,
     color_of,
     images_in,
-    mat_arrays,
     meshes_in,
     near_pose,
 )
