@@ -211,8 +211,6 @@ def sorted_out(raw: Sequence[msgspec.Raw], kind: type[T]) -> tuple[list[tuple[in
 
 def read_yaml(path: Path, kind: type[T], what: str = "") -> T:
     """Return the content of a YAML file as ``kind``; as :func:`read_json`."""
-    import yaml  # Of all that reads files few need it.
-
     with reading(path, what, MOST_YAML_BYTES) as file:
         raw = file.read()
         if b"*" in raw:  # A few lines of them stand for gigabytes.
@@ -221,10 +219,9 @@ def read_yaml(path: Path, kind: type[T], what: str = "") -> T:
             return msgspec.yaml.decode(raw, type=kind, strict=False, dec_hook=array_of)
         except msgspec.ValidationError as error:
             raise ContentError(_at_place(error)) from None
-        except (msgspec.DecodeError, yaml.YAMLError) as error:
-            mark = getattr(error.__cause__ or error, "problem_mark", None)
-            where = "" if mark is None else f" from line {mark.line + 1}, column {mark.column + 1} on"
-            raise ContentError(f"not YAML{where}") from None
+        except msgspec.DecodeError as error:
+            place = re.search(r"line \d+, column \d+", str(error))
+            raise ContentError(f"not YAML{f' from {place[0]} on' if place else ''}") from None
 
 
 def decoded_json(raw: bytes, kind: type[T]) -> T:

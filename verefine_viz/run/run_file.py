@@ -170,6 +170,8 @@ def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecor
         _check(header, iterations)
         if end is not None:
             _check_end(header, end, n)
+    except InputError:
+        raise
     except msgspec.ValidationError as error:
         why = re.sub(r" - at `\$(.*)`$", r" (at \1)", str(error))
         raise InputError(f"{what} is damaged: {part}: {one_line(why)}; run its session again") from None

@@ -103,7 +103,7 @@ def read_layout(file: Path) -> tuple[tuple[LayoutObject, ...], tuple[str, ...]]:
             objects.append(LayoutObject(element.get("name", ""), pose))
             taken.append(T[:, :3])
         if not objects:
-            raise ValueError(faults[0])
+            raise ContentError(faults[0])
         return tuple(objects), (*unusable("object", file.name, faults), *rounding_note(file.name, taken))
 
 
