@@ -12,6 +12,7 @@ import pytest
 from tests.made_runs import answer, finished
 from verefine_viz import cli
 from verefine_viz.batch.folder import RunFolder
+from verefine_viz.batch.summary import run_end
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.geometry import angle_between
 from verefine_viz.core.problem import Placed, Target
@@ -29,11 +30,9 @@ from verefine_viz.recording import entities, rerun_viewer
 from verefine_viz.recording.recorder import Recorder
 from verefine_viz.recording.recording_file import chunks_of
 from verefine_viz.refiners.registry import REFINERS, Identity
-from verefine_viz.run.record import RunEnd
 from verefine_viz.run.run_file import SUFFIX, RunFile
 from verefine_viz.run.session_file import resolve
 from verefine_viz.run.toolbox import Toolbox
-from verefine_viz.scenes.frames import parse_frame
 
 MADE_BY = {"name": "refine", "refiner": "own", "iterations": 2}
 SETTINGS = {
@@ -81,8 +80,9 @@ def make_recording(path: Path, session: Session) -> None:
     problem = toolbox.problem(toolbox.frames[0])
     recorder = Recorder(path, session, problem, toolbox.verifier_of, refiner_of=toolbox.refiner_of)
     file = RunFile(path.with_suffix(SUFFIX), session)
-    toolbox.run(problem, [file, recorder]).finish()
-    file.finish(RunEnd(answers=(answer(*parse_frame(problem.frame)),)))
+    run = toolbox.run(problem, [file, recorder])
+    run.finish()
+    file.finish(run_end(run, session))
     recorder.close(file.path.read_bytes())
 
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from tests.page.fake_tools import FakeTools
+from tests.recording.runs import ending
 from verefine_viz.core.problem import Problem
 from verefine_viz.core.settings import MethodSettings, Session
 from verefine_viz.recording.recorder import Recorder
-from verefine_viz.run.record import Answer, RunEnd
 from verefine_viz.run.run_file import SUFFIX, RunFile
 
 SESSION = Session(method=MethodSettings(iterations=2))
@@ -27,8 +27,9 @@ def record(path: Path, session: Session, frame: str = "0/2") -> Path:
     tools = Numbered(session)
     problem = tools.problem(frame)
     recorder, file = Recorder(path, session, problem, None), RunFile(path.with_suffix(SUFFIX), session)
-    tools.run(problem, (recorder, file)).finish()
-    file.finish(RunEnd(answers=(Answer(frame=frame, status="ok"),)))
+    run = tools.run(problem, (recorder, file))
+    run.finish()
+    file.finish(ending(run))
     recorder.close(file.path.read_bytes())
     file.path.unlink()
     return path

@@ -44,7 +44,8 @@ def first_difference(a: Any, b: Any, path: str = "") -> str | None:
 def differences(a: Any, b: Any, path: str = "") -> Iterator[Difference]:
     """All fields in which two records differ, as :func:`first_difference` compares them, in the order of the fields."""
     if type(a) is not type(b):
-        yield Difference(f"{path or 'record'}: {type(a).__name__} against {type(b).__name__}", math.inf)
+        kinds = [_KINDS.get(type(x), type(x).__name__) for x in (a, b)]
+        yield Difference(f"{path or 'record'}: {kinds[0]} against {kinds[1]}", math.inf)
     elif is_dataclass(a) or isinstance(a, Struct):
         names = a.__struct_fields__ if isinstance(a, Struct) else [f.name for f in fields(a)]
         for name in names:
@@ -64,6 +65,10 @@ def differences(a: Any, b: Any, path: str = "") -> Iterator[Difference]:
                 yield from differences(x, y, f"{path}[{i}]")
     elif a != b and not (isinstance(a, float) and a != a and b != b):
         yield _value_difference(a, b, path)
+
+
+_KINDS: dict[type, str] = {type(None): "nothing", np.ndarray: "an array", tuple: "a list", list: "a list"}
+"""What values are called whose types have other names."""
 
 
 def _array_difference(a: np.ndarray, b: np.ndarray, path: str) -> Difference:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import os
-import re
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
@@ -23,7 +22,7 @@ from msgspec import structs
 
 from verefine_viz.core.arrays import finite, frozen
 from verefine_viz.core.errors import InputError, SettingsError, ShapeError, one_line, quoted
-from verefine_viz.core.files import read_file
+from verefine_viz.core.files import LONGEST, read_file
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import NO_CONTACTS, Iteration, SimulatedPath
@@ -173,7 +172,8 @@ def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecor
     except InputError:
         raise
     except msgspec.ValidationError as error:
-        why = re.sub(r" - at `\$(.*)`$", r" (at \1)", str(error))
+        text, _, place = str(error).partition(" - at `$")
+        why = f"{text[:LONGEST]}{place and f' (at {place[:-1]})'}"
         raise InputError(f"{what} is damaged: {part}: {one_line(why)}; run its session again") from None
     except (msgspec.DecodeError, RecursionError):
         raise InputError(f"{what} is damaged: {part} cannot be read; run its session again") from None
