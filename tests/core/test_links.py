@@ -179,6 +179,7 @@ PLAIN = {
     "commands/doctor_checks.py": "the user's cache folder",
     "estimators/ppf_model.py": "into memory",
     "core/array_cache.py": "into a file of atomic's",
+    "core/kernels.py": "the user's cache folder",
 }
 """Files that write otherwise than by ``atomic`` and ``new_file``, and why they may."""
 

@@ -91,7 +91,7 @@ FRAME_NOTED: tuple[tuple[Spoil, str], ...] = (
     (camera(cam_R_w2c=[2] * 9), "'cam_R_w2c' is not rigid"),
     (camera(cam_R_w2c=[float("nan")] * 9), "'cam_R_w2c': Expected finite numbers; the camera's pose is left out"),
     (camera(cam_R_w2c=np.eye(3).tolist(), cam_t_w2c=[1]), "'cam_t_w2c': Expected 3 numbers, got 1; the camera's pos"),
-    (lambda m: cut(m.scene / "rgb/000003.png"), "image file is truncated"),
+    (lambda m: cut(m.scene / "rgb/000003.png"), "it is cut off, fetch it again; the frame is drawn without colour"),
 )
 """What a frame does without."""
 SOURCE_NOTED: tuple[tuple[Spoil, str], ...] = (

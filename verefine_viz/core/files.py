@@ -220,8 +220,8 @@ def read_yaml(path: Path, kind: type[T], what: str = "") -> T:
         except msgspec.ValidationError as error:
             raise ContentError(_at_place(error)) from None
         except msgspec.DecodeError as error:
-            place = re.search(r"line \d+, column \d+", str(error))
-            raise ContentError(f"not YAML{f' from {place[0]} on' if place else ''}") from None
+            places = re.findall(r"line \d+, column \d+", str(error))
+            raise ContentError(f"not YAML{f' from {places[-1]} on' if places else ''}") from None
 
 
 def decoded_json(raw: bytes, kind: type[T]) -> T:

@@ -21,6 +21,8 @@ from numba.core import event
 
 from verefine_viz import __version__
 from verefine_viz.core.clock import clock
+from verefine_viz.core.errors import InputError
+from verefine_viz.core.writing import atomic
 
 PACKAGE = Path(__file__).resolve().parents[1]
 OF_KERNELS = (b"@kernel", b"(NamedTuple)")
@@ -74,10 +76,11 @@ def made_folder(root: Path, package: Path, version: str) -> Path:
         if any(sign in content for sign in OF_KERNELS):
             source.update(content)
     folder = root / f"verefine-viz-{version}-{source.hexdigest()[:12]}"
-    with suppress(OSError):
+    with suppress(OSError, InputError):
         if not folder.exists():
             folder.mkdir(parents=True)
-            (folder / OWNER).write_bytes(bytes(package))
+            with atomic(folder / OWNER) as part:
+                part.write_bytes(bytes(package))
             for owner in root.glob(f"*/{OWNER}"):
                 made_by = Path(owner.read_text(encoding="utf-8", errors="surrogateescape"))
                 if owner.parent != folder and (made_by == package or not made_by.is_dir()):

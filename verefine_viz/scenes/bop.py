@@ -421,7 +421,7 @@ def _sort_out(file: Numbered[Any], im_id: int, faults: list[str], taken: list[Fl
             fault = str(error)
         if fault:
             faults.append(fault)
-        else:
+        elif not entry.is_without_pose:
             taken.append(pose_of(entry, where)[0])
 
 

@@ -67,7 +67,7 @@ def _rows_of_arrays(path: Path) -> Estimates:
         if len(lengths) != 1 or not len(poses):
             raise ContentError(f"its arrays have {', '.join(map(str, sorted(lengths)))} entries, expected one number")
         own = np.stack(ids, axis=1)
-        numbers = [[int(n) if abs(n) < 2**53 else None for n in row] for row in own.tolist()]  # None for NaN as well.
+        numbers = [[int(n) if n % 1 == 0 and abs(n) < 2**53 else None for n in row] for row in own.tolist()]
         given = (
             (f"entry {k}", row, score, T)
             for k, (row, score, T) in enumerate(zip(numbers, scores.tolist(), poses, strict=True))

@@ -110,7 +110,7 @@ class _Folder:
         for entries in self.truths.values():
             with suppress(ValueError, InputError):  # Reported with its frame.
                 own = [one for one in _converted(entries, tuple[TruthEntry, ...]) if one.obj_id == self.obj_id]
-                taken += [pose_of(one, "")[0] for one in own]
+                taken += [pose_of(one, "")[0] for one in own if not one.is_without_pose]
         return rounding_note(f"{self.folder.name}/{GROUND_TRUTH}", taken)
 
     @cached_property
