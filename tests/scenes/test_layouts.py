@@ -199,6 +199,21 @@ def test_a_layout_is_recognized_and_read(case: Case, tmp_path: Path) -> None:
         assert np.array_equal(instance.mask, MASK)
 
 
+def test_a_colour_image_that_cannot_be_read_costs_its_colours_only(tmp_path: Path) -> None:
+    for k, case in enumerate(CASES):
+        case.write(tmp_path / str(k))
+        (image,) = (p for p in (tmp_path / str(k)).rglob("*.png") if "rgb" in str(p) or "color" in p.name)
+        image.write_bytes(image.read_bytes()[:60])
+        known = data_at(tmp_path / str(k) / case.opened, {})
+        source = open_scene(known.session.scene, known.session.hypotheses)
+        problem = source.problem(case.frame)
+        assert len(problem.instances) == 1, case
+        said = [note for note in problem.notes if "drawn without colour" in note]
+        assert len(said) == 1, (case, problem.notes)
+        assert str(image) in said[0]
+        assert "fetch it again" in said[0]
+
+
 def test_each_folder_has_one_layout_and_each_layout_a_case(tmp_path: Path) -> None:
     seen = {traces.Reader}  # tests/scenes/test_trace.py
     for k, case in enumerate(CASES):

@@ -45,13 +45,12 @@ from verefine_viz.scenes.bop_files import (
 from verefine_viz.scenes.coco_masks import CocoMasks
 from verefine_viz.scenes.image_files import (
     CameraEntry,
+    color_of,
     depth_scale_of,
     intrinsics_notes,
     intrinsics_of,
-    read_color,
     read_depth,
     read_mask,
-    size_text,
 )
 from verefine_viz.scenes.models import ModelLibrary
 
@@ -393,13 +392,7 @@ class BopDataset:
         if path is None:
             near = nearby_hint(files.expected("rgb", im_id)) or nearby_hint(files.expected("gray", im_id))
             return None, (NO_COLOR + near,)
-        try:
-            rgb = read_color(path)
-        except InputError as error:
-            return None, (f"{error}; the frame is drawn without colour",)
-        if rgb.shape[:2] != shape:
-            raise InputError(f"{path} is {size_text(rgb.shape)} pixels, but the depth image is {size_text(shape)}")
-        return rgb, ()
+        return color_of(path, shape)
 
 
 def _sort_out(file: Numbered[Any], im_id: int, faults: list[str], taken: list[Float]) -> None:

@@ -61,6 +61,25 @@ def read_color(path: Path) -> NDArray[np.uint8]:
     return np.asarray(image.convert("RGB"))
 
 
+def color_of(path: Path | None, shape: tuple[int, ...]) -> tuple[NDArray[np.uint8] | None, tuple[str, ...]]:
+    """The colour image (H, W, 3) of a frame whose depth has ``shape``, and a note about one that cannot be read.
+
+    None without one: it is optional.
+
+    Raises:
+        InputError: it is of another size.
+    """
+    if path is None:
+        return None, ()
+    try:
+        rgb = read_color(path)
+    except InputError as error:
+        return None, (f"{error}; the frame is drawn without colour",)
+    if rgb.shape[:2] != shape:
+        raise InputError(f"{path} is {size_text(rgb.shape)} pixels, but the depth image is {size_text(shape)}")
+    return rgb, ()
+
+
 def read_depth(path: Path, scale_mm: float) -> NDArray[np.float32]:
     """Depth z (H, W) [m] of a one-channel image whose values times ``scale_mm`` are millimetres; 0 = not measured, as
     NaN and infinity are.

@@ -17,7 +17,7 @@ from verefine_viz.core.errors import ContentError, InputError, ShapeError
 from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import FARTHEST_M, as_rigid, distance_m, rotation_of_quat_wxyz, transform
 from verefine_viz.core.problem import Hypothesis, RecordedStep
-from verefine_viz.scenes.image_files import find_image, read_color, size_text
+from verefine_viz.scenes.image_files import find_image
 from verefine_viz.scenes.meshes import FORMATS
 
 MOST_BYTES = 1_000_000
@@ -158,20 +158,6 @@ def images_in(folder: Path, pattern: str = "*") -> dict[str, Path]:
     before, after = pattern.split("*")
     names = {path.name[len(before) : len(path.name) - len(after)]: path for path in folder.glob(pattern)}
     return {name: names[name] for name in sorted(names, key=natural_key)}
-
-
-def color_of(path: Path | None, shape: tuple[int, ...]) -> NDArray[np.uint8] | None:
-    """The colour image (H, W, 3) of a frame whose depth has ``shape``; None without one.
-
-    Raises:
-        InputError: it is damaged or of another size.
-    """
-    if path is None:
-        return None
-    rgb = read_color(path)
-    if rgb.shape[:2] != shape:
-        raise InputError(f"{path} is {size_text(rgb.shape)} pixels, its depth image is {size_text(shape)}")
-    return rgb
 
 
 def image_of(folder: Path, stem: str) -> Path:

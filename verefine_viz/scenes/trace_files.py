@@ -187,7 +187,11 @@ def read_trace(folder: Path) -> RecordedFrame:
     if head.K is None:
         raise InputError(f"trace {folder} has no camera; record it again")
     depth = _depth_of(folder / "depth.npy")
-    rgb = _loaded(folder / "rgb.npy", np.uint8) if head.rgb else None
+    rgb = None
+    try:
+        rgb = _loaded(folder / "rgb.npy", np.uint8) if head.rgb else None
+    except InputError as error:
+        notes.append(f"{error}; the frame is drawn without colour")
     if not ((depth >= 0) & (depth <= DEEPEST_M)).all():
         raise InputError(f"{folder / 'depth.npy'}: depth that is negative, or beyond {DEEPEST_M:g} m")
     if depth.ndim != 2 or (rgb is not None and rgb.shape != (*depth.shape, 3)):

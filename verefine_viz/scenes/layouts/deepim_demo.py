@@ -17,13 +17,12 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.files import Numbers3x3, read_yaml
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
-from verefine_viz.scenes.image_files import read_depth, size_text
+from verefine_viz.scenes.image_files import color_of, read_depth, size_text
 from verefine_viz.scenes.layouts.ycb_video import CLASSES, model_of
 from verefine_viz.scenes.mat_file import mat_arrays
 from verefine_viz.scenes.recorded_frame import (
     RecordedFrame,
     RecordedObject,
-    color_of,
     images_in,
     pose_of_quat,
 )
@@ -69,7 +68,7 @@ class Reader:
     def frame(self, name: str) -> RecordedFrame:
         """One frame: PoseCNN's poses, then DeepIM's iterations."""
         depth_m = read_depth(self._folder / f"{name}{DEPTH}", 1.0)
-        rgb = color_of(self._folder / f"{name}{COLOR}", depth_m.shape)
+        rgb, of_color = color_of(self._folder / f"{name}{COLOR}", depth_m.shape)
         path = self._folder / POSECNN / f"{name}{COLOR}.mat"
         arrays = mat_arrays(path, "labels", "rois", "poses")
         labels, rois, poses = (arrays.get(key, np.zeros((0, 0))) for key in ("labels", "rois", "poses"))
@@ -80,7 +79,7 @@ class Reader:
         if len(rois) != len(poses) or rois.shape[1:] != (7,) or poses.shape[1:] != (7,):
             raise InputError(f"{path}: rois {rois.shape} and poses {poses.shape}, expected (n, 7) both")
         iterations = self._iterations(name, len(poses))
-        notes: list[str] = []
+        notes = [*of_color]
         objects: list[RecordedObject] = []
         for k, (index, score) in enumerate(rois[:, (1, 6)].tolist()):
             if not 1 <= index <= len(CLASSES):

@@ -20,8 +20,8 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.files import Numbers3x3, array_of, read_yaml
 from verefine_viz.core.geometry import inverse
-from verefine_viz.scenes.image_files import DEEPEST_M, read_steps, size_text
-from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, color_of, meshes_in, pose_of_quat
+from verefine_viz.scenes.image_files import DEEPEST_M, color_of, read_steps, size_text
+from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, meshes_in, pose_of_quat
 
 INFO, FRAME = "gt_info.yml", "frame-000000"
 OBJECTS = (
@@ -121,14 +121,15 @@ class Reader:
         if sorted(k for cluster in clusters for k in cluster) != [*range(1, len(objects) + 1)]:
             notes += [f"dependency_order of {scene / INFO} does not name each object once; it is ignored"] * bool(order)
             clusters = ()
+        rgb, of_color = color_of(scene / f"{FRAME}.color.png", depth_m.shape)
         return RecordedFrame(
             name,
             info.camera.camera_intrinsics,
             depth_m,
-            color_of(scene / f"{FRAME}.color.png", depth_m.shape),
+            rgb,
             tuple(objects),
             down_cam=-T_cam_world[:3, 2],
-            notes=tuple(notes),
+            notes=(*notes, *of_color),
             order=tuple(tuple(k - 1 for k in cluster) for cluster in clusters),
         )
 

@@ -20,12 +20,11 @@ from verefine_viz.core.files import id_of
 from verefine_viz.core.geometry import rounding_note
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.core.text_format import unusable
-from verefine_viz.scenes.image_files import SUFFIXES, find_image, read_mask, read_steps
+from verefine_viz.scenes.image_files import SUFFIXES, color_of, find_image, read_mask, read_steps
 from verefine_viz.scenes.meshes import read_geometry
 from verefine_viz.scenes.recorded_frame import (
     RecordedFrame,
     RecordedObject,
-    color_of,
     image_of,
     matrix_in,
     meshes_in,
@@ -74,8 +73,10 @@ class Reader:
         """One frame; a pose that cannot be read becomes a note."""
         path = image_of(self._folder / DEPTH, name)
         depth, notes = _depth(path)
-        rgb = color_of(find_image(self._folder / RGB, name), depth.shape)
-        if rgb is None:
+        color = find_image(self._folder / RGB, name)
+        rgb, of_color = color_of(color, depth.shape)
+        notes += of_color
+        if color is None:
             notes.append(f"{RGB}/ has no image {name}")
         if len(self._mesh_files) > 1:
             first, second, *_ = self._mesh_files

@@ -20,13 +20,14 @@ from verefine_viz.core.geometry import rounding_note
 from verefine_viz.scenes.annotations import TruthEntry, ground_truth_of, pose_of
 from verefine_viz.scenes.image_files import (
     CameraEntry,
+    color_of,
     depth_scale_of,
     find_image,
     intrinsics_of,
     read_depth,
     read_mask,
 )
-from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, color_of, image_of, images_in
+from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, image_of, images_in
 
 CAMERAS, GROUND_TRUTH = "info.yml", "gt.yml"
 T = TypeVar("T")
@@ -64,9 +65,9 @@ class Reader:
         scene, obj_id = self._scenes[folder_name], id_of(folder_name) or 0
         camera, where = scene.entry(scene.cameras, CAMERAS, image, CameraEntry)
         depth_m = read_depth(image_of(scene.folder / "depth", image), depth_scale_of(camera, where))
-        rgb = color_of(find_image(scene.folder / "rgb", image), depth_m.shape)
+        rgb, of_color = color_of(find_image(scene.folder / "rgb", image), depth_m.shape)
         entries, where_gt = scene.entry(scene.truths, GROUND_TRUTH, image, tuple[TruthEntry, ...])
-        notes: list[str] = [*scene.truth_notes]
+        notes = [*scene.truth_notes, *of_color]
         if scene.are_counted_otherwise:
             notes.append(f"images of {folder_name}/ are counted otherwise than {CAMERAS}; they are paired in order")
         own = next((entry for entry in entries if entry.obj_id == obj_id), None)

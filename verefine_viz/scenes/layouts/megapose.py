@@ -19,8 +19,8 @@ from verefine_viz.core.files import Numbers3x3, Real, read_entries, read_json
 from verefine_viz.core.geometry import inverse
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.core.text_format import unusable
-from verefine_viz.scenes.image_files import find_image, read_depth, size_text
-from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, color_of, meshes_in, pose_of_quat
+from verefine_viz.scenes.image_files import color_of, find_image, read_depth, size_text
+from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, meshes_in, pose_of_quat
 
 CAMERA, OBJECTS = "camera_data.json", "object_data.json"
 Pose = tuple[tuple[Real, Real, Real, Real], tuple[Real, Real, Real]]
@@ -84,9 +84,9 @@ class Reader:
             raise InputError(
                 f"{path} is {size_text(depth_m.shape)} pixels, {CAMERA} says {size_text(camera.resolution)}"
             )
-        rgb = color_of(find_image(self._folder, "image_rgb"), depth_m.shape)
+        rgb, of_color = color_of(find_image(self._folder, "image_rgb"), depth_m.shape)
         T_world_cam = np.eye(4) if camera.TWC is None else _pose(camera.TWC)
-        notes: list[str] = []
+        notes = [*of_color]
         objects: list[RecordedObject] = []
         for one in self._answered:
             called = one_line(one.label)

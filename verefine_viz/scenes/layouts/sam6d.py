@@ -19,8 +19,8 @@ from verefine_viz.core.geometry import as_rigid, rounding_note, transform
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.detections import mask_of
-from verefine_viz.scenes.image_files import CameraEntry, depth_scale_of, find_image, intrinsics_of, read_depth
-from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, color_of, image_of, meshes_in
+from verefine_viz.scenes.image_files import CameraEntry, color_of, depth_scale_of, find_image, intrinsics_of, read_depth
+from verefine_viz.scenes.recorded_frame import RecordedFrame, RecordedObject, image_of, meshes_in
 
 CAMERA, POSES, DETECTIONS = "camera.json", "detection_pem.json", "detection_ism.json"
 MOST_POSES = 20
@@ -80,7 +80,7 @@ class Reader:
         """The frame, with all poses as hypotheses, the best first."""
         camera, where = read_json(self._folder / CAMERA, CameraEntry), str(self._folder / CAMERA)
         depth_m = read_depth(image_of(self._folder, "depth"), depth_scale_of(camera, where))
-        rgb = color_of(find_image(self._folder, "rgb"), depth_m.shape)
+        rgb, of_color = color_of(find_image(self._folder, "rgb"), depth_m.shape)
         detections, notes = self._detections()
         mask, of_mask = _best_mask(detections, depth_m.shape)
         posed = [one for one in detections if one.T_cam_obj is not None][:MOST_POSES]
@@ -95,7 +95,7 @@ class Reader:
         if self._results is None:
             notes = (f"no {POSES} and no {DETECTIONS}: the object has no mask",)
         one = RecordedObject(called, self._mesh, 1e-3, mask, hypotheses, scores, steps)
-        return RecordedFrame("0", intrinsics_of(camera, where), depth_m, rgb, (one,), notes=notes + of_mask)
+        return RecordedFrame("0", intrinsics_of(camera, where), depth_m, rgb, (one,), notes=notes + of_mask + of_color)
 
     def _detections(self) -> tuple[list[_Detection], tuple[str, ...]]:
         """Those that can be used, the best first; and notes about the others, and about rounded rotations."""

@@ -16,12 +16,11 @@ from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError
 from verefine_viz.core.files import read_file
 from verefine_viz.core.geometry import rounding_note
-from verefine_viz.scenes.image_files import read_depth, read_steps, size_text
+from verefine_viz.scenes.image_files import color_of, read_depth, read_steps, size_text
 from verefine_viz.scenes.mat_file import mat_arrays
 from verefine_viz.scenes.recorded_frame import (
     RecordedFrame,
     RecordedObject,
-    color_of,
     images_in,
     meshes_in,
     near_pose,
@@ -95,8 +94,8 @@ class Reader:
             raise InputError(
                 f"{name}-label.png is {size_text(labels.shape)} pixels, depth is {size_text(depth_m.shape)}"
             )
-        rgb = color_of(self._data / f"{name}-color.png", depth_m.shape)
-        notes: list[str] = []
+        rgb, of_color = color_of(self._data / f"{name}-color.png", depth_m.shape)
+        notes = [*of_color]
         taken: list[Float] = []
         objects: list[RecordedObject] = []
         for k, index in enumerate(indices.ravel().tolist()):
