@@ -240,3 +240,13 @@ def test_the_batch_s_cause_stands_first_and_is_not_repeated():
         assert len(shown["findings"]) == n
         assert shown["words"] == cause_title(cause)
         assert shown["findings"][0]["by_batch"] == (cause != known)
+
+
+def test_without_ground_truth_an_answer_that_the_batch_doubts_is_no_answer_without_a_doubt():
+    branch = run(FakeTools)
+    (own,) = view.finished_objects(branch)[:1]
+    unknown = replace(own, errors=None, score_at_gt=None)
+    assert view._object(branch, unknown, None)["tone"] == "unknown"
+    row = SimpleNamespace(cause=str(Cause.IMPOSSIBLE), evidence="12 mm in the table", worst_iteration=None)
+    shown = view._object(branch, unknown, row)
+    assert (shown["tone"], shown["words"]) == ("doubt", cause_title(Cause.IMPOSSIBLE))

@@ -136,8 +136,9 @@ def _object(branch: Branch, o: FinishedObject, batch: Any | None) -> Json:
             findings.insert(0, _doubt_of_batch(batch))
     also = _also_fits(o)
     tone, words = _words(branch, o, named, also is not None)
-    if batch is not None and batch.cause and o.is_wrong and not branch.doubts():
-        words = cause_title(batch.cause)
+    # Before physics around the answer is known here, the batch's cause is all there is without ground truth.
+    if batch is not None and batch.cause and not branch.doubts() and (o.is_wrong or tone == "unknown"):
+        tone, words = "wrong" if o.is_wrong else "doubt", cause_title(batch.cause)
     return {
         "obj": o.instance_id,
         "label": o.label,
