@@ -34,7 +34,7 @@ def test_a_record_a_path_and_a_folder_are_shown_until_the_page_is_closed(tmp_pat
     save_session(SESSION, tmp_path / "session.toml")
     shown = {
         "record": record,
-        "run": SimpleNamespace(save=lambda path: write_record(path, record)),
+        "run": SimpleNamespace(record=record, save=lambda path: write_record(path, record)),
         "file": tmp_path / "run.vfrun",
         "batch": str(tmp_path / "batch"),
         "session": tmp_path / "session.toml",
@@ -58,7 +58,7 @@ def test_a_record_a_path_and_a_folder_are_shown_until_the_page_is_closed(tmp_pat
 
 
 def test_what_cannot_be_shown_is_said(tmp_path: Path):
-    for given, why in ((7, "int cannot be shown"), (tmp_path / "none.vfrun", "none.vfrun does not exist")):
+    for given, why in ((7, "7 cannot be shown, expected a run"), (tmp_path / "none.vfrun", "none.vfrun does not exist")):
         with pytest.raises(InputError, match=why):
             vv.show(given)
 
