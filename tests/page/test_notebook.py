@@ -58,7 +58,7 @@ def test_a_record_a_path_and_a_folder_are_shown_until_the_page_is_closed(tmp_pat
 
 
 def test_what_cannot_be_shown_is_said(tmp_path: Path):
-    for given, why in ((7, "7 cannot be shown, expected a run"), (tmp_path / "none.vfrun", "none.vfrun does not exist")):
+    for given, why in ((7, "7 cannot be shown, expected"), (tmp_path / "none.vfrun", "none.vfrun does not exist")):
         with pytest.raises(InputError, match=why):
             vv.show(given)
 

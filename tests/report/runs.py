@@ -36,7 +36,7 @@ def write_run(
     folder.mkdir(parents=True, exist_ok=True)
     shutil.rmtree(folder / "runs", ignore_errors=True)
     save_session(resolve(session or {"title": "A made-up run"}), folder / "session.toml")
-    placed = [replace(r, T_cam_obj=pose, n_iterations=0) if r.status == "ok" else r for r in rows]
+    placed = [replace(r, T_cam_obj=pose if r.status == "ok" else None, n_iterations=0) for r in rows]
     results = [
         written(folder, finished(frame, [r for r in placed if r.frame == frame], seconds=1.0))
         for frame in dict.fromkeys(r.frame for r in rows)
