@@ -37,7 +37,8 @@ LEVELS_BELOW = 3
 """How far below a folder, named by mistake, what was meant is searched for."""
 _CUT_OFF = re.compile(
     r"truncated|ended before|EOFError|\bEOF|No data left|read all data|expected length|to its end|no element found|"
-    r"unclosed token|failed finding central|requires a buffer of|could not read bytes",
+    r"unclosed token|failed finding central|requires a buffer of|could not read bytes|"
+    r"cannot reshape array of size \d+ into shape \(\d+,\)",
     re.IGNORECASE,
 )
 """What libraries say where a file ends too early."""
@@ -222,6 +223,14 @@ def read_yaml(path: Path, kind: type[T], what: str = "") -> T:
         except msgspec.DecodeError as error:
             places = re.findall(r"line \d+, column \d+", str(error))
             raise ContentError(f"not YAML{f' from {places[-1]} on' if places else ''}") from None
+
+
+def converted(value: Any, kind: type[T]) -> T:
+    """Return what was decoded as ``kind``; ContentError where it is something else."""
+    try:
+        return msgspec.convert(value, kind, strict=False, dec_hook=array_of)
+    except msgspec.ValidationError as error:
+        raise ContentError(_at_place(error)) from None
 
 
 def decoded_json(raw: bytes, kind: type[T]) -> T:

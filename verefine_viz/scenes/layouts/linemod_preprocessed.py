@@ -11,11 +11,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-import msgspec
-
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import InputError
-from verefine_viz.core.files import array_of, id_of, read_yaml
+from verefine_viz.core.errors import ContentError, InputError
+from verefine_viz.core.files import converted, id_of, read_yaml
 from verefine_viz.core.geometry import rounding_note
 from verefine_viz.scenes.annotations import TruthEntry, ground_truth_of, pose_of
 from verefine_viz.scenes.image_files import (
@@ -110,7 +108,7 @@ class _Folder:
         taken: list[Float] = []
         for entries in self.truths.values():
             with suppress(ValueError, InputError):  # Reported with its frame.
-                own = [one for one in _converted(entries, tuple[TruthEntry, ...]) if one.obj_id == self.obj_id]
+                own = [one for one in converted(entries, tuple[TruthEntry, ...]) if one.obj_id == self.obj_id]
                 taken += [pose_of(one, "")[0] for one in own if not one.is_without_pose]
         return rounding_note(f"{self.folder.name}/{GROUND_TRUTH}", taken)
 
@@ -127,13 +125,9 @@ class _Folder:
         if number is None or number not in entries:
             raise InputError(f"{where} is missing")
         try:
-            return _converted(entries[number], kind), where
-        except ValueError as error:
+            return converted(entries[number], kind), where
+        except ContentError as error:
             raise InputError(f"{where}: {error}") from None
-
-
-def _converted(entry: Any, kind: type[T]) -> T:
-    return msgspec.convert(entry, kind, strict=False, dec_hook=array_of)
 
 
 def _is_scene(folder: Path) -> bool:
