@@ -80,6 +80,8 @@ class Trace:
     """
 
     def __init__(self, folder: Path | str, K: Any, depth_m: Any, rgb: Any = None, gravity_cam: Any = None) -> None:
+        if not isinstance(folder, (str, os.PathLike)) or not isinstance(os.fspath(folder), str):
+            raise ValueError(f"folder is of type {type(folder).__name__}, expected a path")
         depth, photo = _depth(depth_m), None if rgb is None else _array(rgb)
         intrinsics = _intrinsics(K, depth.shape[1])
         if photo is not None and (photo.dtype != np.uint8 or photo.shape != (*depth.shape, 3)):
@@ -381,7 +383,9 @@ def _depth(depth_m: Any) -> np.ndarray:
     if depth_m is None:
         raise ValueError("depth_m is missing, expected an image (H, W) [m]")
     depth = _array(depth_m)
-    if depth.ndim != 2 or depth.size == 0 or depth.dtype.kind not in "fiu":
+    if depth.dtype.kind not in "fiub":
+        raise ValueError("depth_m is no array of numbers, expected an image (H, W) [m]")
+    if depth.ndim != 2 or depth.size == 0 or depth.dtype.kind == "b":
         raise ValueError(f"depth_m is {depth.dtype} of shape {depth.shape}, expected numbers of shape (H, W)")
     if depth.dtype.kind in "iu":
         raise ValueError(f"depth_m is {depth.dtype}, expected metres as floats; divide millimetres by 1000")
@@ -402,7 +406,9 @@ def _claimed(folder: Path) -> tuple[Path, int]:
         try:
             free.mkdir(parents=True, exist_ok=True)
         except FileExistsError:
-            raise NotADirectoryError(f"{free} is a file, expected a folder for the trace") from None
+            raise NotADirectoryError(f"{str(free)!r} is a file, expected a folder for the trace") from None
+        except OSError as error:
+            raise type(error)(f"{str(free)[:200]!r} cannot be made: {error.strerror}") from None
         if any(os.path.lexists(free / name) for name in ("depth.npy", "rgb.npy")):
             continue  # Of something else.
         try:

@@ -221,6 +221,17 @@ def test_a_frame_that_cannot_be_used_is_refused_at_once(tmp_path: Path) -> None:
         with pytest.raises(ValueError, match=message):
             Trace(tmp_path / "t", **{"K": K, "depth_m": picture()[0], **given})  # pyright: ignore[reportArgumentType]
         assert not (tmp_path / "t").exists()
+    (tmp_path / "\x1b[31m").write_text("a file")
+    strange = (
+        (None, "expected a path"),
+        (b"t", "expected a path"),
+        (tmp_path / ("a" * 300), "cannot be made: File name too long"),
+        (tmp_path / "\x1b[31m", "is a file, expected a folder"),
+    )
+    for folder, message in strange:
+        with pytest.raises((ValueError, OSError), match=message) as error:
+            Trace(folder, K, picture()[0])  # pyright: ignore[reportArgumentType]
+        assert str(error.value).isprintable(), folder
 
 
 def test_a_second_trace_in_a_folder_gets_a_name_of_its_own(tmp_path: Path) -> None:

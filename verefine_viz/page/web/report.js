@@ -80,7 +80,9 @@ const numberColumn = (c, groupOf, best) => ({
 // All sets of data: what cannot be compared stands side by side.
 function Overview({ report }) {
   const rows = report.sections.flatMap((section, i) => section.groups.map((group) => ({ section, group, i })));
-  const columns = report.columns.filter((c) => c.better && rows.some(({ group }) => group.numbers[c.id]));
+  const isKnown = ({ section }) => section.has_truth;
+  const columns = report.columns.filter((c) => (c.better || (!rows.every(isKnown) && ["score", "undetermined_mm"].includes(c.id)))
+    && rows.some(({ group }) => group.numbers[c.id]));
   const show = (i) => document.getElementById(`data-${i}`).scrollIntoView({ behavior: "smooth" });
   return html`<${Block} title="Side by side" hint="each by its own data">
     <${Sorted} name="overview" rows=${rows} columns=${[
