@@ -222,9 +222,9 @@ def test_rows_that_are_no_poses_are_counted_as_the_official_script_counts_them(b
     lines = [f"7,3,5,1,{mirrored},-1", f"7,3,2,nan,{unknown},-1", f"7,3,2,1,{POSE.replace('500', 'inf')},-1"]
     path = bad_input.file("odd_boxes-test.csv", "\n".join(lines))
     text = bad_input.run(path)
-    assert "odd: 2 rows hold NaN or infinity for a pose, and count as wrong" in text
-    assert "odd: 1 rows have no number as score" in text
-    assert "odd: in 1 rows R is no rotation" in text
+    assert "odd: rows that hold NaN or infinity for a pose, and count as wrong: 2" in text
+    assert "odd: rows without a number as score" in text
+    assert "odd: rows whose R is no rotation: 1" in text
     (score,) = bad_input.json(path)["results"]
     assert (score["AR"], score["counts"]["missing"]) == (0.0, 0)
 

@@ -279,18 +279,18 @@ def _covered(covered: Coverage, score: BopScores) -> list[str]:
             f"{counts.answered} of {counts.targets} instances; a score over all of them counts the others as not found"
         )
     if covered.not_finite:
-        lines.append(f"{covered.not_finite} rows hold NaN or infinity for a pose, and count as wrong")
+        lines.append(f"rows that hold NaN or infinity for a pose, and count as wrong: {covered.not_finite}")
     if covered.not_ranked:
         lines.append(
-            f"{covered.not_ranked} rows have no number as score, so which of several rows come first is chance"
+            f"rows without a number as score, so that which of several come first is chance: {covered.not_ranked}"
         )
     if covered.rounded:
         lines.append(
-            f"in {covered.rounded} rows R is a rounded rotation; errors are measured with R as it is written, as the "
-            "official ones are"
+            f"rows whose R is a rounded rotation: {covered.rounded}; errors are measured with R as it is written, as "
+            "the official ones are"
         )
     if covered.not_rigid:
-        lines.append(f"in {covered.not_rigid} rows R is no rotation; errors are measured with R as it is written")
+        lines.append(f"rows whose R is no rotation: {covered.not_rigid}; errors are measured with R as it is written")
     return lines
 
 

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from verefine_viz.core.errors import ArgumentTypeError, InputError, one_line, quoted
 
 SHOWN = 40
@@ -22,6 +24,8 @@ def described(value: object) -> str:
     """A value as a message names it: written out where it is short, else its type."""
     if value is None or isinstance(value, bool | int | float | complex | str):
         return quoted(value, SHOWN)
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
     kind = type(value).__name__
     return f"{'an' if kind[:1].lower() in 'aeiou' else 'a'} {kind}"
 
