@@ -220,7 +220,7 @@ def _first_distance_m(*given: ArrayLike | None) -> float:
     for one in given:
         if one is None:
             continue
-        with suppress(ShapeError, ValueError):
+        with suppress(ValueError):
             T = as_array(one, "pose").astype(np.float64).reshape(-1, 4, 4)
             if len(T):
                 return float(np.linalg.norm(as_rigid(T[0], "pose")[:3, 3]))

@@ -21,7 +21,7 @@ import numpy as np
 from msgspec import structs
 
 from verefine_viz.core.arrays import finite, frozen
-from verefine_viz.core.errors import InputError, SettingsError, ShapeError, one_line, quoted
+from verefine_viz.core.errors import InputError, one_line, quoted
 from verefine_viz.core.files import LONGEST, read_file
 from verefine_viz.core.geometry import as_rigid
 from verefine_viz.core.protocols import RunState
@@ -177,7 +177,7 @@ def decoded(content: bytes, what: str, with_iterations: bool = True) -> RunRecor
         raise InputError(f"{what} is damaged: {part}: {one_line(why)}; run its session again") from None
     except (msgspec.DecodeError, RecursionError):
         raise InputError(f"{what} is damaged: {part} cannot be read; run its session again") from None
-    except (ShapeError, SettingsError, ValueError) as error:
+    except ValueError as error:
         raise InputError(f"{what} is damaged: {one_line(str(error))}; run its session again") from None
     missing = ""
     if end is None:  # What is left of something behind the answers takes nothing from them.
@@ -321,7 +321,8 @@ _END_DECODER = msgspec.msgpack.Decoder(RunEnd, dec_hook=_array)
 
 
 def _check(header: RunHeader, iterations: Sequence[Iteration]) -> None:
-    """
+    """Check the iterations of a run against its header.
+
     Raises:
         ValueError: an iteration cannot be one of a run with these objects and hypotheses.
         ShapeError: it holds arrays that no run makes.
@@ -368,7 +369,8 @@ def _check(header: RunHeader, iterations: Sequence[Iteration]) -> None:
 
 
 def _check_end(header: RunHeader, end: RunEnd, n: int) -> None:
-    """
+    """Check the end of a run against its header.
+
     Raises:
         ValueError: it cannot be the end of that run, of ``n`` iterations.
         ShapeError: it holds arrays that no run makes.

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import ContentError, InputError, SettingsError, ShapeError, unknown
+from verefine_viz.core.errors import ContentError, InputError, SettingsError, unknown
 from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import as_rigid, check_reach, inverse, rounding_note, transform
 from verefine_viz.core.model import ObjectModel
@@ -97,7 +97,7 @@ def read_layout(file: Path) -> tuple[tuple[LayoutObject, ...], tuple[str, ...]]:
                 T = _matrix(element, where)
                 pose = as_rigid(transform(T[:, :3], T[:, 3] * 1e-3), f"{where}: its Matrix4x4")
                 check_reach(pose[:3, 3], where)
-            except (ValueError, ShapeError) as error:
+            except ValueError as error:
                 faults.append(str(error))
                 continue
             objects.append(LayoutObject(element.get("name", ""), pose))

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.errors import ContentError, InputError, ShapeError, quoted
+from verefine_viz.core.errors import ContentError, InputError, quoted
 from verefine_viz.core.files import reading
 from verefine_viz.core.geometry import as_rigid, rounding_note, transform
 from verefine_viz.core.text_format import unusable
@@ -108,7 +108,7 @@ def read_poses(path: Path | str) -> Estimates:
         try:
             rows.append(_row(line))
             taken.append(line.R)
-        except (ValueError, ShapeError) as error:
+        except ValueError as error:
             faults[line.number] = str(error)
     in_order = [faults[number] for number in sorted(faults)]
     if not rows:

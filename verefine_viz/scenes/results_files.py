@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from verefine_viz.core.array_cache import NPZ_READING
 from verefine_viz.core.arrays import Float, plain_array
-from verefine_viz.core.errors import ContentError, InputError, ShapeError
+from verefine_viz.core.errors import ContentError, InputError
 from verefine_viz.core.files import Numbers4x4, array_of, id_of, read_yaml, reading
 from verefine_viz.core.geometry import as_rigid, rounding_note, transform
 from verefine_viz.core.text_format import unusable
@@ -79,7 +79,7 @@ def _usable(path: Path, given: Iterable[tuple[str, Sequence[int | None], float, 
     """The estimates of (place in the file, ids, score, pose) that can be used.
 
     Raises:
-        ValueError: there is none; ``without`` is what to say where nothing is given.
+        ContentError: there is none; ``without`` is what to say where nothing is given.
     """
     rows: list[ResultRow] = []
     taken: list[Float] = []
@@ -88,7 +88,7 @@ def _usable(path: Path, given: Iterable[tuple[str, Sequence[int | None], float, 
         try:
             rows.append(_row(where, ids, score, T))
             taken.append(np.reshape(T, (4, 4))[:3, :3])
-        except (ValueError, ShapeError) as error:
+        except ValueError as error:
             faults.append(str(error))
     if not rows:
         raise ContentError(next(iter(faults), without))

@@ -111,7 +111,7 @@ class Reader:
             T_gt = None
             try:
                 T_gt = None if one.pose is None else T_cam_world @ _pose(array_of(Numbers7, one.pose))
-            except (ShapeError, ValueError) as error:
+            except ValueError as error:
                 notes.append(f"{one.name} has no ground truth: {error}")
             number = self.objects.get(one.name)
             mask = None if labels is None or number is None else labels == number
