@@ -14,7 +14,8 @@ import msgspec
 import numpy as np
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.files import Id, Real, reading
+from verefine_viz.core.files import reading
+from verefine_viz.core.number_kinds import Id, Real
 from verefine_viz.core.writing import atomic
 from verefine_viz.evaluation.pose_motion import Kind, Motion, MotionCounts, PosedFrame, Reference, counted, motions
 from verefine_viz.run.record import Answer, RunRecord

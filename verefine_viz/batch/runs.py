@@ -16,7 +16,8 @@ import msgspec
 from msgspec import Meta
 
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.files import Real, read_json
+from verefine_viz.core.files import read_json
+from verefine_viz.core.number_kinds import Real
 from verefine_viz.core.settings import Session
 from verefine_viz.run.record import RunRecord
 from verefine_viz.run.run_file import SUFFIX, RunFile, read_run_file

@@ -16,11 +16,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, BinaryIO, Generic, Literal, TypeVar, get_args
+from typing import Any, BinaryIO, Generic, Literal, TypeVar, get_args
 
 import msgspec
 import numpy as np
-from msgspec import Meta
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import ContentError, InputError, VerefineError, one_line, quoted
@@ -167,12 +166,8 @@ def _check_regular(status: os.stat_result, name: str, most_bytes: int) -> None:
         raise InputError(f"{name} is larger than {most_bytes / 1e6:g} MB")
 
 
-# JSON, decoded into types. Bounds are metadata of the fields.
+# JSON, decoded into types. Bounds are metadata of the fields (number_kinds.py).
 
-Id = Annotated[int, Meta(ge=-(2**53), le=2**53)]
-Real = Annotated[float, Meta(ge=-1e300, le=1e300)]
-"""A finite number."""
-Share = Annotated[float, Meta(ge=0, le=1)]
 Numbers3 = np.ndarray[tuple[Literal[3]], np.dtype[np.float64]]
 Numbers3x3 = np.ndarray[tuple[Literal[3], Literal[3]], np.dtype[np.float64]]
 Numbers4x4 = np.ndarray[tuple[Literal[4], Literal[4]], np.dtype[np.float64]]

@@ -14,7 +14,7 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float
-from verefine_viz.core.files import Id, Real
+from verefine_viz.core.number_kinds import Id, Real
 from verefine_viz.core.scores import PoseScore
 from verefine_viz.core.setting_types import Index
 

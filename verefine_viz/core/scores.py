@@ -11,7 +11,7 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from verefine_viz.core.arrays import Float, frozen, set_fields
-from verefine_viz.core.files import Real
+from verefine_viz.core.number_kinds import Real
 
 PIXEL_CLASSES = ("explained", "missed", "protruding", "hidden", "unknown")
 """Column order of ``counts`` and value − 1 of ``ScoreMaps.classes`` (0 = not part of the score).

@@ -17,7 +17,8 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from verefine_viz.core.errors import ContentError, InputError
-from verefine_viz.core.files import Id, Numbers3, decoded_json, read_file, reading
+from verefine_viz.core.files import Numbers3, decoded_json, read_file, reading
+from verefine_viz.core.number_kinds import Id
 from verefine_viz.core.refiner_steps import TrainedRange
 
 PACKAGED = Path(__file__).parent / "weights"

@@ -12,7 +12,7 @@ from msgspec import Meta, Struct, field
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import SettingsError
-from verefine_viz.core.files import Id, Real
+from verefine_viz.core.number_kinds import Id, Real
 from verefine_viz.core.problem import Hypothesis, LeftOut, Problem
 from verefine_viz.core.protocols import RunState
 from verefine_viz.core.records import Iteration

@@ -12,8 +12,9 @@ from msgspec import Meta
 
 from verefine_viz.core.arrays import Float
 from verefine_viz.core.errors import InputError, ShapeError, quoted
-from verefine_viz.core.files import Id, Numbers3, Numbers3x3, array_of, first_line, read_entries
+from verefine_viz.core.files import Numbers3, Numbers3x3, array_of, first_line, read_entries
 from verefine_viz.core.geometry import as_rigid, check_reach, transform
+from verefine_viz.core.number_kinds import Id
 
 Task = Literal["localization", "detection"]
 """localization: BOP'18 to '23, how many instances there are is known. detection: BOP'24, it is not."""

@@ -11,7 +11,8 @@ from scipy.optimize import linear_sum_assignment
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import InputError
-from verefine_viz.core.files import Id, Real, read_json, sorted_out
+from verefine_viz.core.files import read_json, sorted_out
+from verefine_viz.core.number_kinds import Id, Real
 from verefine_viz.scenes.annotations import GroundTruth
 from verefine_viz.scenes.detections import mask_of
 

@@ -12,7 +12,8 @@ from pycocotools import mask as coco
 
 from verefine_viz.core.arrays import Mask
 from verefine_viz.core.errors import ContentError, InputError
-from verefine_viz.core.files import Id, Real, decoded_json, first_line, read_entries
+from verefine_viz.core.files import decoded_json, first_line, read_entries
+from verefine_viz.core.number_kinds import Id, Real
 from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.image_files import size_text
 

@@ -17,8 +17,9 @@ from numpy.typing import DTypeLike, NDArray
 from verefine_viz.core.array_cache import NPZ_READING
 from verefine_viz.core.arrays import Float, frozen, plain_array
 from verefine_viz.core.errors import ContentError, InputError, ShapeError, one_line
-from verefine_viz.core.files import Numbers3, Numbers3x3, Numbers4x4, Real, decoded_json, first_line, reading
+from verefine_viz.core.files import Numbers3, Numbers3x3, Numbers4x4, decoded_json, first_line, reading
 from verefine_viz.core.geometry import as_rigid, check_reach, rounding_note
+from verefine_viz.core.number_kinds import Real
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.image_files import DEEPEST_M

@@ -15,8 +15,9 @@ from msgspec import Meta
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import InputError, ShapeError, one_line
-from verefine_viz.core.files import Numbers3x3, Real, read_entries, read_json
+from verefine_viz.core.files import Numbers3x3, read_entries, read_json
 from verefine_viz.core.geometry import inverse
+from verefine_viz.core.number_kinds import Real
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.image_files import color_of, find_image, read_depth, size_text

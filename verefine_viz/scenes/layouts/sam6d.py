@@ -14,8 +14,9 @@ import msgspec
 
 from verefine_viz.core.arrays import Float, Mask
 from verefine_viz.core.errors import InputError, ShapeError, one_line
-from verefine_viz.core.files import Numbers3, Numbers3x3, Real, read_entries, read_json
+from verefine_viz.core.files import Numbers3, Numbers3x3, read_entries, read_json
 from verefine_viz.core.geometry import as_rigid, rounding_note, transform
+from verefine_viz.core.number_kinds import Real
 from verefine_viz.core.problem import ANSWER, Hypothesis, RecordedStep
 from verefine_viz.core.text_format import unusable
 from verefine_viz.scenes.detections import mask_of
